@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -37,7 +37,6 @@ from soilmoist_ros.exploration.control.team import SHUT_IN, Passing, Team, pendi
 from soilmoist_ros.exploration.control.watching import Watching
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.fence import Fence
-from soilmoist_ros.exploration.guard.robot_frames import RobotFrames
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission import events
 from soilmoist_ros.exploration.mission.journal import MissionJournal
@@ -54,6 +53,9 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, PlaneMove, other_datum
 from soilmoist_ros.mapping import Changing, Field, Samples, VariogramFit
 from soilmoist_ros.sensing import CountRecord, Doubt, Fix, Heard, PlaceFix, none_since
+
+if TYPE_CHECKING:
+    from soilmoist_ros.exploration.guard.robot_frames import RobotFrames
 
 PLACE_TIME = "place_s"  # value of the status: when the newest place has come [s]; -inf for none
 PLACE_SHOWN_S = 2.0

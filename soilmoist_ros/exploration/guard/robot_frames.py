@@ -13,15 +13,17 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from statistics import median
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, PlaneMove, fit_move, move_between
 from soilmoist_ros.mapping import Field
 from soilmoist_ros.sensing import NO_ARMS, UNKNOWN_COVARIANCE, Covariance, Fix, FixStatus, LeverArms, Track
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 # Frames that a robot publishes ----------------------------------------------------------------------------------
 
@@ -96,6 +98,8 @@ class TransformTree:
 
     def _roots(self, frame: str) -> dict[str, tuple[Array, Rotation, float]]:
         """Pose of a frame in itself and in every frame above, and the time of its oldest transform [s]."""
+        from scipy.spatial.transform import Rotation
+
         place, turn, oldest_s = np.zeros(3), Rotation.identity(), math.inf
         found = {frame: (place, turn, oldest_s)}
         while (above := self._above.get(frame)) is not None and above[0].parent not in found:
