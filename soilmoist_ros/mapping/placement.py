@@ -188,33 +188,18 @@ def likely_cause(placement: Placement, reach_m: float, source: PositionSource) -
 
 
 def _advice(code: str, source: PositionSource) -> str:
-    field = source.target_keys
-    other = {"east": "west", "west": "east"}.get(source.longitude)
-    match code:
-        case "longitude" if other:
-            return f"write 'longitude: {other}' in the site file, or correct the sign in {field}"
-        case "longitude":
-            return (
-                f"correct the sign of the longitude, west is negative: in {source.name}, or in {field} "
-                "(with the other sign the records lie there)"
-            )
-        case "latitude":
-            return (
-                f"correct the sign of the latitude, south is negative: in {source.name}, or in {field} "
-                "(with the other sign the records lie there)"
-            )
-        case "both":
-            longitude = f" ('longitude: {other}' in the site file)" if other else ""
-            return (
-                f"correct the signs of latitude and longitude{longitude}, south and west are negative: "
-                f"in {source.name}, or in {field} (with the other signs the records lie there)"
-            )
-        case "swapped":
-            return (
-                f"swap latitude and longitude in {source.name} or in {field}: 'polygon_lonlat' is "
-                "[longitude, latitude] (swapped, the records lie there)"
-            )
-    return (
-        f"give decimal degrees: in {source.name} or in {field}, degrees and minutes are written as degrees "
-        "(53.16 for 53 deg 16 min is 53.2667)"
-    )
+    where, other = f"in {source.name}, or in {source.target_keys}", _OTHER_SIDE.get(source.longitude, "")
+    if code == "longitude" and other:
+        return f"write 'longitude: {other}' in the site file, or correct the sign in {source.target_keys}"
+    both = f" ('longitude: {other}' in the site file)" if other else ""
+    return {
+        "longitude": f"correct the sign of the longitude, west is negative: {where}",
+        "latitude": f"correct the sign of the latitude, south is negative: {where}",
+        "both": f"correct the signs of latitude and longitude{both}, south and west are negative: {where}",
+        "swapped": f"swap latitude and longitude {where}: 'polygon_lonlat' is [longitude, latitude]",
+        "minutes": f"give decimal degrees {where}: there, degrees and minutes are written as degrees "
+        "(53.16 for 53 deg 16 min is 53.2667)",
+    }[code] + " (so changed, the records lie there)"
+
+
+_OTHER_SIDE = {"east": "west", "west": "east"}

@@ -22,9 +22,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import DAY_S, IllConditionedError
+from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.kriging.system import Points, sample_correlation
+from soilmoist_ros.mapping.kriging.system import Points, cholesky_with_jitter, sample_correlation
 from soilmoist_ros.mapping.samples import Samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.soil_map import possible_moisture
 from soilmoist_ros.mapping.variogram.local import LocalRate
@@ -232,17 +232,8 @@ class _Stack:
 
         :raises IllConditionedError: if there is none
         """
-        from scipy.linalg import cholesky
-
         covariance = self.variogram.structured_sill * self._between * correlation[np.ix_(self.survey, self.survey)]
-        covariance[np.diag_indices(len(self.rate))] += self.variogram.nugget + self.noise
-        for jitter in (0.0, 1e-12, 1e-9):
-            covariance[np.diag_indices(len(self.rate))] += jitter * self.variogram.sill
-            try:
-                return np.asarray(cholesky(covariance, lower=True, check_finite=False))
-            except np.linalg.LinAlgError:
-                continue
-        raise IllConditionedError("the covariance of the surveys is not positive definite: merge close samples")
+        return cholesky_with_jitter(covariance, self.variogram.nugget + self.noise, self.variogram.sill)[0]
 
     def log_likelihood(self, correlation: Array) -> float:
         """Restricted log-likelihood of the rates, but for a constant."""

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
-from soilmoist_ros.mapping.kriging.system import Points, RasterCells
+from soilmoist_ros.mapping.kriging.system import Points
 from soilmoist_ros.mapping.samples import MIN_SPREAD_M2, footprint_spread, path_spread, without_noise
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
@@ -116,18 +116,6 @@ def test_covariances_agree_with_brute_force_integration(model):
         itself = SupportCorrelation(MODELS[model], np.zeros((1, 2)), spread[None]).at(variogram.range_m)[0].item()
         within = Points(variogram, points, points).correlation(EVERY).mean()
         assert abs(itself - within) < tolerance
-
-
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("radius_m", [0.0, 10.0])
-def test_rasters_and_points_have_the_same_covariances(model, radius_m):
-    xy, _, _, spread = survey(7, radius_m=radius_m)
-    spread[:3] = 0
-    variogram = Variogram(model, 0.0, 20.0, 1.0)
-    x, y = np.arange(0, 60, 7.0), np.arange(0, 50, 6.0)
-    cells = RasterCells(variogram, xy, x, y, np.ones((len(y), len(x)), bool), spread)
-    expected = Points(variogram, xy, cells.xy, spread).correlation(EVERY)
-    np.testing.assert_allclose(cells.correlation(EVERY), expected, atol=1e-12)
 
 
 @settings(max_examples=30, deadline=None)
