@@ -274,11 +274,6 @@ def canonical(text: str) -> str:
     return _SPELLINGS.get(re.sub(r"[\s.°^_]|^[\[(]|[\])]$", "", text.casefold()), "")
 
 
-def units_of(quantity: Quantity) -> tuple[str, ...]:
-    """Units of a quantity."""
-    return tuple(_SCALES[quantity])
-
-
 def measures(quantity: Quantity, unit: str) -> bool:
     """True if a unit is one of a quantity."""
     return unit in _SCALES[quantity]
@@ -306,17 +301,15 @@ def converter(quantity: Quantity, unit: str) -> Converter:
         return lambda value: value - 273.15
     if unit == "degF":
         return lambda value: (value - 32.0) / 1.8
-    return _scale(_SCALES[quantity][unit])
+    factor = _SCALES[quantity][unit]
+    if factor == 0.01:
+        return lambda value: value / 100.0  # dividing keeps 965.0 hPa exactly 965.0
+    return lambda value: value * factor
 
 
 def to_seconds(unit: str) -> Converter:
     """Converter of a unit of duration to seconds."""
-    return _scale(DURATIONS[unit])
-
-
-def _scale(factor: float) -> Converter:
-    if factor == 0.01:
-        return lambda value: value / 100.0  # dividing keeps 965.0 hPa exactly 965.0
+    factor = DURATIONS[unit]
     return lambda value: value * factor
 
 
@@ -326,7 +319,7 @@ def remedy_of_unit(quantity: Quantity, value: float, low: float, high: float, ot
     >>> remedy_of_unit("pressure", 99000.0, 300.0, 1085.0, "check the sensor")
     "if it is in Pa, write 'unit: Pa' into the logger format; else check the sensor"
     """
-    units = [unit for unit in units_of(quantity) if low <= converter(quantity, unit)(value) <= high]
+    units = [unit for unit in _SCALES[quantity] if low <= converter(quantity, unit)(value) <= high]
     if not units:
         return otherwise
     keys = " or ".join(f"'unit: {unit}'" for unit in units)

@@ -5,13 +5,11 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeVar
 
 from soilmoist_ros.foundation import InputError, Mistake
 from soilmoist_ros.sensing.clock_drift import ClockDrift
@@ -39,8 +37,6 @@ from soilmoist_ros.sensing.formats.notation import (
 from soilmoist_ros.sensing.lines import MAX_LINE, read_lines
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
-
-Key = TypeVar("Key")
 
 MAX_PERIOD_S = 90_000.0
 REMEMBERED_RECORDS = 10_000
@@ -130,14 +126,22 @@ class RecordParser:
         """Logger's clock against the GNSS time in the lines."""
         self.earlier_header: Header | None = None
         """The header of :meth:`use_header`, while lines are read by it."""
-        self._side = _checked_side(self.format, longitude, path)
+        if longitude not in ("signed", "east", "west"):
+            raise InputError(f"longitude {longitude!r} is unknown", "use signed, east or west", path)
+        place = self.format.position
+        if longitude == "signed" and place is not None and not place.longitude_signed:
+            remedy = (
+                "say on which side of Greenwich it is: 'longitude: west' or 'longitude: east' in the site file"
+            )
+            raise InputError(f"{self.format.title}: longitudes are written without a sign", remedy, path)
+        self._side: Longitude = longitude
         self._on_problem = on_problem or self.problems.append
         self._path = path
         self._remembered = remembered
         self._header = HeaderReader(self.format)
         self._reader: FieldReader | None = None
         self._bad_header: MissingColumnsError | None = None
-        self._seen: dict[int, None] = {}
+        self._seen: dict[float, None] = {}
         self._stamps: dict[float, None] = {}
         self._previous: LoggerRecord | None = None
         self.left_out_counts: dict[int, float] = {}
@@ -220,9 +224,9 @@ class RecordParser:
             if not line.strip():
                 return None
         if self.format.checksum == "nmea":
-            body = strip_checksum(line)
-            if body is None and self._is_free_comment(line):
-                return None
+            body, mark = strip_checksum(line), self.format.header.comment.encode()
+            if body is None and mark and line.lstrip().startswith(mark) and b"*" not in line:
+                return None  # a remark added by a person
             if body is None:
                 body = self._after_foreign_text(line)
             if body is None:
@@ -263,11 +267,6 @@ class RecordParser:
         if layout is None or fields is None:
             return False
         return read_time(stamp_text(fields, layout), self.format.time.used_formats) is not None
-
-    def _is_free_comment(self, line: bytes) -> bool:
-        """True if a line without a checksum is a remark added by a person."""
-        comment = self.format.header.comment.encode()
-        return bool(comment) and line.lstrip().startswith(comment) and b"*" not in line
 
     def _use_new_header(self) -> None:
         if not self._header.is_new:
@@ -339,30 +338,22 @@ class RecordParser:
         if self._previous and 0 <= self._previous.record_number < record.record_number - 1:
             gap = record.record_number - self._previous.record_number - 1
             notes.append(Remark(Kind.GAP, f"{gap} record(s) missing before this one"))
-        self._remember(self._seen, key)
-        self._remember(self._stamps, record.stamp_s)
+        self._seen[key] = self._stamps[record.stamp_s] = None
+        for memory in (self._seen, self._stamps):
+            if self._remembered is not None and len(memory) > self._remembered:
+                del memory[next(iter(memory))]
         self._previous = record
         for tube, counts in reading.left_out.items():
             self.left_out_counts[tube] = self.left_out_counts.get(tube, 0.0) + counts
-        self._take_clock_offset(reading)
+        offset_s = reading.gnss_offset_s
+        if abs(offset_s) > CLOCK_TOLERANCE_S and not len(self.clock):
+            message = f"the logger's clock is {offset_s:+.0f} s off GNSS time"
+            remedy = "set it, or consider it when you join the records with other positions"
+            notes.append(Remark(Kind.CLOCK_OFFSET, message, "", remedy))
+        self.clock.add(record.stamp_s, offset_s)
         for note in notes:
             self._report(note, lost=False)
         return record
-
-    def _remember(self, memory: dict[Key, None], key: Key) -> None:
-        memory[key] = None
-        if self._remembered is not None and len(memory) > self._remembered:
-            del memory[next(iter(memory))]
-
-    def _take_clock_offset(self, reading: Reading) -> None:
-        offset_s = reading.gnss_offset_s
-        if math.isnan(offset_s):
-            return
-        if not len(self.clock) and abs(offset_s) > CLOCK_TOLERANCE_S:
-            message = f"the logger's clock is {offset_s:+.0f} s off GNSS time"
-            remedy = "set it, or consider it when you join the records with other positions"
-            reading.notes.append(Remark(Kind.CLOCK_OFFSET, message, "", remedy))
-        self.clock.add(reading.record.stamp_s, offset_s)
 
     def _lose(self, note: Remark) -> None:
         self._report(note, lost=True)
@@ -462,18 +453,6 @@ def format_of_lines(lines: Sequence[bytes], path: Path) -> LoggerFormat:
     raise InputError("has no known logger format", other_format(lines), path)
 
 
-def _checked_side(logger: LoggerFormat, longitude: Longitude, path: Path | None) -> Longitude:
-    if longitude not in ("signed", "east", "west"):
-        raise InputError(f"longitude {longitude!r} is unknown", "use signed, east or west", path)
-    if longitude == "signed" and logger.position is not None and not logger.position.longitude_signed:
-        raise InputError(
-            f"{logger.title}: longitudes are written without a sign",
-            "say on which side of Greenwich the log is: 'longitude: west' or 'longitude: east' in the site file",
-            path,
-        )
-    return longitude
-
-
 # Finds and reads logger files, and explains unreadable files ----------------------------------------------------
 
 
@@ -483,7 +462,8 @@ def unreadable_header(path: Path, lines: Sequence[bytes], logger: LoggerFormat, 
     if not missing:
         wanted = " or ".join(repr(name) for name in logger.time.columns)
         return Mistake(f"{logger.title}: no header line, which would name a column {wanted}", remedy, path)
-    number, names = _first_header(logger, lines)
+    found = ((number, header_candidates(logger, [line])) for number, line in enumerate(lines[:HEADER_LINES], 1))
+    number, names = next(((number, names[0]) for number, names in found if names), (0, []))
     have = f"; it has {', '.join(name.lstrip('/# ') for name in names[:40])}" if names else ""
     lacks = "; no column ".join(missing)
     return Mistake(f"{logger.title}: the header has no column {lacks}{have}", remedy, path, number)
@@ -512,11 +492,3 @@ def other_format(lines: Sequence[bytes]) -> str:
         f"the known formats are {', '.join(logger_names())}; for another logger, soilmoist logger FILE drafts a "
         "format from the file: pass its path with --logger"
     )
-
-
-def _first_header(logger: LoggerFormat, lines: Sequence[bytes]) -> tuple[int, list[str]]:
-    for number, line in enumerate(lines[:HEADER_LINES], start=1):
-        names = header_candidates(logger, [line])
-        if names:
-            return number, names[0]
-    return 0, []

@@ -224,7 +224,7 @@ class CalibrationCurve(MoistureCurve):
 
 
 class UniversalParameters(NamedTuple):
-    """Parameters of the universal transport solution; humidity in g/m^3, water in m^3/m^3."""
+    """Parameters p0 to p7 of the universal transport solution; humidity in g/m^3, water in m^3/m^3."""
 
     p0: float
     p1: float
@@ -257,11 +257,7 @@ def total_water(vwc: ArrayLike, bulk_density_gcm3: float, bound_water: float = 0
 
 
 def relative_rate(water: ArrayLike, humidity_gm3: float, parameters: UniversalParameters) -> Array:
-    """Rate relative to N_D [-], Köhli et al. (2021), equation 15.
-
-    :param water: all water of the soil, see :func:`total_water` [m^3/m^3], > -p1
-    :param humidity_gm3: absolute humidity of the air [g/m^3]
-    """
+    """Rate relative to N_D [-], equation 15 of Köhli et al. (2021), of all water of a soil, > -p1 [m^3/m^3]."""
     return _derivatives(np.asarray(water, float), humidity_gm3, parameters, 0)[0]
 
 

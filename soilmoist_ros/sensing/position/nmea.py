@@ -92,32 +92,24 @@ def _degrees(text: str) -> float:
     return degrees + minutes / 60.0
 
 
+_SIGNS = {"N": 1.0, "E": 1.0, "S": -1.0, "W": -1.0}
+
+
 def _hemisphere(text: str) -> float:
-    try:
-        return {"N": 1.0, "E": 1.0, "S": -1.0, "W": -1.0}[text.upper()]
-    except KeyError:
-        raise _BadFieldError(text, "none of N, S, E, W") from None
-
-
-def _status(text: str) -> float:
-    return 1.0 if text.upper() == "A" else 0.0
+    if text.upper() not in _SIGNS:
+        raise _BadFieldError(text, "none of N, S, E, W")
+    return _SIGNS[text.upper()]
 
 
 def _mode(text: str) -> float:
     return next((float(quality) for mode, quality in QUALITY_OF_MODE.items() if mode in text.upper()), NAN)
 
 
-def _pubx_state(text: str) -> float:
-    return float(_QUALITY_OF_PUBX.get(text.upper(), 0))
-
-
-def _speed(text: str) -> float:
-    return _number(text) * KNOTS_MPS
-
-
 _CONVERTERS: Mapping[str, Callable[[str], float]] = {
     "time": _time_of_day, "date": _date, "latitude": _degrees, "north": _hemisphere, "longitude": _degrees,
-    "east": _hemisphere, "valid": _status, "mode": _mode, "state": _pubx_state, "speed": _speed,
+    "east": _hemisphere, "valid": lambda text: float(text.upper() == "A"), "mode": _mode,
+    "state": lambda text: float(_QUALITY_OF_PUBX.get(text.upper(), 0)),
+    "speed": lambda text: _number(text) * KNOTS_MPS,
 }  # fmt: skip
 """Converters of quantities that are no plain numbers."""
 _NEVER_EMPTY = ("valid", "state")  # quantities whose empty field says that there is no fix

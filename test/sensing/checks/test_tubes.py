@@ -136,21 +136,6 @@ def test_a_missing_tube_takes_its_share_of_the_exposure() -> None:
     assert combine_tubes(record([4, NAN], (10.0, NAN)), [0.25, 0.75]) == (4, 2.5)
 
 
-@pytest.mark.parametrize(
-    ("counts", "live", "shares"),
-    [
-        ([NAN, NAN], 10.0, [0.5, 0.5]),
-        ([3, 4], 0.0, [0.5, 0.5]),
-        ([3, 4], NAN, [0.5, 0.5]),
-        ([3, 4], 10.0, [0, 0]),
-        ([3], 10.0, [0.5, 0.5]),
-    ],
-)
-def test_nothing_usable(counts, live, shares) -> None:
-    with pytest.raises(ValueError, match="tube"):
-        combine_tubes(record(counts, live), shares)
-
-
 def test_shares_are_not_biased_by_tubes_that_fail_where_it_is_wet() -> None:
     true = np.array([0.2, 0.3, 0.5])
     wet = simulate(np.random.default_rng(1), true, np.full(2000, 2.0))

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.formats.log_values import (
     decode_line,
-    likely_time_formats,
     nmea_checksum,
     rate_of,
     read_coordinate,
@@ -94,14 +93,6 @@ def test_checksum_of_a_known_sentence() -> None:
 )
 def test_zones_in_stamps_midnights_and_serial_dates(text, formats, stamp_s) -> None:
     assert read_time(text, formats, 3.0) == stamp_s
-
-
-@pytest.mark.parametrize(
-    ("text", "formats"),
-    [("1525184048", "unix_s"), ("43221.5", "excel_days"), ("01.05.2018 14:14", "%d.%m.%Y %H:%M"), ("x", "")],
-)
-def test_likely_time_formats(text, formats) -> None:
-    assert next(iter(likely_time_formats(text)), "") == formats
 
 
 @settings(deadline=None)

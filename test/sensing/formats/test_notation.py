@@ -126,16 +126,6 @@ def test_a_number_that_can_be_of_both_kinds_is_refused(tmp_path) -> None:
     assert log.records[0].pressure_hpa == 1013
 
 
-def test_a_value_that_cannot_be_read_is_named_and_not_called_missing(tmp_path) -> None:
-    parser = RecordParser(table(delimiter="semicolon"))
-    for line in (b"day;N;p", b"2024-05-01 00:00;170;985,3"):
-        parser.feed(line)
-    (problem,) = parser.problems
-    assert problem.kind is Kind.NOT_A_NUMBER
-    assert "'985,3'" in str(problem)
-    assert "'decimal: comma'" in str(problem)
-
-
 @pytest.mark.parametrize(
     ("names", "latitude", "longitude"),
     [

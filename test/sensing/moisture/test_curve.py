@@ -91,18 +91,6 @@ def test_vwc_and_rate_are_inverse_of_universal(name, vwc, humidity, density, wat
 
 
 @SETS
-def test_the_inverse_exists_down_to_the_lowest_rate_and_nowhere_below(name):
-    curve = replace(CURVE_UNIVERSAL, parameter_set=name)
-    lowest = curve.lowest_rate_cps
-    rate = np.array([np.nan, 0.0, lowest, lowest * (1 + 1e-6), 3.0, 6.0, 600.0, 1e6])
-    vwc = curve.vwc(rate)
-    np.testing.assert_array_equal(curve.valid(rate), [False] * 3 + [True] * 5)
-    np.testing.assert_array_equal(np.isfinite(vwc), curve.valid(rate))
-    assert np.all(np.diff(vwc[3:]) < 0)
-    np.testing.assert_allclose(curve.rate_cps(vwc[3:]), rate[3:], rtol=1e-9)
-
-
-@SETS
 def test_every_set_falls_and_is_convex_up_to_the_highest_humidity(name):
     for humidity in (0.0, 10.0, MAX_HUMIDITY_GM3):
         curve = UniversalCurve(6.0, 1.4, humidity_gm3=humidity, parameter_set=name)

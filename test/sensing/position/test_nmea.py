@@ -73,17 +73,6 @@ def test_without_a_date_the_day_follows_the_computers_clock_and_a_date_counts_fo
     assert [fix.stamp_s - noon_s for fix in fixes] == [-3 * day_s, 1.0, 2.0, 3.0, 4.0, 5.0]
 
 
-def test_one_fix_per_epoch_in_any_order() -> None:
-    lines = [
-        part
-        for second in range(3)
-        for part in (gst(f"1000{second:02d}"), rmc(f"1000{second:02d}"), gga(f"1000{second:02d}"))
-    ]
-    fixes, problems = parse(*lines)
-    assert [fix.stamp_s for fix in fixes] == [stamp(f"2024-05-01 10:00:0{second}") for second in range(3)]
-    assert problems == []
-
-
 def test_a_fix_comes_without_delay_once_the_sentences_are_known() -> None:
     parser = NmeaParser()
     assert parser.feed(rmc("100000")) is None

@@ -178,28 +178,6 @@ def test_records_that_cannot_be_corrected_are_lost_with_the_remedy(tmp_path):
     assert "write null" in lost[0].mistake.remedy
 
 
-@pytest.mark.slow
-def test_a_dead_tube_changes_the_exposure_not_the_rate(tmp_path):
-    rng = np.random.default_rng(1)
-    whole = [
-        LoggerRecord(T0 + 10.0 * k, tuple(map(float, rng.poisson(5.0, 12))), (10.0,) * 12) for k in range(1, 400)
-    ]
-    dead = [
-        LoggerRecord(r.stamp_s, (NAN, *r.tube_counts[1:]), (NAN, *r.tube_live_s[1:]))
-        if r.stamp_s > T0 + 2000
-        else r
-        for r in whole
-    ]
-    paths = track((0, 50.0), (4000, 50.0))
-    survey = process_logs([write_log(tmp_path / "a.log", dead)], NO_CORRECTIONS, track=paths)
-    early = survey.effective_exposure_s[:150]
-    late = survey.effective_exposure_s[-150:]
-    assert early == pytest.approx(10.0)
-    assert late == pytest.approx(10.0 * 11 / 12, rel=0.03)
-    rate = survey.raw_counts[-150:].sum() / late.sum()
-    assert rate == pytest.approx(6.0, rel=0.03)
-
-
 def test_only_records_between_two_times_count_for_a_calibration(tmp_path):
     log = write_log(tmp_path / "a.log", [record(10.0 * n, 4.0 + n % 3) for n in range(1, 11)])
     start_s = log.records[0].stamp_s

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
@@ -169,32 +168,6 @@ def test_no_record_is_lost_and_their_order_remains_whatever_comes_when(data):
     assert [one.stamp_s for one in found] == [T0 + 10.0 * k for k in range(1, number + 1)]
     assert all(math.isnan(one.x_m) or abs(one.x_m) <= 50.001 for one in found)
     assert live.survey.waiting == 0
-
-
-def test_missing_weather_is_that_of_before_but_not_of_long_ago():
-    live = survey(Site())
-    live.take_logger_line(line(record(0, pressure_hpa=NAN)), 0.0)
-    live.take_logger_line(line(record(1, pressure_hpa=990.0)), 0.0)
-    live.take_logger_line(line(record(2, pressure_hpa=NAN, relative_humidity=NAN)), 0.0)
-    live.take_logger_line(line(record(400, pressure_hpa=NAN)), 0.0)
-    found = live.take_ready(9.0)
-    assert [one.stamp_s - T0 for one in found] == [10.0, 20.0]
-    assert found[0].f_pressure == found[1].f_pressure == pytest.approx(math.exp(0.0077 * (990 - 1013.25)))
-    assert found[0].f_humidity == found[1].f_humidity
-    assert live.logger_problems.lost == {Kind.NO_CORRECTION: 2}
-    assert "there is no air pressure" in str(live.logger_problems.last_loss)
-
-
-def test_intensity_from_outside_is_that_of_the_site_again_when_it_is_too_old():
-    intensity = {"reference": 150, "constant": 150, "max_gap_hours": 2}
-    live = survey(Site(corrections={"pressure": None, "humidity": None, "intensity": intensity}))
-    latest = live.survey.latest_intensity = LatestIntensity()
-    assert latest.take(100.0, 5000.0)
-    for number, now_s in enumerate((5000.0, 12_199.0, 12_201.0)):
-        live.take_logger_line(line(record(number)), now_s)
-    latest.take(75.0, 12_300.0)
-    live.take_logger_line(line(record(3)), 12_300.0)
-    assert [one.f_intensity for one in live.take_ready(2e4)] == [1.5, 1.5, 1.0, 2.0]
 
 
 def test_a_drift_of_the_loggers_clock_is_reported_once_and_a_silent_receiver_is_none():
