@@ -55,7 +55,8 @@ def soil_limits(bulk_density_gcm3: float) -> SoilLimits:
 
     Lattice and organic water take no part of the pores: both belong to the solid matter.
 
-    >>> soil_limits(1.325) SoilLimits(dryness=0.0, saturation=0.5)
+    >>> soil_limits(1.325)
+    SoilLimits(dryness=0.0, saturation=0.5)
     """
     return SoilLimits(0.0, max(1 - bulk_density_gcm3 / PARTICLE_DENSITY_GCM3, 0.0))
 
