@@ -50,6 +50,7 @@ REMOVED: Final = {
     "keep_apart_m": "robots keep 2 m apart, or 1 m more than twice robot_radius_m",
     "keepout_resolution_m": "a cell of the mask is 0.2 m, or half of robot_radius_m if that is less",
     "learn_travel": "travel times are learned from the legs driven",
+    "keep_days": "keep_gb limits the recordings by their size; delete old ones by hand",
     "longest_dwell_s": "the longest time at a stop is 3600 s; fmi:SECONDS sets the time itself",
     "map_wait_s": "the planner waits for the mapper for 20 s",
     "max_stamp_age_s": "records stamped up to a day in the past are used",

@@ -31,11 +31,8 @@ from soilmoist_ros.nodes.parameter_tables import RECORDER as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.topics import DEFAULT, interface_class, offered_qos, quiet_node, requested_qos
 from soilmoist_ros.recording import (
-    CLOSED_S,
     BagRecorder,
-    ClockWatch,
     Excess,
-    Limits,
     Qos,
     Request,
     RunConfiguration,
@@ -48,7 +45,6 @@ from soilmoist_ros.recording import (
     find_definition,
     find_excess,
     free_bytes,
-    is_synchronised,
     next_bag,
     recorder_health,
     request_for,
@@ -65,7 +61,6 @@ _OTHER_PUBLISHERS_S: Final = 1.0
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
 _LIMITS_S: Final = 60.0
-_CLOCK_S: Final = 60.0
 _OPEN_S: Final = 5.0
 _LOOK_S: Final = 0.01
 """Pause between looks for messages in transit, before the bag is closed [s]."""
@@ -111,9 +106,7 @@ class Recorder(Node):
             file_s=number("file_min") * 60 or math.inf,
             notes=self._notes,
         )
-        self._clock_watch = ClockWatch()
-        self._look_at_clock()
-        self._limits = Limits(number("keep_gb") * 1e9 or math.inf, number("keep_days") * 86_400 or math.inf)
+        self._limit_bytes = number("keep_gb") * 1e9 or math.inf
         self._deletes = self._settings.flag("delete_oldest")
         self._splits = bool(number("file_mb") or number("file_min"))
         self._excess = Excess()
@@ -139,10 +132,9 @@ class Recorder(Node):
             (_DISCOVERY_S, self._discover),
             (_OTHER_PUBLISHERS_S, lambda: self._discover(known=True)),
             (_DIAGNOSTICS_S, self._diagnose),
-            (_CLOCK_S, self._look_at_clock),
             (_CONFIGURATION_S, lambda: self._aside.do(self._keep_configuration, "storing the configuration")),
         ]
-        if self._limits.exist:
+        if math.isfinite(self._limit_bytes):
             self._aside.do(self._keep_limits, "the limits of bags")
             timers.append((_LIMITS_S, lambda: self._aside.do(self._keep_limits, "the limits of bags")))
         for period_s, call in timers:
@@ -199,29 +191,18 @@ class Recorder(Node):
         now_s = self.get_clock().now().nanoseconds * 1e-9
         self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
 
-    def _look_at_clock(self) -> float:
-        """Look whether the time of day is right; returns it [s since 1970-01-01 UTC]."""
-        now_s = time.time()
-        self._clock_watch.look(now_s, time.monotonic(), is_synchronised())
-        return now_s
-
     def _notes(self) -> dict[str, str]:
         """What to note in a bag that is closed now."""
-        now_s = self._look_at_clock()
-        closed = {CLOSED_S: str(int(now_s))} if self._clock_watch.right else {}
-        return closed | {
-            f"messages of {name} lost on the way": str(n) for name, n in dict(self._gaps.lost).items()
-        }
+        return {f"messages of {name} lost on the way": str(n) for name, n in dict(self._gaps.lost).items()}
 
     def _keep_limits(self) -> None:
-        """Find what is beyond the limits, and delete it if that is wanted."""
-        now_s, right = self._look_at_clock(), self._clock_watch.settled
+        """Find what is beyond the space for bags, and delete it if that is wanted."""
         try:
-            excess = find_excess(self._out, self._limits, now_s, right)
+            excess = find_excess(self._out, self._limit_bytes)
             if excess.bags and self._deletes:
                 for bag in delete_bags(excess.bags):
-                    self.get_logger().warning(f"{bag} is deleted: it was beyond keep_days or keep_gb")
-                excess = find_excess(self._out, self._limits, now_s, right)
+                    self.get_logger().warning(f"{bag} is deleted: it was beyond keep_gb")
+                excess = find_excess(self._out, self._limit_bytes)
         except OSError:
             return
         if excess.left_bytes < 0 and self._deletes:

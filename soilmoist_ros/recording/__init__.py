@@ -48,14 +48,10 @@ if TYPE_CHECKING:
     from soilmoist_ros.recording.bag.recorder import free_bytes as free_bytes
     from soilmoist_ros.recording.bag.recorder import next_bag as next_bag
     from soilmoist_ros.recording.bag.recorder import recorder_health as recorder_health
-    from soilmoist_ros.recording.bag.retention import CLOSED_S as CLOSED_S
-    from soilmoist_ros.recording.bag.retention import ClockWatch as ClockWatch
     from soilmoist_ros.recording.bag.retention import Excess as Excess
-    from soilmoist_ros.recording.bag.retention import Limits as Limits
     from soilmoist_ros.recording.bag.retention import delete_bags as delete_bags
     from soilmoist_ros.recording.bag.retention import excess_text as excess_text
     from soilmoist_ros.recording.bag.retention import find_excess as find_excess
-    from soilmoist_ros.recording.bag.retention import is_synchronised as is_synchronised
     from soilmoist_ros.recording.bag.storage import recorder_notes as recorder_notes
     from soilmoist_ros.recording.bag.verify import bag_info as bag_info
     from soilmoist_ros.recording.bag.verify import recover_bag as recover_bag
@@ -106,7 +102,7 @@ __getattr__, __dir__, __all__ = open_door(
         "bag.playback": "INPUTS Pacer Playback TopicChoice",
         "bag.reader": "BagReader VISIT bags_of",
         "bag.recorder": "BagRecorder SequenceGaps check_name free_bytes next_bag recorder_health",
-        "bag.retention": "CLOSED_S ClockWatch Excess Limits delete_bags excess_text find_excess is_synchronised",
+        "bag.retention": "Excess delete_bags excess_text find_excess",
         "bag.storage": "recorder_notes",
         "bag.verify": "bag_info recover_bag",
         "bag.writer": "BagWriter",

@@ -225,7 +225,7 @@ SHOWN = {
     "field_simulator": "speed (double, default",
     "mapper": "merge_radius_m (double, default 0.0, in m, 0 to 1000",
     "planner": 'strategy (string, default "gcb", greedy | monte_carlo',
-    "recorder": "keep_days (double, default 0.0, in d, >= 0)",
+    "recorder": "keep_gb (double, default 0.0, in GB, >= 0)",
     "sensor_driver": "silence_limit_s (double, default 35.0, in s,",
 }
 

@@ -17,7 +17,7 @@ import zstandard
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.metadata import Content, Definition, Extent, Topic, qos_from_yaml
-from soilmoist_ros.recording.bag.retention import CLOSED_S, NUMBER
+from soilmoist_ros.recording.bag.retention import NUMBER
 from soilmoist_ros.recording.bag.ros1 import ROS1, Message, Ros1File, converted
 from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES, McapScan
 from soilmoist_ros.recording.bag.writer import is_being_written
@@ -132,7 +132,7 @@ def recorder_notes(path: Path) -> dict[str, str]:
     except (InputError, ValueError, OSError):
         return {}
     notes = found.items() if isinstance(found, dict) else ()
-    return {str(name): str(value) for name, value in notes if name not in (NUMBER, CLOSED_S)}
+    return {str(name): str(value) for name, value in notes if name not in (NUMBER, "closed_s")}
 
 
 def listed_files(folder: Path) -> list[Path]:
