@@ -118,22 +118,6 @@ def test_the_receiver_follows_the_robot():
     assert places[-1] == pytest.approx(system.map.graph.xy[-1], abs=0.1)
 
 
-def test_a_cancelled_goal_keeps_the_counts_of_the_driven_route():
-    """A record during which the robot stops belongs to the route, not to the final position."""
-    split = replace(SETTINGS, field="synthetic-high", cadence_s=100.0, speed_mps=1.0, weather=False)
-    system = VirtualSystem(split, START_S)
-    seen = []
-    record = system.robots[0].logger.record
-    system.robots[0].logger.record = lambda end_s, path: seen.append(path.copy()) or record(end_s, path)
-    goal = system.robots[0].go_to(system.map.graph.names[-1])
-    advance(system, 50)
-    system.robots[0].cancel(goal)
-    here = system.robots[0].body.at(50)
-    advance(system, 100)
-    assert np.unique(seen[0], axis=0).shape == (6, 2)
-    assert np.all(seen[0][:5] == here)
-
-
 @pytest.mark.slow
 def test_a_bad_link_loses_records_but_changes_none():
     good = {record.record_number: record for record in records(advance(VirtualSystem(SETTINGS, START_S), 3600))[0]}

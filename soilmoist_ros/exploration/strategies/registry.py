@@ -11,9 +11,16 @@ from typing import Any
 
 from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour, VarianceReduction
 from soilmoist_ros.exploration.strategies.lattice import Lattice
-from soilmoist_ros.exploration.strategies.published import AdaptiveSampling, Greedy, MonteCarlo, Random
 from soilmoist_ros.exploration.strategies.route import require_solver
-from soilmoist_ros.exploration.strategies.strategy import PRESETS, Preset, Strategy
+from soilmoist_ros.exploration.strategies.strategy import (
+    PRESETS,
+    AdaptiveSampling,
+    Greedy,
+    MonteCarlo,
+    Preset,
+    Random,
+    Strategy,
+)
 from soilmoist_ros.foundation import InputError, Registry, did_you_mean
 
 Dashes = str | tuple[float, tuple[float, ...]]

@@ -109,15 +109,6 @@ def test_it_falls_with_the_time_and_the_share_of_it_that_counts(curve):
     assert map_forecast(mapped(curve=curve), CELLS, 3600.0, share=0.5).sd_end > found.sd_end
 
 
-def test_at_the_end_nothing_is_ahead():
-    of = mapped()
-    found = Forecaster(CELLS, GRID.extent_m, 4.0).achieved(of)
-    assert (found.times_s, found.sds, found.sd_end) == ((), (), found.sd)
-    assert found.sd == map_forecast(of, CELLS, 60.0).sd
-    empty = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))
-    assert Forecaster(CELLS, GRID.extent_m, 4.0).achieved(empty) is None
-
-
 def test_before_the_first_map_the_prior_is_a_guess():
     found = prior_forecast(CELLS, GRID.extent_m, 4.0, 7200.0)
     assert found.is_guess

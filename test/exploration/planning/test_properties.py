@@ -229,11 +229,3 @@ def test_what_is_no_namespace_with_a_weight_is_refused(text):
 )
 def test_the_name_of_a_field_makes_a_namespace(field, name):
     assert property_name(field) == name
-
-
-@pytest.mark.slow
-@given(st.text())
-def test_any_name_makes_one(field):
-    name = property_name(field)
-    assert property_weights([name]) == {name: 1.0}
-    assert "/" not in name

@@ -16,7 +16,6 @@ from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour, Ground, design, filled, renewed
 from soilmoist_ros.exploration.strategies.registry import make_strategy
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import open_lattice
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
@@ -177,25 +176,10 @@ def test_it_goes_where_the_variance_falls_most_per_second():
     assert isinstance(plan.choice.dwell, MarginalValue)
 
 
-def test_a_stop_off_the_weighed_ones_gets_a_dwell_too():
-    many = tuple(Stop(f"n{i}", x, y) for i, (x, y) in enumerate(np.random.default_rng(3).uniform(0, 50, (900, 2))))
-    planner = with_map(explorer("greedy", stops=many))
-    for position in ((2.5, 2.5), (50.0, 45.0)):
-        assert isinstance(planner.plan(request(), position).choice.dwell, MarginalValue)
-
-
 def test_too_little_time_is_an_end():
     planner = with_map(explorer())
     assert planner.plan(request(left=20.0), (2.5, 2.5)).choice is None
     assert explorer().plan(request(left=20.0), (2.5, 2.5)).choice is None
-
-
-def test_the_way_home_is_kept_back():
-    home = Stop("home", 2.5, 2.5)
-    planner = with_map(explorer(home=home))
-    plan = planner.plan(request(left=130.0), (2.5, 2.5))
-    back_s = planner.travel.travel_s((plan.choice.stop.x_m, plan.choice.stop.y_m), [home])[0]
-    assert plan.travel_s + back_s < 130.0
 
 
 def test_a_map_of_the_moisture_draws_to_wet_soil_and_counts_longer_there():

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from soilmoist_ros.exploration.strategies.published import AdaptiveSampling
 from soilmoist_ros.exploration.strategies.registry import (
     STRATEGIES,
     StrategyKind,
@@ -15,7 +14,14 @@ from soilmoist_ros.exploration.strategies.registry import (
     warm_up,
 )
 from soilmoist_ros.exploration.strategies.route import timed_route
-from soilmoist_ros.exploration.strategies.strategy import PRESETS, Choice, Preset, Situation, weighted_order
+from soilmoist_ros.exploration.strategies.strategy import (
+    PRESETS,
+    AdaptiveSampling,
+    Choice,
+    Preset,
+    Situation,
+    weighted_order,
+)
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
@@ -184,18 +190,6 @@ def test_monte_carlo_goes_on_when_no_candidate_is_above_the_floor():
     assert "among 120 candidates, none above 0.9 times the mean" in choice.reason
 
 
-@pytest.mark.slow
-def test_random_needs_no_map_and_prefers_new_places():
-    now = situation(np.full(120, np.nan), measured=PLACES[:-1])
-    for seed in range(5):
-        assert make_strategy("random").choose(now, rng(seed)).stop.name == "p119"
-    count = np.zeros(120)
-    dice = rng(5)
-    for _ in range(3000):
-        count[int(make_strategy("random").choose(situation(np.full(120, np.nan)), dice).stop.name[1:])] += 1
-    assert chisquare(count).pvalue > 0.01
-
-
 def test_draws_without_replacement_follow_the_weights():
     weight = np.array([1.0, 2.0, 0.0, 5.0])
     dice = rng(2)
@@ -215,7 +209,7 @@ def tour_s(now, choice):
     return timed_route(np.arange(len(order)), now.travel_s[order], between, now.expected_dwell_s).duration_s
 
 
-@pytest.mark.parametrize("left", [400.0, 1800.0, 7200.0, 14400.0])
+@pytest.mark.parametrize("left", [400.0, 7200.0])
 def test_the_papers_queue_fills_the_time_left(left):
     for seed in range(3):
         now = situation(left=left)
@@ -227,7 +221,7 @@ def test_the_papers_queue_fills_the_time_left(left):
         assert len({choice.stop, *choice.ahead}) == 1 + len(choice.ahead)
 
 
-@pytest.mark.parametrize(("left", "size"), [(7200.0, 10), (3600.0, 5), (2000.0, 2), (600.0, 1)])
+@pytest.mark.parametrize(("left", "size"), [(7200.0, 10), (2000.0, 2), (600.0, 1)])
 def test_the_authors_queue_holds_five_samples_per_hour(left, size):
     choice = make_strategy("adaptive_sampling", "authors").choose(situation(left=left), rng())
     assert 1 + len(choice.ahead) == size

@@ -158,27 +158,6 @@ def test_a_missing_file_is_an_input_error(tmp_path):
         read_topological_map(tmp_path / "link.json")
 
 
-def test_numbers_without_end_are_named():
-    large = int("9" * 400)
-    content = document()
-    content["meta"] = {"datum_latitude": large, "datum_longitude": 0.0}
-    with pytest.raises(InputError, match=r"datum of the map, meta\.datum_latitude .* is no place"):
-        parse(content)
-    content = document()
-    content["transformation"]["translation"]["x"] = large
-    with pytest.raises(InputError, match="transformation of the map cannot be understood"):
-        parse(content)
-    content = document()
-    content["nodes"][2]["node"]["parent_frame"] = "topo_map"
-    content["transformation"]["translation"]["x"] = 1e308
-    content["nodes"][2]["node"]["pose"]["position"]["x"] = 1.5e308
-    with pytest.raises(InputError, match="no finite place after the map's transformation"):
-        parse(content)
-    content["nodes"][0]["node"]["pose"]["position"]["x"] = large
-    with pytest.raises(InputError, match="position x is not a number, but 9999"):
-        parse(content)
-
-
 def newer(nav_frame=None, child="farm", x=50.0):
     """A map in the form of newer releases: a transformation with topo_frame_id, nodes without parent_frame."""
     content = document()

@@ -123,12 +123,6 @@ def test_times_of_tours_are_those_of_single_trips(no_go, turn_s_per_rad):
         assert (travel.between_s(places, route).diagonal() == 0).all()
 
 
-def test_places_along_a_way_are_evenly_spaced():
-    corner = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 10.0]])
-    np.testing.assert_allclose(along(corner, MIDDLES), [[5, 0], [15, 0], [25, 0], [30, 5]])
-    np.testing.assert_allclose(along(corner[[0, 0]], MIDDLES), np.zeros((4, 2)))
-
-
 @pytest.mark.parametrize("start", [(1.0, 5.0), (1.3, 8.8), (5.0, 1.0)])
 def test_places_along_many_ways_are_those_of_each_route(start):
     places = stops((1, 9), (9, 5), (1, 1), (9, 9), (5, 1))

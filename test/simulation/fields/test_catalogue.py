@@ -79,19 +79,6 @@ def test_rates_and_moistures_are_possible_everywhere(name):
     np.testing.assert_allclose(surrogate.curve.rate_cps(vwc), rate)
 
 
-@pytest.mark.parametrize("name", ["synthetic-high", "synthetic-low"])
-def test_the_border_is_where_the_rate_changes(name):
-    surrogate = surrogate_field(name)
-    x = np.arange(0.5, 60)
-    for y in (2.5, 25.5, 48.5):
-        rate = surrogate.rate_at(np.column_stack([x, np.full_like(x, y)]))
-        steepest = x[:-1][np.argmax(np.diff(rate))] + 0.5
-        assert steepest == pytest.approx(30 + 0.2 * (y - 25), abs=2.5)
-        low, high = surrogate.points_rate.min(), surrogate.points_rate.max()
-        changes = x[(rate > low + 0.1 * (high - low)) & (rate < high - 0.1 * (high - low))]
-        assert 5 < np.ptp(changes) < 20
-
-
 def test_a_generator_draws_another_field():
     rates = [surrogate_field("airfield-simulated", np.random.default_rng(seed)).points_rate for seed in (1, 1, 2)]
     np.testing.assert_array_equal(rates[0], rates[1])

@@ -55,9 +55,3 @@ def test_interpolation_is_bilinear_and_constant_beyond_the_edge():
     grid = RateGrid(np.array([0.0, 2.0]), np.array([0.0, 4.0]), np.array([[1.0, 3.0], [5.0, 7.0]]))
     places = np.array([[0, 0], [1, 0], [1, 2], [2, 4], [-9, 0], [9, 9]], float)
     np.testing.assert_allclose(grid(places), [1, 2, 4, 7, 1, 7])
-
-
-def test_a_grid_of_a_large_field_has_a_coarser_step():
-    extent = Extent.of(SQUARE * 1000, 1.0)
-    x, y = extent.axes()
-    assert len(x) * len(y) <= 1_050_000

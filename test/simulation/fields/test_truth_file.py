@@ -201,7 +201,7 @@ def geotiff(path, value=plane, crs="EPSG:32630", names=("rate",), pixel_m=2.0, m
             raster.set_band_description(band, name)
 
 
-@pytest.mark.parametrize("crs", ["EPSG:32630", "EPSG:27700", "EPSG:3857"])
+@pytest.mark.parametrize("crs", ["EPSG:27700", "EPSG:3857"])
 def test_a_geotiff_in_another_reference_system_lies_in_its_place(tmp_path, crs):
     geotiff(tmp_path / "truth.tif", crs=crs)
     surrogate = load_surrogate(write(tmp_path, "  grid: truth.tif\n"))
@@ -293,7 +293,6 @@ def test_a_formula_of_moisture_and_its_generator(tmp_path):
             "field.yaml:6 [truth.variogram.model]: there is no variogram model 'linear'",
         ),
         ("  points: a.csv\n  variogram: {nugget: 2, sill: 1}\n", "'sill' is the total sill and must be greater"),
-        ("  formula: half\n", "field.yaml:5 [truth.formula]: a formula is a block of keys with a 'family'"),
         ("  formula: {low: 1}\n", "field.yaml:5 [truth.formula]: a formula is a block of keys with a 'family'"),
         ("  formula:\n    family: rigde\n", "field.yaml:5 [truth.formula]: unknown family 'rigde'; known are"),
         ("  formula:\n    family: rigde\n", "(did you mean 'ridge'?)"),
@@ -302,7 +301,6 @@ def test_a_formula_of_moisture_and_its_generator(tmp_path):
             "[truth.formula]: the family 'half' has no parameter 'hihg'; it has family, quantity, low, high, "
             "transition_m, angle_deg, offset_m (did you mean 'high'?)",
         ),
-        ("  formula: {family: half, low: 1}\n", "[truth.formula.high]: the key 'high' is missing -> add it"),
         (
             "  formula:\n    family: half\n    low: -1\n    high: 2\n",
             "field.yaml:7 [truth.formula.low]: input should",

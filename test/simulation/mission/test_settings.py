@@ -34,14 +34,6 @@ def test_a_setting_is_declared_once_and_is_an_option_a_key_and_a_column(name):
         assert Choices.model_fields[name].description == setting.help
 
 
-def test_options_keep_their_names():
-    """Scripts of users contain them."""
-    options = {setting.option for setting in SETTINGS.values()}
-    assert {"--field", "--strategy", "--dwell", "--hours", "--seed", "--fit", "--preset", "--map-from", "--target",
-            "--graph", "--cell", "--footprint", "--speed", "--robots", "--random-field"} < options  # fmt: skip
-    assert {"--model", "--property"} < options
-
-
 def test_what_is_not_given_is_as_the_preset_has_it_and_what_is_given_wins():
     recommended = MissionSettings()
     assert (recommended.strategy, recommended.dwell, recommended.model) == ("gcb", "optimal", "matern32")
@@ -121,17 +113,6 @@ def test_a_field_may_be_an_object():
     assert str(given) == str(named)
     with pytest.raises(InputError, match="'patches' is given as it is"):
         simulate_mission(dataclasses.replace(given, random_field=True))
-
-
-def test_a_given_field_is_simulated_as_it_is():
-    named, given = (
-        simulate_mission(MissionSettings(field=field, strategy="random", dwell="fmi:60", hours=0.2, cell_m=8.0))
-        for field in ("half-wet", surrogate_field("half-wet"))
-    )
-    np.testing.assert_array_equal(named.soil_map.rate, given.soil_map.rate)
-    frame = given.to_dataframe()
-    assert list(frame.columns) == list(given.columns)
-    np.testing.assert_array_equal(frame["mse"], [row.mse for row in given.series])
 
 
 @pytest.mark.parametrize(("given", "write"), [(5.0, "0.05"), (2, "0.02"), (0.6, "0.006")])

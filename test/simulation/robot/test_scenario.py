@@ -20,7 +20,6 @@ from soilmoist_ros.simulation.robot.scenario import (
     Occasion,
     RateChange,
     Scenario,
-    Span,
     load_scenario,
 )
 from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
@@ -31,13 +30,6 @@ def test_shipped_scenarios_have_a_title_and_faults(name):
     scenario = load_scenario(name)
     assert scenario.title != Scenario().title
     assert scenario.model_copy(update={"title": Scenario().title}) != Scenario()
-
-
-def test_an_unknown_name_lists_the_known_ones():
-    with pytest.raises(
-        InputError, match=r"bad_link, bad_sensor, lost_sensor, nav2, rain, thorvald.*did you mean 'thorvald'"
-    ):
-        load_scenario("torvald")
 
 
 @pytest.mark.parametrize(
@@ -64,11 +56,6 @@ def test_mistakes_are_reported_with_their_location(tmp_path, text, message):
 def test_an_occasion_hits_nth_and_then_every_given_interval(nth, every, number):
     assert Occasion(nth=nth).hits(number) == (number == nth)
     assert Occasion(nth=nth, every=every).hits(number) == (number in range(nth, 301, every))
-
-
-def test_a_span_excludes_its_end():
-    span = Span(at_s=10, for_s=5)
-    assert [span.covers(time_s) for time_s in (9.9, 10, 14.9, 15)] == [False, True, True, False]
 
 
 SHORT = MissionSettings(field="synthetic-low", hours=0.25, cell_m=5.0, strategy="random", dwell="fmi:60")

@@ -61,12 +61,6 @@ def read(found):
     return [record.record_number for record in records if record], {problem.kind for problem in parser.problems}
 
 
-def test_a_good_link_delivers_everything_at_once():
-    found = outputs()
-    assert [time_s for time_s, _ in found] == [PERIOD_S * number for number in range(1, 11)]
-    assert read(found) == (list(range(1, 11)), set())
-
-
 @pytest.mark.parametrize(
     ("kind", "lost", "noticed"),
     [
