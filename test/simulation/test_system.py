@@ -46,8 +46,7 @@ def fixes(outputs):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("weather", [True, False])
-def test_counts_equal_those_of_a_mission_without_ros(weather):
+def test_counts_equal_those_of_a_mission_without_ros():
     choices = {
         "dwell": "fmi:90",
         "hours": 0.5,
@@ -55,7 +54,7 @@ def test_counts_equal_those_of_a_mission_without_ros(weather):
         "footprint_m": 10.0,
         "properties": ("rough", "smooth"),
     }
-    settings = replace(SETTINGS, weather=weather, **choices)
+    settings = replace(SETTINGS, **choices)
     mission = simulate_mission(settings)
     goals = [
         (float(match[1]), match[2])

@@ -29,8 +29,7 @@ FINEST_THRESHOLD, COARSEST_THRESHOLD = Decimal("0.001"), Decimal("0.5")
 _EXAMPLES = (
     "write for example 'fmi:600' (600 s), 'ami:0.025' or 'ami:2.5%' (standard error of the count), or 'optimal'"
 )
-_ROUNDING = 1e-9
-"""Relative rounding error allowed in sums of exposures."""
+_ROUNDING = 1e-9  # relative rounding error allowed in sums of exposures
 _HALVINGS = 50
 
 
@@ -154,8 +153,7 @@ class Optimal:
 
     longest_s: float = MAX_DWELL_S  # counting ends after this time in any case [s]
 
-    UNKNOWN_S: ClassVar[float] = 60.0
-    """Dwell without a map [s]."""
+    UNKNOWN_S: ClassVar[float] = 60.0  # dwell without a map [s]
 
     @property
     def _without_map(self) -> FixedInterval:

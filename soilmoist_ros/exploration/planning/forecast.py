@@ -41,8 +41,7 @@ from soilmoist_ros.mapping import (
 
 Array = NDArray[np.float64]
 
-SOON_S = 600.0
-"""Time ahead for which a gain is stated [s]."""
+SOON_S = 600.0  # time ahead for which a gain is stated [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,18 +151,13 @@ def _rounded(value: Any) -> Any:
 
 # Making forecasts
 
-MAX_CELLS = 100
-"""Approximate number of cells that represent the field."""
-EFFICIENCY = 0.7
-"""Even counting time that a second of a plan is worth [-]."""
+MAX_CELLS = 100  # approximate number of cells that represent the field
+EFFICIENCY = 0.7  # even counting time that a second of a plan is worth [-]
 LEARNING = 0.08
 """Power of the counting time by which the standard deviation falls because the variogram becomes certain [-]."""
-MIN_EVERY_S = 60.0
-"""Shortest mission time between two forecasts [s]."""
-MAX_FORECASTS = 60
-"""Number of forecasts in a long mission."""
-UNIFORM_FROM = 0.2
-"""Share of the mission time after which a field may be called uniform."""
+MIN_EVERY_S = 60.0  # shortest mission time between two forecasts [s]
+MAX_FORECASTS = 60  # number of forecasts in a long mission
+UNIFORM_FROM = 0.2  # share of the mission time after which a field may be called uniform
 SPREAD = 0.3
 """Logarithm of the band's factor when the exposure has grown e-fold; 80 % of missions end within the band."""
 _STEPS = 8
@@ -315,16 +309,12 @@ class _Curve:
 
 # Whether the counts so far show any difference between places of a field ----------------------------------------
 
-SHOWN = 4.0
-"""Evidence from which differences are shown: 19 of 20 uniform fields stay below."""
-CERTAIN = 9.0
-"""Evidence from which differences are certain."""
+SHOWN = 4.0  # evidence from which differences are shown: 19 of 20 uniform fields stay below
+CERTAIN = 9.0  # evidence from which differences are certain
 MAX_HIDDEN = 0.1
 """Counts that would not show a variation of this share of the mean rate tell nothing about the field."""
-MIN_PLACES = 10
-"""Fewer places say nothing about a field."""
-RANGE_SHARES = (1 / 2, 1 / 3, 1 / 5)
-"""Practical ranges that are tried, as shares of the extent."""
+MIN_PLACES = 10  # fewer places say nothing about a field
+RANGE_SHARES = (1 / 2, 1 / 3, 1 / 5)  # practical ranges that are tried, as shares of the extent
 _LIMIT_DROP = 1.35  # of the log-likelihood at a one-sided 95 % limit: chi-squared with one degree of freedom
 _VARIATIONS = np.array([0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12, 0.15, 0.2, 0.3])
 _NOTHING = 1e-9

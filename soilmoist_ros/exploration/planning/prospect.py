@@ -24,12 +24,9 @@ _Weights = TypeVar("_Weights")
 
 MAX_CELLS = 400
 """Approximate number of cells that represent the field: the variance is smooth over the variogram's range."""
-MAX_STOPS = 500
-"""Largest number of graph nodes that are compared."""
-MAX_PLACES = 12
-"""Largest number of places that represent a route."""
-_WEIGHED_FIRST = 16
-"""Number of candidates whose value decides which others are weighed."""
+MAX_STOPS = 500  # largest number of graph nodes that are compared
+MAX_PLACES = 12  # largest number of places that represent a route
+_WEIGHED_FIRST = 16  # number of candidates whose value decides which others are weighed
 _ROUNDING = 1e-9
 
 

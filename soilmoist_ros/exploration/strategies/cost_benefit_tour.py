@@ -49,30 +49,17 @@ if TYPE_CHECKING:
 
 Indices = NDArray[np.intp]
 
-MAX_CELLS = 400
-"""Approximate number of cells that represent the field without a map."""
-MAX_CANDIDATES = 500
-"""Largest number of stops that are considered without a map."""
+MAX_CELLS = 400  # approximate number of cells that represent the field without a map
+MAX_CANDIDATES = 500  # largest number of stops that are considered without a map
 NO_MAP_DWELL_S = 20.0
 """Dwell without a map [s]; in plans for 2 h, all from 10 to 30 s leave the same variance within 2 %."""
 
 
 class Ground:
-    """The situation of a tour; its stops are numbered by rows.
+    """The situation of a tour; its stops, at which the robot could still count, are numbered by rows.
 
-    Attributes
-    ----------
-    stops : tuple[Stop, ...]
-        candidates at which the robot could still count
-    xy : NDArray
-        their places, shape (k, 2) [m]
-    travel_s : NDArray
-        travel times from the robot, stop overhead included, shape (k,) [s]
-    cells_xy : NDArray
-        cells that represent the field, shape (g, 2) [m]
-    mass : NDArray
-        share of the stops that each cell should attract, shape (g,): the squared posterior variance times the
-        weight of the cell; equal without a map
+    ``mass`` is the share of the stops that each cell should attract: the squared posterior variance times the
+    weight of the cell; equal without a map.
     """
 
     def __init__(self, situation: Situation) -> None:
@@ -93,7 +80,7 @@ class Ground:
             self.cells_xy = model.cells_xy
             self.mass = np.asarray(sum(each.weight * each.cell_variance**2 for each in (model, *model.others)))
         self.xy = situation.candidates_xy[self._index]
-        self.travel_s = situation.travel_s[self._index]
+        self.travel_s = situation.travel_s[self._index]  # from the robot, stop overhead included [s]
 
     @property
     def cadence_s(self) -> float:
@@ -162,20 +149,16 @@ class Ground:
 
 # Design of a tour for a given time: how many stops, where, in which order, and how long the dwell ---------------
 
-DWELL_RECORDS = (1, 2, 3, 4, 6, 8, 12, 16, 32, 64)
-"""Dwells that are compared [records]."""
+DWELL_RECORDS = (1, 2, 3, 4, 6, 8, 12, 16, 32, 64)  # dwells that are compared [records]
 FEWER_IF_AS_GOOD = 0.03
 """The fewest stops whose integrated variance is at most this share above the least are chosen: with noisy counts
 that costs nothing that could be measured, and saves driving."""
 MAX_STOPS = 200
-RENEWAL_ROUNDS = 2
-"""Rounds of Lloyd's algorithm at each stop."""
+RENEWAL_ROUNDS = 2  # rounds of Lloyd's algorithm at each stop
 FEW, MANY = 0.7, 1.5
 """A tour under way loses a stop if less than this share of its dwell would be left, and gets one if more."""
-SHORTEST = 0.85
-"""Length of a shortened tour, relative to that of nearest neighbours; for comparisons only."""
-CLOSE = 0.93
-"""Share of the time that a tour of a given dwell must fill."""
+SHORTEST = 0.85  # length of a shortened tour, relative to that of nearest neighbours; for comparisons only
+CLOSE = 0.93  # share of the time that a tour of a given dwell must fill
 _NUMBER_TRIES = 8
 
 
@@ -353,8 +336,7 @@ MIN_STAGED_STOPS = 40
 With fewer, driving decides; a few counts tell too little of the field to choose the number of stops by the map."""
 REDESIGN_EVERY = 5
 """Number of stops after which a tour is compared with a new one, in fields that vary more here than there."""
-MIN_STOPS = 3
-"""Least number of stops of a pass that is not the last."""
+MIN_STOPS = 3  # least number of stops of a pass that is not the last
 
 
 @dataclass

@@ -19,20 +19,13 @@ from soilmoist_ros.mapping import PoissonKriging, Prior, Variogram, correlation_
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MAX_STOPS = 500
-"""Maximum number of stops of a lattice."""
-MAX_CELLS = 5000
-"""Approximate number of cells for the k-means; larger fields use every n-th cell."""
-MAX_WEIGHED_CELLS = 400
-"""Approximate number of cells over which the variance of a planned lattice is integrated."""
-FEWER = 0.85
-"""Ratio of the numbers of stops of two lattices that are compared."""
-MIN_STOPS = 4
-"""Smallest lattice that is compared."""
-SHORTEST = 0.8
-"""Length of a shortest tour, relative to a nearest-neighbour tour; for comparisons only."""
-GUESSED_MODEL = "matern32"
-"""Variogram model before there is a map."""
+MAX_STOPS = 500  # maximum number of stops of a lattice
+MAX_CELLS = 5000  # approximate number of cells for the k-means; larger fields use every n-th cell
+MAX_WEIGHED_CELLS = 400  # approximate number of cells over which the variance of a planned lattice is integrated
+FEWER = 0.85  # ratio of the numbers of stops of two lattices that are compared
+MIN_STOPS = 4  # smallest lattice that is compared
+SHORTEST = 0.8  # length of a shortest tour, relative to a nearest-neighbour tour; for comparisons only
+GUESSED_MODEL = "matern32"  # variogram model before there is a map
 _ROUNDING = 1e-9
 
 

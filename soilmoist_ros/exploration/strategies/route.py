@@ -15,10 +15,8 @@ from soilmoist_ros.foundation import InputError, install, is_installed, squared_
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-EXACT_UP_TO = 8
-"""Maximum number of targets for the exact solution by dynamic programming."""
-ITERATIONS = 50
-"""Iterations of the search for more targets; a number, not a time, to make runs repeatable."""
+EXACT_UP_TO = 8  # maximum number of targets for the exact solution by dynamic programming
+ITERATIONS = 50  # iterations of the search for more targets; a number, not a time, to make runs repeatable
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,14 +208,11 @@ def _search(start: Array, between: Array, first: Indices, seed: int, iterations:
 
 # Stops spread over a field: k-means of its cells, each with a mass that attracts stops --------------------------
 
-LLOYD_ROUNDS = 50
-"""Maximum number of rounds of the k-means."""
+LLOYD_ROUNDS = 50  # maximum number of rounds of the k-means
 _STILL_M, _STILL = 1e-9, 1e-5
 """Moves, absolute and relative to the coordinate, at which the rounds end."""
-_SURE_M = 1e-6
-"""A place has its nearest centre for certain if the next one is farther by more than this."""
-_FEW_PAIRS = 50_000
-"""Number of pairs of places and centres up to which all distances are faster than a tree."""
+_SURE_M = 1e-6  # A place has its nearest centre for certain if the next one is farther by more than this
+_FEW_PAIRS = 50_000  # number of pairs of places and centres up to which all distances are faster than a tree
 
 
 class KMeans:

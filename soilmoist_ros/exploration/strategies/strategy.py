@@ -92,8 +92,7 @@ class Strategy(Protocol):
 Indices = NDArray[np.intp]
 
 UNIT = "(counts/s)²"
-_ROUNDING = 1e-9
-"""Relative difference below which two times count as equal."""
+_ROUNDING = 1e-9  # relative difference below which two times count as equal
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,8 +250,7 @@ class Random:
 
 # Adaptive Sampling: a queue of targets on the shortest route ----------------------------------------------------
 
-MAX_STOPS = 200
-"""Maximum number of stops of a tour; a new tour is planned long before the last one is reached."""
+MAX_STOPS = 200  # maximum number of stops of a tour; a new tour is planned long before the last one is reached
 RENEWAL_ITERATIONS = 10
 """Iterations of the search for a tour that begins with the one before, which each stop improves. With 50, the way
 through 60 stops was 0.3 ± 0.2 % shorter and the search took two and a half times as long."""

@@ -19,24 +19,19 @@ from soilmoist_ros.exploration.travel.travel import RobotMotion, polyline_length
 
 Array = NDArray[np.float64]
 
-MAX_LEGS = 100
-"""Number of the last legs that count: ground and battery change."""
+MAX_LEGS = 100  # number of the last legs that count: ground and battery change
 PACE_SD, TURN_SD = 0.3, 0.5
 """Prior standard deviations of the time per metre and per radian, as shares of the parameters."""
 OVERHEAD_SD, OVERHEAD_SD_S = 0.5, 5.0
 """Prior standard deviation of the stop overhead: a share of the parameter, and seconds that are added."""
 LEG_SD, LEG_SD_S = 0.05, 1.0
 """Standard deviation of the time of a leg without an obstacle: a share of its time, and seconds that are added."""
-DEGREES_OF_FREEDOM = 3.0
-"""Of the errors; few make outliers count little."""
-NEAR_M = 1.0
-"""A record was counted at the stop if its place is this near [m]."""
+DEGREES_OF_FREEDOM = 3.0  # of the errors; few make outliers count little
+NEAR_M = 1.0  # A record was counted at the stop if its place is this near [m]
 COUNTED_LEGS = 10
 """Number of legs that the prior of the counted share of the overhead is worth: all of it is counted."""
-COUNTED_SAME = 0.15
-"""Smallest share of the overhead, not counted at the stop, that replaces the prior."""
-SAME = 0.01
-"""Smallest relative change of a leg's time that is worth replacing the parameters."""
+COUNTED_SAME = 0.15  # smallest share of the overhead, not counted at the stop, that replaces the prior
+SAME = 0.01  # smallest relative change of a leg's time that is worth replacing the parameters
 _ROUNDS, _CONVERGED = 30, 1e-6
 _SLOWEST, _FASTEST = 0.1, 10.0
 

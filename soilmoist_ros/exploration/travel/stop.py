@@ -15,8 +15,7 @@ Array = NDArray[np.float64]
 
 MIN_REACH_M = 0.3
 """A robot this near is at a stop, however near the next one is: navigations are not more precise [m]."""
-PLACE_DIGITS = 4
-"""Decimals of the coordinates in metres of a node in a topological map."""
+PLACE_DIGITS = 4  # decimals of the coordinates in metres of a node in a topological map
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +84,7 @@ class Way:
 
 # Goals on the way to a stop: where the robot goes straight, and which way it faces there ------------------------
 
-MIN_LEG_M = 0.01
-"""Corners closer together, or closer to a straight line than this, are left out [m]."""
+MIN_LEG_M = 0.01  # corners closer together, or closer to a straight line than this, are left out [m]
 
 
 @dataclass(frozen=True, slots=True)

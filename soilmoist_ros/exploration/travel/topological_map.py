@@ -34,21 +34,17 @@ from soilmoist_ros.foundation import (
     read_quickly,
 )
 
-ZONE_RADIUS_M = 0.75
-"""Radius of a node's influence zone, unless the nodes are closer together [m]."""
+ZONE_RADIUS_M = 0.75  # radius of a node's influence zone, unless the nodes are closer together [m]
 MAX_MAP_BYTES, MAX_MAP_VALUES = 20_000_000, 3_000_000
 """Size of a map file, and values in it, beyond which it is a mistake. An edge has about 30 values."""
 MAX_TILT = 0.05
 """Sine of the angle between the vertical axes of a map and its parent frame beyond which it is a mistake."""
-_SAME_DATUM_M = 0.1
-"""Distance between two spellings of a datum from which they contradict each other [m]."""
+_SAME_DATUM_M = 0.1  # distance between two spellings of a datum from which they contradict each other [m]
 KNOWN_ACTIONS = ("NavigateToPose", "NavigateThroughPoses", "DriveOnHeading", "row_traversal", "row_change")
 """Actions of edges that the topological navigation has without a map that describes them."""
 _RESTRICTIONS = ("restrictions_planning", "restrictions_runtime")
-XY_TOLERANCE_M = 0.3
-"""Distance at which a node of a map that is made here counts as reached [m]."""
-ANY_HEADING_RAD = 6.283
-"""Goal tolerance that lets the robot arrive at any heading [rad]."""
+XY_TOLERANCE_M = 0.3  # distance at which a node of a map that is made here counts as reached [m]
+ANY_HEADING_RAD = 6.283  # goal tolerance that lets the robot arrive at any heading [rad]
 
 PLAIN_WORD = re.compile(r"[A-Za-z_/][\w/.$-]*")
 YAML_WORDS = {"yes", "no", "on", "off", "true", "false", "null"}

@@ -189,8 +189,7 @@ class TravelGraph:
 
 # Travel graphs made from a field's outline: a lattice for open ground, rows with headlands for crops ------------
 
-MAX_NODES = 100_000
-"""Largest number of nodes; a smaller spacing is a mistake."""
+MAX_NODES = 100_000  # largest number of nodes; a smaller spacing is a mistake
 
 
 @dataclass(frozen=True, eq=False)

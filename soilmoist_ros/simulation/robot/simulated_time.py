@@ -140,8 +140,7 @@ class WaitingClock:
     def __init__(self, epoch_s: float, limit_s: float = math.inf) -> None:
         self._epoch_s = epoch_s
         self._limit_s = limit_s
-        self.waited_s = 0.0
-        """Wall-clock time for which simulated time waited [s]."""
+        self.waited_s = 0.0  # wall-clock time for which simulated time waited [s]
         self._answer_s = 0.0  # time that planners take to receive a record
         self._since: dict[tuple[str, Awaited], float] = {}
         self._late: set[tuple[str, Awaited]] = set()

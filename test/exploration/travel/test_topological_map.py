@@ -85,7 +85,7 @@ values = st.recursive(
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=30)
 @given(values)
 def test_yaml_means_the_same_to_the_navigations_parser(value):
     yaml = pytest.importorskip("yaml")

@@ -77,7 +77,7 @@ def test_no_strategy_drives_into_the_pond_or_out_of_the_field(tmp_path, caplog, 
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     st.integers(0, 10**6), st.sampled_from(OUTLINES), st.sampled_from([*GRAPHS, "laid", None]),
     st.sampled_from(STRATEGIES.names()), st.integers(1, 2),
