@@ -74,7 +74,7 @@ def battery_view(charge: float, voltage_v: float) -> dict[str, Any]:
 
 
 def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, Any]:
-    """A mission."""
+    """A mission by its status, and by further values of its message."""
     stop, forecast = status.target, status.forecast
     return {
         "phase": str(status.phase),

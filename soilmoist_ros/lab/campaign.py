@@ -39,6 +39,7 @@ _RESUME = "run the same command again to resume"
 @dataclass(frozen=True)
 class CampaignOutcome:
     """Result of a campaign.
+
     :param computed: missions computed now
     :param reused: stored missions that were reused
     :param failures: failed missions, in the order of the campaign; the tables contain all other missions

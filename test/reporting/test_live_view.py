@@ -8,9 +8,6 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from rich.console import Console
 
 from soilmoist_ros.reporting.live_view import (
@@ -88,31 +85,6 @@ def test_the_robot_is_seen_above_target_and_samples():
     assert picture[1][6] == "#141414"
     assert sum(colour == "#141414" for line in picture for colour in line) == 1
     assert pixels(view(targets_xy=[here], samples_xy=samples))[5][2] == "#ff8c00"
-
-
-@pytest.mark.slow
-@settings(max_examples=60, deadline=None)
-@given(
-    band=arrays(
-        float,
-        st.tuples(st.integers(1, 40), st.integers(1, 40)),
-        elements=st.one_of(st.just(np.nan), st.floats(-1e6, 1e6)),
-    ),
-    columns=st.integers(-3, 50),
-    rows=st.integers(-3, 20),
-)
-def test_any_map_gives_a_picture_within_its_room(band, columns, rows):
-    of = view(band)
-    console = Console(file=io.StringIO(), width=200)
-    console.print(render(of, columns, rows))
-    columns, rows = max(1, columns), max(1, rows)
-    drawn = lines(map_picture(of, of.bands[0], columns, rows))
-    assert 1 <= len(drawn) <= rows
-    assert {len(line) for line in drawn} <= set(range(1, columns + 1))
-    if not np.isnan(band).any():
-        assert " " not in "".join(drawn)
-    if np.isnan(band).all():
-        assert set("".join(drawn)) == {" "}
 
 
 BANDS = ("x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd")

@@ -8,6 +8,7 @@ import json
 import re
 import xml.etree.ElementTree as ET
 import zlib
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -65,8 +66,8 @@ def test_the_figures_show_the_numbers_of_the_run(run):
 
 
 def test_files_are_vectors_with_embedded_fonts_and_the_same_every_time(run, tmp_path):
-    written = write_figures(tmp_path, run_figures(run), ("pdf", "svg", "pdf"))
-    assert len(written) == 14
+    written = write_figures(tmp_path, islice(run_figures(run), 3), ("pdf", "svg", "pdf"))
+    assert len(written) == 6
     before = {path: path.read_bytes() for path in written}
     pdf = streams(before[tmp_path / "figures" / "map.pdf"])
     assert b"/FontFile2" in pdf, "TrueType, embedded"
@@ -77,9 +78,9 @@ def test_files_are_vectors_with_embedded_fonts_and_the_same_every_time(run, tmp_
     tags = {element.tag.rpartition("}")[2] for element in svg.iter()}
     assert "text" not in tags, "letters are outlines and need no font"
     assert {"path", "image"} <= tags
-    write_figures(tmp_path, run_figures(run), ("pdf",))
+    write_figures(tmp_path, islice(run_figures(run), 3), ("pdf",))
     now = sorted((tmp_path / "figures").iterdir())
-    assert [path.suffix for path in now] == [".pdf"] * 7, "those of an earlier run are gone"
+    assert [path.suffix for path in now] == [".pdf"] * 3, "those of an earlier run are gone"
     assert all(path.read_bytes() == before[path] for path in now)
     assert write_figures(tmp_path, (), ()) == []
     assert list((tmp_path / "figures").iterdir()) == []

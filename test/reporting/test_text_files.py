@@ -67,15 +67,6 @@ def test_sample_values(collection, the_map):
     assert found["vwc_p05"] < found["vwc"] < found["vwc_p95"]
 
 
-def test_a_sample_has_no_more_water_than_the_pores_of_its_soil(make_run, the_map, tmp_path):
-    n0_cps = float(the_map.samples.rate_cps.mean()) / 0.4
-    soil = dataclasses.replace(the_map, curve=dataclasses.replace(the_map.curve, n0_cps=n0_cps))
-    samples = of_kind(load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil))), "sample")
-    values = [one["properties"] for one in samples if one["properties"]["vwc"] is not None]
-    assert max(one["vwc"] for one in values) == pytest.approx(1 - 1.4 / 2.65)
-    assert all(one["vwc_p05"] <= one["vwc"] <= one["vwc_p95"] for one in values)
-
-
 def test_samples_know_when_they_were_counted(make_run):
     run = make_run()
     first, *more = run.track

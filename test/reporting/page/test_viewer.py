@@ -30,11 +30,6 @@ def test_a_raster_comes_back(scale):
     assert np.nanmax(np.abs(found - values)) <= 0.51 * np.nanmax(values - np.nanmin(values)) / 65534
 
 
-@pytest.mark.parametrize("values", [np.full((2, 3), 0.25), np.full((2, 3), np.nan)])
-def test_a_flat_or_empty_raster_comes_back(values):
-    np.testing.assert_array_equal(unpack(pack(values), (2, 3)), values)
-
-
 def data_of(run):
     return json.loads(json.dumps(viewer_data(run, irrigation(run)), allow_nan=False))
 
