@@ -36,8 +36,6 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import _Simulation
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [60, 0], [60, 50], [0, 50]], float), 5.0)
 SAMPLES = as_samples([(5.0, 5.0), (9.0, 20.0), (20.0, 8.0), (5.0, 40.0)], [300, 320, 410, 330], [100.0] * 4)
@@ -87,20 +85,6 @@ def test_the_correction_factor_shortens_the_dwell_at_low_pressure():
 def test_a_dwell_by_counts_is_expected_shorter_where_more_neutrons_arrive():
     usual, at_900_hpa = (explorer(factor, "ami:0.05").situation(REQUEST, PLACE) for factor in (1.0, 0.42))
     assert at_900_hpa.expected_dwell_s == pytest.approx(0.42 * usual.expected_dwell_s)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("weather", [False, True])
-def test_the_simulator_plans_with_the_factors_of_its_records(weather):
-    settings = MissionSettings(
-        strategy="ivr", dwell="optimal", map_from="records", fit="reml", properties=("rough",)
-    )
-    simulation = _Simulation(replace(settings, hours=0.15, cell_m=4.0, weather=weather))
-    simulation.run(lambda share: None)
-    (robot,) = simulation.robots
-    for mapped, record in zip(robot.explorer.properties, robot.records[-1], strict=True):
-        assert mapped.factor == record.exposure_s / record.effective_exposure_s
-        assert (mapped.factor != 1.0) is weather
 
 
 def test_before_the_first_map_the_dwell_follows_the_nominal_rate():

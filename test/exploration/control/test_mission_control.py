@@ -4,7 +4,6 @@
 
 import time
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.guard.failsafes import WatchLimits
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb
-from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
@@ -25,7 +23,6 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.position.place_judge import PlaceLimits
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -207,44 +204,6 @@ def test_of_two_robots_with_one_target_the_later_in_order_gives_way():
     assert not any(part.name == "others" for part in around.control.health())
 
 
-def test_a_further_property_guides_once_it_has_a_map_and_is_missed_until_then(caplog):
-    around = Around(budget_s=3600.0, properties={"/compaction": 20.0})
-    around.begin()
-    around.arrive()
-    around.count()
-    around.map()
-    around.planned()
-    said = "no map of /compaction: stops are chosen without it"
-    assert any(part.name == "properties" and said in part.message for part in around.control.health())
-    assert said in caplog.text
-    around.arrive()
-    around.count()
-    places = [(x, y) for x in (3.0, 10.0, 17.0) for y in (3.0, 10.0, 17.0) if (x, y) != (17.0, 17.0)]
-    samples = as_samples(places, [1000 + 10 * i for i in range(8)], [30.0] * 8)
-    around.control.samples(samples, around.time_s, "/compaction")
-    variogram = Variogram("matern32", 0.0, 4.0, 20.0)
-    fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=20.0)
-    around.control.fit(replace(fit, variogram=variogram, mean_rate=35.0), around.time_s, "/compaction")
-    around.map()
-    around.planned()
-    (part,) = [each for each in around.control.health() if each.name == "properties"]
-    assert (part.level, part.message) == (Level.OK, "the last stop was chosen with the map of /compaction")
-    assert around.status.target.x_m > 12.0
-    assert around.status.target.y_m > 12.0
-
-
-@pytest.mark.parametrize("factor", [1.0, 0.42])
-def test_the_dwell_is_planned_with_the_correction_factor_of_the_records(factor):
-    """At 900 hPa many more neutrons arrive, so the same noise takes 42 % of the time."""
-    around = Around(budget_s=3600.0, dwell="optimal", strategy="ivr", factor=factor)
-    around.begin()
-    around.arrive()
-    around.count(6)
-    around.map()
-    around.planned()
-    assert around.control._mission.state.target.dwell.factor == pytest.approx(factor)
-
-
 def test_the_planner_plans_on_the_cells_of_the_mappers_map():
     around = Around(budget_s=3600.0)
     around.control.fit(None, 0.0, cell_m=5.0)
@@ -320,22 +279,3 @@ def test_it_learns_how_fast_the_robot_is():
     assert control._access.travel.motion.stop_overhead_s != 12.0
     assert control._mission.rules.stop_overhead_s >= 12.0
     assert "per stop, learned from 5 legs" in str(control._learned)
-
-
-@pytest.mark.slow
-def test_the_robot_counts_on_where_the_planner_chooses_its_stop_again():
-    around = Around(dwell="optimal", strategy="ivr", stays=True)
-    around.begin()
-    while around.finished is None:
-        around.arrive()
-        goals = len(around.goals)
-        while around.finished is None and len(around.goals) == goals:
-            around.count(1)
-            if around.status.phase is Phase.PLANNING:
-                around.map()
-                around.planned()
-    stops = [stop for _, stop in around.goals if stop is not None]
-    assert all(one != other for one, other in pairwise(stops)), "no goal to the node under the wheels"
-    assert around.finished.reason.startswith("the mission time is used up")
-    assert sum(visit.records for visit in around.visits) >= len(around.visits) > 2
-    assert around.visits[-1].ended is VisitEnd.TIME_UP

@@ -97,7 +97,7 @@ def test_the_drift_of_the_map_is_that_of_what_is_to_come():
     assert (after.variance < before.variance).all()
 
 
-def test_an_errand_is_what_a_status_leaves_to_count():
+def test_a_pending_measurement_is_what_a_status_leaves_to_count():
     idle = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:300"))).status
     assert pending_measurement(idle) is None
     counting = replace(idle, target=Stop("a", 3.0, 4.0), planned_dwell_s=300.0, dwell_s=100.0)
