@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from soilmoist_ros.foundation import IllConditionedError, InputError, Mistake, SoilmoistError, duration
 from soilmoist_ros.mapping import MappingSettings
@@ -190,15 +190,8 @@ def property_survey(
     return _open(bag, had, chosen, had.get("site", ""), one.name)
 
 
-@dataclass(frozen=True)
-class RawSurvey:
-    """Raw lines, processed.
-
-    :param records: corrected records at their places, in order of time, quarantined ones included
-    :param problems: problems of the lines
-    :param format_title: title of the logger's format
-    :param position_problems: those of them that concern the positions
-    """
+class RawSurvey(NamedTuple):
+    """Records of raw lines in order of time, with quarantined ones, and the problems of lines and of positions."""
 
     records: Sequence[CountRecord]
     problems: Sequence[Problem]
@@ -253,14 +246,7 @@ class Replay:
 
 
 class _Recording:
-    """A run in a bag, read step by step.
-
-    :param reader: the bag
-    :param survey: the map of the robot's own records, without records
-    :param chosen: choices of the replay
-    :param configuration: folder with the parameters of the nodes, if any
-    :param remarks: gets remarks for the user
-    """
+    """A run in a bag, read step by step; remarks for the user are added to ``remarks``."""
 
     def __init__(
         self,

@@ -121,17 +121,9 @@ class MapSettings(MappingSettings):
 
 @dataclass(frozen=True, eq=False)
 class _Logs:
-    """The files of a survey, read.
+    """The files of a survey, read: all logs, faults of files that are not used, positions of a separate receiver.
 
-    :param site_file: file of the site, if given
-    :param field_file: file of the field, if given
-    :param covariates: covariates of the field and the command
-    :param logs: all logs
-    :param skipped: faults of files that are not used
-    :param track: positions of a separate receiver
-    :param track_problems: faults of these positions
-    :param places: latitude and longitude of the records in the chosen time, shape (n, 2) [deg]
-    :param source: source of the places, for advice
+    ``places`` are latitude and longitude of the records in the chosen time, shape (n, 2) [deg], from ``source``.
     """
 
     site: Site

@@ -179,14 +179,7 @@ def _raw_counts(last: Status, done: Status, arrived_s: float, records: Sequence[
 
 @dataclass(frozen=True, eq=False)
 class RobotMission:
-    """The mission of one robot.
-
-    :param number: number of the robot, from 1
-    :param planner: parameters of its planner; empty if unknown
-    :param statuses: statuses of one started mission, in order
-    :param visits: visits of the mission, in order
-    :param records: all records of the robot's own sensor
-    """
+    """The mission of one robot (numbered from 1): statuses, visits and records of its own sensor in order."""
 
     number: int
     planner: Mapping[str, Any]

@@ -366,16 +366,7 @@ def _is_robot(topics: RunTopics, counts: str) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class ReplayedProperty:
-    """A property of a bag with the map of its records.
-
-    :param name: its name
-    :param weight: weight of its variation in the planner
-    :param survey: makes its maps
-    :param records: all its records
-    :param states: states of its map after each record
-    :param published: the last map that its mapper published
-    :param truth: its truth, if known
-    """
+    """A property of a bag, its weight in the planner, all its records, and the states of its map after each."""
 
     name: str
     weight: float

@@ -304,25 +304,15 @@ class RunChange:
 class MapRun(SurveyTimes):
     """A finished mapping run: the map of a property with the data needed to judge it.
 
-    :param soil_map: the map
     :param frame: local frame in which the map and the track lie
     :param created_utc: creation time of the outputs, time-zone aware
     :param track: the processed records in order of time, including records without a place
-    :param title: title of the report
-    :param site: name of the site
-    :param field_name: name of the field
-    :param inputs: input files
-    :param logger_format: name of the logger's format
-    :param corrections: corrections as applied
     :param losses: input that was dropped, or kept although less reliable
     :param notes: notes to the reader in addition to the notes on the map, see :func:`notes`
     :param calibration: origin of the calibration; ``None`` if unknown
     :param simulated: the counts come from a simulation; every output says so
-    :param version: version of this package
-    :param settings: settings of the run, name (with its unit) -> value
     :param truth_rate: true corrected rate on the map's grid [counts/s], shape (ny, nx), if known
     :param footprint_radius_m: radius of the soil seen by the sensor [m], 0 for a point, ``None`` if unknown
-    :param mission: the mission that made the map, if any
     :param name: name of the property for files: letters, digits and _
     :param label: name of the property for readers
     :param others: maps of the other properties of this run; they have no mission and no others
@@ -335,7 +325,6 @@ class MapRun(SurveyTimes):
     :param irrigation: limits of dry and moist soil
     :param time_zone: name of the field's time zone, for local times next to UTC; empty for UTC alone
     :param sensed: depth and radius that the counts come from, if known
-    :param covariates: covariates behind the map, if any
     :raises ValueError: if ``created_utc`` has no time zone
     """
 
@@ -438,15 +427,9 @@ class FailedRun(SurveyTimes):
     :param todo: what the user can do, the most useful first
     :param created_utc: creation time of the outputs, time-zone aware
     :param track: all records in order of time, those without a place and quarantined ones included
-    :param title: title of the report
-    :param site: name of the site
-    :param field_name: name of the field
-    :param inputs: input files
     :param losses: why records are not in a map
     :param troubles: faults that nodes reported
-    :param mission: the mission, if any
     :param simulated: the counts come from a simulation; every output says so
-    :param settings: settings of the run, name (with its unit) -> value
     """
 
     why: str

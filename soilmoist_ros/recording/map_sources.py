@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import logging
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
@@ -26,9 +25,6 @@ RECORD: Final = "record"
 """Kind of the entries that hold a record."""
 MAX_WAITING: Final = 100_000
 """Records that may wait for a full disk: eleven days of one each 10 s; the oldest are lost first."""
-_MANY: Final = 1000
-"""If more records wait for a sync, it is tried every :data:`_AGAIN_S` only: each time writes all of them again."""
-_AGAIN_S: Final = 30.0
 RESET: Final = "reset"
 """Kind of the entries after which a map starts again."""
 SESSION: Final = "session.json"
@@ -54,8 +50,7 @@ class RecordLog:
         self._journal = Journal.open(folder)
         self._frame = frame
         self._waiting: deque[CountRecord] = deque(maxlen=MAX_WAITING)
-        self._refused: OSError | None = None  # of the last sync
-        self._again_s = 0.0
+        self._refused = False  # by the last sync
 
     def write(self, records: Iterable[CountRecord]) -> None:
         """Write records; they are on the disk afterwards.
@@ -64,28 +59,21 @@ class RecordLog:
         :raises OSError: if the disk refuses them
         """
         self._waiting += records  # first: what is not known here cannot be written later
-        if self._refused is not None:
-            if len(self._waiting) > _MANY and time.monotonic() < self._again_s:
-                raise OSError(self._refused.errno, self._refused.strerror)
+        if self._refused:
             self._journal.undo()  # a record that is in the log twice would count twice
-            self._refused = None
+            self._refused = False
         appended = 0
         try:
             for record in self._waiting:
-                self._journal.append(RECORD, {"frame": self._frame, **_plain(record)}, durable=False)
+                self._journal.append(RECORD, {"frame": self._frame, **nan_as_text(asdict(record))}, durable=False)
                 appended += 1
         finally:
             if appended:
-                self._sync(appended)
-
-    def _sync(self, appended: int) -> None:
-        try:
-            self._journal.sync()
-        except OSError as error:
-            self._refused, self._again_s = error, time.monotonic() + _AGAIN_S
-            raise
-        for _ in range(appended):
-            self._waiting.popleft()
+                self._refused = True
+                self._journal.sync()
+                self._refused = False
+                for _ in range(appended):
+                    self._waiting.popleft()
 
     def reset(self, until_s: float) -> None:
         """Start again: earlier records in this log, and records of other logs up to a stamp [s], are void.
@@ -93,12 +81,11 @@ class RecordLog:
         :raises OSError: as :meth:`write`
         """
         self._waiting.clear()
-        self._refused = None
+        self._refused = False
         self._journal.append(RESET, nan_as_text({"until_s": until_s}))
 
     def close(self) -> None:
         """Write what waits, if the disk takes it now, and release the log."""
-        self._again_s = 0.0
         try:
             if self.waits:
                 self.write(())
@@ -113,11 +100,7 @@ class RecordLog:
 
 
 class LoggedRecords(NamedTuple):
-    """New content of a log.
-
-    :param records: records after the last reset
-    :param until_s: stamp of the last reset [s], ``None`` without one
-    """
+    """New content of a log: records after the last reset, and its stamp [s], ``None`` without one."""
 
     records: list[CountRecord]
     until_s: float | None = None
@@ -163,11 +146,6 @@ class RecordTail:
 def logs_below(folder: Path) -> list[Path]:
     """Folders of the logs directly below a folder, by name."""
     return sorted(path.parent for path in folder.glob(f"*/{ENTRIES}"))
-
-
-def _plain(record: CountRecord) -> dict[str, Any]:
-    content: dict[str, Any] = nan_as_text(asdict(record))
-    return content
 
 
 def _log_record(payload: dict[str, Any]) -> CountRecord:

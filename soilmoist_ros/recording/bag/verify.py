@@ -59,15 +59,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """A topic of a bag.
-
-    :param name: full name
-    :param type_name: name of its type
-    :param extent: its messages
-    :param size_bytes: size of all its messages [bytes]
-    :param interval_s: median time between messages [s], ``None`` for fewer than two
-    :param gaps: silences, if it is regular
-    """
+    """A topic of a bag; the median time between messages is ``None`` for fewer than two."""
 
     name: str
     type_name: str
@@ -79,18 +71,13 @@ class TopicInfo:
 
 @dataclass(frozen=True)
 class BagInfo:
-    """A bag.
+    """A bag that was read as a whole.
 
-    :param path: its folder, or its file
     :param storage: ``mcap``, ``sqlite3`` or ``ROS 1``
-    :param size_bytes: size of its files [bytes]
-    :param extent: all messages
-    :param topics: its topics, by name
     :param files: the files that are there
     :param checksums: number of files whose checksum is right
     :param recording: whether it is being recorded now
-    :param problems: why it is not whole, in words; empty if it is
-    :param remedy: what to do about the problems; empty without problems
+    :param problems: why it is not whole, in words, with a remedy; empty if it is
     :param notes: what the recorder has noted, such as the number of messages that it lost
     """
 
