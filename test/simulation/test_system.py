@@ -100,24 +100,6 @@ def test_the_output_does_not_depend_on_the_number_of_steps(steps, scenario):
 
 
 @pytest.mark.slow
-def test_the_receiver_follows_the_robot():
-    system = VirtualSystem(SETTINGS, START_S)
-    target = system.map.graph.names[-1]
-    goal = system.robots[0].go_to(target)
-    outputs = advance(system, 400)
-    assert next(output for output in outputs if isinstance(output, GoalEnded)).goal_id == goal
-    found, problems = fixes(outputs)
-    assert problems == []
-    assert [fix.stamp_s for fix in found] == [START_S + second for second in range(401)]
-    places = system.field.frame.to_local(
-        [fix.position.latitude_deg for fix in found], [fix.position.longitude_deg for fix in found]
-    )
-    steps = np.hypot(*np.diff(places, axis=0).T)
-    assert steps.max() < SETTINGS.speed_mps + 6 * 0.02 * np.sqrt(2)
-    assert places[-1] == pytest.approx(system.map.graph.xy[-1], abs=0.1)
-
-
-@pytest.mark.slow
 def test_a_bad_link_loses_records_but_changes_none():
     good = {record.record_number: record for record in records(advance(VirtualSystem(SETTINGS, START_S), 3600))[0]}
     bad, problems = records(advance(VirtualSystem(SETTINGS, START_S, scenario=load_scenario("bad_link")), 3600))

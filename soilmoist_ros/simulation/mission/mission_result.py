@@ -44,20 +44,14 @@ class MapErrors(NamedTuple):
 
 
 def map_errors(
-    rate_cps: Array,
-    rate_sd_cps: Array,
-    true_rate_cps: Array,
-    curve: MoistureCurve | None,
-    true_vwc: Array | None = None,
+    rate_cps: Array, rate_sd_cps: Array, true_rate_cps: Array, curve: MoistureCurve | None
 ) -> MapErrors:
-    """Errors over the cells of a field."""
+    """Errors over the cells of a field; all arrays of shape (g,) [counts/s]."""
     error = rate_cps - true_rate_cps
     covered = float(np.mean(np.abs(error) <= _COVERAGE_SD * rate_sd_cps))
     vwc_rmse = math.nan
     if curve is not None:
-        if true_vwc is None:
-            true_vwc = possible_moisture(curve, true_rate_cps)
-        difference = possible_moisture(curve, rate_cps) - true_vwc
+        difference = possible_moisture(curve, rate_cps) - possible_moisture(curve, true_rate_cps)
         vwc_rmse = float(np.sqrt(np.mean(difference**2)))
     return MapErrors(float(np.mean(error**2)), vwc_rmse, covered)
 

@@ -140,17 +140,3 @@ def test_counting_pays_until_its_marginal_value_is_the_price(gain, variance, pri
 
     highest = profit(best_s)
     assert all(profit(t) <= highest + 1e-9 * (abs(highest) + price * t) for t in tried)
-
-
-def test_what_is_counted_at_the_stop_decides_when_it_has_paid():
-    rule = MarginalValue(gain=0.01, variance=0.1, price=1e-5)
-    ends = {rate: next(t for t in range(10, 4000, 10) if rule.enough(rate * t, t)) for rate in (2, 4, 40)}
-    assert ends[2] == pytest.approx(math.ceil(rule.expected_s(2.0) / 10) * 10)
-    assert ends[2] < ends[4], "dry soil is counted longer while the noise is less than its worth"
-    assert "counting elsewhere is worth more" in rule.outcome(80, 40)
-    free = MarginalValue(0.01, 0.1, 0.0, longest_s=900)
-    assert not free.enough(3000, 890)
-    assert free.enough(3000, 900)
-    assert "longest dwell of 900 s" in free.outcome(3000, 900)
-    assert MarginalValue(0.0, 0.1, 0.0).enough(40, 10)
-    assert not rule.enough(0, 0), "the first record decides"

@@ -19,7 +19,6 @@ from soilmoist_ros.exploration.planning.forecast import (
     forecast_from_text,
     forecast_to_text,
     map_forecast,
-    prior_forecast,
 )
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.mapping import Variogram
@@ -96,26 +95,6 @@ def test_counts_spread_evenly_lower_it_as_kriging_says(monkeypatch):
     nugget = variance - np.diag(covariance)
     expected = math.sqrt(np.mean(np.diag(left) + nugget)) / rate.mean()
     assert map_forecast(of, CELLS, left_s).sd_end == pytest.approx(expected, rel=1e-8)
-
-
-@pytest.mark.parametrize("curve", [None, CURVE])
-def test_it_falls_with_the_time_and_the_share_of_it_that_counts(curve):
-    found = map_forecast(mapped(curve=curve), CELLS, 3600.0)
-    assert found.sd > found.sds[0]
-    assert list(found.sds) == sorted(found.sds, reverse=True)
-    assert found.at(0.0) == found.sd
-    assert found.at(3600.0) == found.sd_end
-    assert 0 < found.gain < 1
-    assert map_forecast(mapped(curve=curve), CELLS, 3600.0, share=0.5).sd_end > found.sd_end
-
-
-def test_before_the_first_map_the_prior_is_a_guess():
-    found = prior_forecast(CELLS, GRID.extent_m, 4.0, 7200.0)
-    assert found.is_guess
-    assert found.sd > 0.15
-    assert found.sd_end < 0.05
-    assert prior_forecast(CELLS, GRID.extent_m, 0.05, 7200.0).sd_end > 2 * found.sd_end, "fewer counts say less"
-    assert prior_forecast(CELLS, GRID.extent_m, 4.0, 7200.0, 0.1).moisture
 
 
 def test_before_the_first_map_earlier_surveys_tell_more_than_the_guess():

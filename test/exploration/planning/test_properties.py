@@ -110,17 +110,6 @@ def test_the_unit_of_a_property_does_not_matter(strategy):
     assert plans[0][2] == pytest.approx(plans[1][2], rel=1e-9)
 
 
-@pytest.mark.parametrize("strategy", ["greedy", "ivr"])
-def test_the_robot_goes_where_a_property_is_unknown(strategy):
-    west, east = ([place for place in LATTICE if (place[0] < 25) is side] for side in (True, False))
-    alone, both = (
-        plan(strategy, properties, field_map(east), place=(20.0, 10.0))
-        for properties in ((), [Property(field_map(west, seed=1), 5.0)])
-    )
-    assert alone.choice.stop.x_m < 20.0
-    assert both.choice.stop.x_m > 25.0
-
-
 def test_the_fall_of_both_is_the_sum_of_the_falls():
     second = field_map(LATTICE[:5], rate=40.0, seed=2)
     both = explorer("ivr", [Property(second, 2.0)])

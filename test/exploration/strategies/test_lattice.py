@@ -121,14 +121,6 @@ def test_nothing_in_reach_is_no_lattice(dwell):
     assert {choice.stop.name, *(stop.name for stop in choice.ahead)} <= {"p7", "p40"}
 
 
-def test_the_lattice_skips_what_can_no_longer_be_reached():
-    strategy = Lattice()
-    first = strategy.choose(situation(), rng())
-    second = strategy.choose(situation(out_of_reach=[first.ahead[0].name]), rng())
-    assert second.stop == first.ahead[1]
-    assert second.reason.startswith("place 3 of")
-
-
 def test_the_lattice_is_spread_evenly():
     choice = Lattice().choose(situation(), rng())
     xy = np.array([(stop.x_m, stop.y_m) for stop in (choice.stop, *choice.ahead)])

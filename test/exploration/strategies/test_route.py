@@ -62,18 +62,6 @@ def test_nearest_neighbours_are_reached_first_and_the_first_of_equals():
     assert nearest_neighbour(np.empty(0), np.empty((0, 0))).tolist() == []
 
 
-def test_service_times_shift_arrivals_but_not_the_order():
-    start, between = instance(3, 5)
-    plain = open_route(start, between, np.random.default_rng(0))
-    service = np.arange(5) * 10.0
-    served = open_route(start, between, np.random.default_rng(0), service)
-    assert served.order == plain.order
-    waited = np.concatenate([[0], np.cumsum(service[list(plain.order)])])
-    np.testing.assert_allclose(served.arrival_s, plain.arrival_s + waited[:-1])
-    assert served.duration_s == pytest.approx(plain.travel_s + 100)
-    assert served.travel_s == pytest.approx(plain.travel_s)
-
-
 def test_impossible_legs_are_avoided_and_shown_if_they_cannot_be():
     inf = np.inf
     for count in (4, 12):
@@ -111,15 +99,6 @@ def test_a_shortened_route_visits_all_and_is_never_longer(seed, count):
     assert sorted(order.tolist()) == list(range(count))
     as_given = timed_route(np.arange(count), start, between).travel_s
     assert timed_route(order, start, between).travel_s <= as_given + 1e-6
-
-
-def test_a_crossing_is_removed_and_one_way_legs_are_left_alone():
-    xy = np.array([[1.0, 0.0], [2.0, 1.0], [2.0, 0.0], [3.0, 1.0]])[[0, 3, 2, 1]]
-    start, between = np.hypot(*xy.T), np.hypot(*(xy[:, None] - xy).T)
-    order = shortened(start, between)
-    assert timed_route(order, start, between).travel_s < timed_route(np.arange(4), start, between).travel_s
-    between[0, 1] += 5.0
-    assert shortened(start, between).tolist() == [0, 1, 2, 3]
 
 
 # K-means --------------------------------------------------------------------------------------------------------

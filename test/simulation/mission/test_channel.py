@@ -28,7 +28,7 @@ def course(result):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("settings", [QUICK, LOOKS_AHEAD, replace(QUICK, map_from="stops", dwell="fmi:60")])
+@pytest.mark.parametrize("settings", [LOOKS_AHEAD, replace(QUICK, map_from="stops", dwell="fmi:60")])
 def test_a_property_without_weight_changes_nothing_of_the_first(settings):
     alone, both = simulate_mission(settings), simulate_mission(replace(settings, properties=("rough:0",)))
     np.testing.assert_equal(course(both), course(alone))

@@ -44,15 +44,6 @@ def test_a_plan_that_weighs_time_reaches_more_than_the_published_one(published):
 
 
 @pytest.mark.slow
-def test_the_variogram_that_a_mission_fits_does_not_change_its_efficiency(published):
-    """It did: with a long range little variance is left, whatever was measured."""
-    mapped, found = published.properties[0], mission_efficiency(published)
-    for variogram in (Variogram("matern32", 0.0, 200.0, 0.01), Variogram("exponential", 0.3, 2.0, 3.0)):
-        other = replace(mapped, soil_map=replace(mapped.soil_map, variogram=variogram))
-        assert mission_efficiency(replace(published, properties=[other])) == found
-
-
-@pytest.mark.slow
 def test_without_a_truth_it_is_that_of_the_map(published):
     unknown = replace(published.properties[0], truth_rate=np.full(published.truth_rate.shape, np.nan))
     found = mission_efficiency(replace(published, properties=[unknown]))

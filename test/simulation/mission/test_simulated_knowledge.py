@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.simulation import MissionSettings, simulate_mission, surrogate_field
-from soilmoist_ros.simulation.mission.simulated_knowledge import STOPS, earlier_series, simulated_covariates
+from soilmoist_ros.simulation.mission.simulated_knowledge import earlier_series, simulated_covariates
 
 SETTINGS = MissionSettings(field="smooth", earlier_surveys=2, cell_m=4.0)
 FIELD = surrogate_field("smooth")
@@ -50,16 +50,6 @@ def test_the_pattern_of_a_fixed_field_persists_and_every_survey_has_its_mean():
     assert abs(latest.mean() / present.mean() - 1) > 0.001
 
 
-def test_a_survey_has_about_a_hundred_stops_in_the_field_and_ends_before_the_mission():
-    for back, survey in enumerate(earlier_series(FIELD, GRID, SETTINGS), 1):
-        places = {(one.x_m, one.y_m) for one in survey.records}
-        assert 0.8 * STOPS < len(places) < 1.25 * STOPS
-        assert all(0 <= x <= 60 and 0 <= y <= 50 for x, y in places)
-        assert -7 * 86400 * back < survey.records[0].stamp_s < survey.records[-1].stamp_s < 0
-        samples = survey.survey(1.0, 0.0).samples
-        assert samples.counts.sum() == sum(one.raw_counts for one in survey.records)
-
-
 def test_a_mission_has_the_same_truth_with_and_without_earlier_surveys():
     short = MissionSettings(field="smooth", hours=0.1, cell_m=6.0, strategy="random", random_field=True, seed=4)
     alone, informed = (simulate_mission(replace(short, earlier_surveys=count)) for count in (0, 2))
@@ -87,10 +77,3 @@ def test_the_correlation_is_the_one_asked_for():
     assert found[:, 0] == pytest.approx(0.7)
     assert np.abs(found[:, 1:].mean(axis=0)).max() < 0.15
     assert correlations(covariate_correlation=-1.0)[1] == pytest.approx(-1)
-
-
-def test_useless_covariates_are_the_same_with_and_without_another():
-    alone = simulated_covariates(SURROGATE, CELLS, MissionSettings(useless_covariates=2))
-    both = simulated_covariates(SURROGATE, CELLS, MissionSettings(useless_covariates=2, covariate_correlation=0.5))
-    np.testing.assert_array_equal(alone.layers, both.layers[1:])
-    assert simulated_covariates(SURROGATE, CELLS, MissionSettings()) is None

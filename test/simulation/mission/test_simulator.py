@@ -120,12 +120,6 @@ def test_bad_settings_are_named(change, message):
         simulate_mission(replace(SHORT, **change))
 
 
-def test_the_log_gives_a_reason_for_every_decision():
-    log = simulate_mission(replace(SHORT, hours=0.5)).log
-    assert any("highest kriging variance" in line for line in log)
-    assert log[-1].split("  ")[-1].startswith("end: ")
-
-
 class Watched(_Simulation):
     """Notes the targets of all robots at each goal."""
 
@@ -176,15 +170,6 @@ def test_several_robots_share_one_map(map_from):
     assert stamps == sorted(stamps)
     assert len(stamps) > 2.9 * len(one.records)
     assert bits(three) == bits(simulate_mission(replace(base, robots=3)))
-
-
-@pytest.mark.slow
-def test_a_planner_learns_how_slow_the_robot_really_is():
-    slow = replace(SHORT, strategy="random", dwell="fmi:30", map_from="records", real_speed_mps=0.3)
-    learned = simulate_mission(slow).motion[0]
-    assert learned.motion.speed_mps == pytest.approx(0.3, rel=0.1)
-    told = simulate_mission(replace(slow, learn_travel=False)).motion[0]
-    assert told.motion is told.prior
 
 
 @pytest.mark.slow

@@ -61,14 +61,6 @@ def test_each_fault_changes_what_it_names():
     assert spoil({"weather": [weather]}).pressure_hpa == 300.0
 
 
-def test_without_a_value_a_weather_sensor_repeats_its_last_one():
-    frozen = {"weather": [{"quantity": "temperature_degc", "at_s": 15, "for_s": 100}]}
-    sensor = FaultySensor(SensorFaults.model_validate(frozen), np.random.default_rng(1))
-    records = [LoggerRecord(0.0, (1.0,), (10.0,), 1000.0, float(degrees), 0.5) for degrees in range(4)]
-    found = [sensor.spoil(record, 10.0 * n).temperature_degc for n, record in enumerate(records, 1)]
-    assert found == [0.0, 0.0, 0.0, 0.0]
-
-
 @cache
 def map_error(faults=NO_FAULTS):
     """Error of the map that grows record by record [counts/s], and the records that it left out."""
@@ -145,12 +137,6 @@ def test_the_logged_weather_is_the_applied_weather(weather):
         expected = alone.record(10.0 * number, STANDING, (0.0, 0.0)).effective_exposure_s
         assert effective_exposure(10.0, factor) == pytest.approx(expected, rel=1e-12)
         assert (factor == 1) == (not weather)
-
-
-def test_the_header_is_repeated_every_sixty_records():
-    logger = VirtualLogger(sensor(), START_S, np.random.default_rng(9))
-    lengths = [len(logger.lines(logger.record(10.0 * number, STANDING))) for number in range(1, 125)]
-    assert [number for number, length in enumerate(lengths, start=1) if length > 1] == [61, 121]
 
 
 FRAME = LocalFrame(53.2680, -0.5245)
