@@ -41,14 +41,6 @@ def test_soil_and_rain_may_change_the_rate(speed_mps):
     assert found(log(rng.poisson(rate), speed_mps=speed_mps)) == []
 
 
-def test_on_the_way_only_what_no_soil_causes_is_unexpected():
-    rng = np.random.default_rng(3)
-    rate = np.where(np.arange(100) % 40 < 20, 30.0, 75.0)
-    counts = rng.poisson(rate)
-    counts[70] = 500
-    assert found(log(counts, speed_mps=1.0)) == [70]
-
-
 def test_a_bad_first_record_does_not_condemn_the_good_ones_that_follow():
     counts = np.random.default_rng(4).poisson(40.0, 60)
     counts[0] = 5000

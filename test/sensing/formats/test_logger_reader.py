@@ -3,7 +3,6 @@
 
 import math
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.checks.tubes import combine_tubes, tube_shares
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import (
-    REMEMBERED_RECORDS,
     RecordParser,
     detect_format,
     parse_log,
@@ -237,30 +235,6 @@ def test_repeated_lines_of_a_logger_that_sends_rates_are_dropped(again) -> None:
     whole = parse_log(lines, "styx", "signed", Path("x"))
     assert [record.stamp_s for record in log.records] == [record.stamp_s for record in whole.records]
     assert sum(problem.kind is Kind.DUPLICATE for problem in log.problems) == len(lines[again])
-
-
-def lines_of_days(number: int) -> list[bytes]:
-    """Records, one each minute."""
-    start = datetime(2024, 5, 1, tzinfo=UTC)
-    return [
-        line(time=f"{start + timedelta(minutes=minute):%Y/%m/%d %H:%M:%S}", number=str(minute), gps="")
-        for minute in range(number)
-    ]
-
-
-@pytest.mark.slow
-def test_a_live_parser_knows_its_latest_records_and_a_file_all_of_them() -> None:
-    lines = lines_of_days(REMEMBERED_RECORDS + 100)
-    parser = RecordParser(FORMATS["hydroinnova_rover"], "east", on_problem=lambda problem: None)
-    for one in [*ROVER_HEADER.splitlines(), *lines]:
-        parser.feed(one)
-    assert parser.feed(lines[100]) is None
-    assert parser.feed(lines[-1]) is None
-    assert parser.feed(lines[99]) is not None
-    whole = [*ROVER_HEADER.splitlines(), *lines, lines[0]]
-    log = parse_log(whole, FORMATS["hydroinnova_rover"], "east", Path("whole.log"))
-    assert len(log.records) == len(lines)
-    assert [one.kind for one in log.problems].count(Kind.DUPLICATE) == 1
 
 
 def test_clock_backwards_is_kept() -> None:

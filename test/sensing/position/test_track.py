@@ -34,13 +34,6 @@ def test_linear_between_two_fixes() -> None:
     assert position.horizontal_sd_m == 0.05
 
 
-@pytest.mark.parametrize(
-    ("stamp_s", "found"), [(-0.5, 0), (10.5, 1), (-0.6, None), (10.6, None), (math.nan, None)]
-)
-def test_outside(stamp_s, found) -> None:
-    assert Track(LINE).at(stamp_s, 60.0) == (None if found is None else LINE[found].position)
-
-
 def test_across_180_degrees() -> None:
     track = Track([fix(0.0, longitude=179.8), fix(10.0, longitude=-179.8)])
     assert track.at(2.5, 10).longitude_deg == pytest.approx(179.9)

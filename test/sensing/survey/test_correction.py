@@ -14,7 +14,6 @@ from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.correction import (
-    MAX_WEATHER_GAP_S,
     UnusableRecordError,
     WeatherSeries,
     correct_record,
@@ -94,12 +93,6 @@ def test_gaps_of_a_logger_that_writes_every_hour_are_some_records_long() -> None
     assert series.filled(hourly(6)).pressure_hpa == pytest.approx(1004 + 6 * 2 / 5)
     series = series_of([hourly(0, 1000.0), hourly(9, 1010.0)])
     assert math.isnan(series.filled(hourly(4)).pressure_hpa)
-
-
-def test_at_the_end_the_last_value_serves_for_half_the_gap() -> None:
-    series = series_of([air(0.0)])
-    assert pressure(series, MAX_WEATHER_GAP_S / 2) == 1000.0
-    assert math.isnan(pressure(series, MAX_WEATHER_GAP_S / 2 + 1))
 
 
 @given(

@@ -21,8 +21,7 @@ from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings, fix_health, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream
-from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences
-from virtual_survey import START_S, write_survey
+from virtual_survey import write_survey
 
 LIMIT_S = 20.0
 FORMAT = "thorvald_crs"
@@ -67,21 +66,6 @@ def test_recordings_of_logger_and_receiver_are_played_in_step(speed, tmp_path):
     assert sum(len(batch.readings) for batch in batches) == number
     assert sum(len(batch.fixes) for batch in batches) > 9 * number
     assert not [one for one in records(batches) if math.isnan(one.x_m)]
-
-
-def test_a_receiver_without_a_date_follows_the_clock_that_is_set_after_the_start(tmp_path):
-    (tmp_path / "gga.nmea").write_text(
-        "".join(nmea_sentences(START_S + k, Position(50.0, 10.0, 30.0, 0.02))[1] + "\n" for k in range(9))
-    )
-    (tmp_path / "empty.log").write_text("# no record\n")
-    uris = [f"{(tmp_path / name).as_uri()}?speed=0" for name in ("empty.log", "gga.nmea")]
-    driver = Driver(DriverSettings(uris[0], FORMAT, uris[1]), Site(), LocalFrame(50.0, 10.0), START_S - 3 * 86400)
-    fixes = []
-    with started(driver):
-        deadline = time.monotonic() + LIMIT_S
-        while len(fixes) < 8 and time.monotonic() < deadline:
-            fixes += driver.step(START_S + 3600).fixes
-    assert [one.stamp_s - START_S for one in fixes] == list(range(8))
 
 
 def test_it_is_woken_when_lines_arrive_and_not_for_every_line(tmp_path):
