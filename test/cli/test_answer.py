@@ -15,7 +15,6 @@ from click.testing import CliRunner
 from soilmoist_ros.cli.answer import (
     answering,
     json_lines,
-    print_knowledge,
     progress_bar,
     put,
     reporting_errors,
@@ -25,8 +24,6 @@ from soilmoist_ros.cli.answer import (
 )
 from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
 from soilmoist_ros.reporting.live_view import LiveMission
-from soilmoist_ros.reporting.outputs import mission_run
-from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 
 def run(body, *options):
@@ -141,30 +138,3 @@ def test_a_line_of_json_for_each_change_once_a_second_at_most(capsys, monkeypatc
     assert (first["field"], first["rain"], second["rain"]) == ("patches", None, "likely")
     assert first["robots"][0]["x_m"] is None
     assert "time_utc" in second
-
-
-# Lines on a map: what informed it, its notes --------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def informed():
-    settings = MissionSettings(
-        "synthetic-low", hours=0.2, seed=1, strategy="lattice", dwell="fmi:20", earlier_surveys=2, cell_m=3.0,
-        covariate_correlation=0.8,
-    )  # fmt: skip
-    return mission_run(simulate_mission(settings))
-
-
-@pytest.mark.slow
-def test_what_informed_a_map_is_printed(informed, capsys):
-    print_knowledge(informed)
-    lines = capsys.readouterr().out.splitlines()
-    names = [one.survey.name for one in informed.earlier]
-    assert [
-        line.split(":")[0].removeprefix("earlier    ") for line in lines if line.startswith("earlier")
-    ] == names
-    assert all("correlation of the patterns 0." in line for line in lines if line.startswith("earlier"))
-    (change,) = (line for line in lines if line.startswith("change"))
-    assert change.startswith(f"change     since the survey {names[-1]}: mean ")
-    (covariate,) = (line for line in lines if line.startswith("covariate"))
-    assert "counts/s per standard deviation (" in covariate

@@ -162,13 +162,6 @@ def test_a_place_keeps_its_latitude_and_longitude(latitude, longitude, east, nor
         assert np.hypot(*away_m) < 0.01  # at 5 km from the datum
 
 
-def test_meridians_converge():
-    far = move_between(FIELD, LocalFrame(52.0, 14.0))
-    assert math.degrees(far.yaw_rad) == pytest.approx(
-        -math.sin(math.radians(52.0)), abs=0.01
-    )  # north is to the right
-
-
 def test_the_other_side_of_the_earth_is_refused():
     with pytest.raises(ValueError, match="two sides"):
         move_between(FIELD, LocalFrame(-52.0, -167.0))

@@ -148,13 +148,6 @@ def test_a_name_is_imported_when_it_is_used(package):
     assert dir(module) == module.__all__ == ["answer"]
 
 
-def test_other_names_do_not_exist(package):
-    with pytest.raises(AttributeError, match="'a_lazy_package' has no attribute 'other'"):
-        _ = __import__(package).other
-    with pytest.raises(ImportError, match="other"):
-        exec(f"from {package} import other")
-
-
 def test_extras_are_those_of_the_package():
     from distutils.core import run_setup
 
