@@ -103,13 +103,9 @@ def _deliver(node: Node) -> None:
 def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = EventsExecutor) -> None:
     """Run a node until it is interrupted; every ``main`` calls this function.
 
-    One thread calls the callbacks as events arrive. Other executors of rclpy look at all entities of the node at
-    each message: with the messages of a simulated clock that costs more than the callbacks. Longer work has
-    threads of its own (:class:`.Aside`).
-
-    The executor of events is experimental. Tests cover what nodes rely on: errors in callbacks and timers, a
-    simulated clock that goes back, cancelled goals, and signals during a callback. Nodes must not do what it
-    cannot:
+    One thread calls the callbacks as events arrive; longer work has threads of its own (:class:`.Aside`). Other
+    executors of rclpy look at all entities at each message, which costs more than the callbacks. The executor of
+    events is experimental, and nodes must not do what it cannot:
 
     * guard conditions are refused; :class:`.Soon` takes their place
     * coroutines fail as callbacks of services and subscriptions (ros2/rclpy#1473)

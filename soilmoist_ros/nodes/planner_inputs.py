@@ -83,7 +83,6 @@ class PlannerInputs:
     """Subscribes to the inputs, and passes valid messages to the control; each fault is logged once.
 
     :param map_topic: topic of the navigation's map; empty for no subscription
-    :param edge_actions: actions of edges that the navigation knows; all if empty
     :param by_name: whether the navigation chooses the way by its own map
     """
 
@@ -292,13 +291,7 @@ class PlannerRecords:
 
 
 class PlannerFrames:
-    """Listens to TF if its message type is installed, and publishes ``robot_pose`` with each fix.
-
-    Attributes
-    ----------
-    robot : RobotFrames
-        the frames
-    """
+    """Listens to TF if its message type is installed, and publishes ``robot_pose`` with each fix."""
 
     def __init__(self, node: Node, values: Parameters, field: Field) -> None:
         self._node = node

@@ -194,13 +194,7 @@ class SensorDriver(LifecycleNode):
 
 
 class DriverOutputs:
-    """Publishers of the driver, and its log of records.
-
-    Attributes
-    ----------
-    datum : tuple[float, float] or None
-        datum of the places of the records [deg]
-    """
+    """Publishers of the driver, and its log of records; ``datum`` is that of their places [deg]."""
 
     def __init__(self, node: Node, given: Parameters) -> None:
         self.datum: LatLon | None = None
@@ -225,10 +219,7 @@ class DriverOutputs:
         }
 
     def open(self) -> Header | None:
-        """Open the log of records, if there is one.
-
-        :return: the last header of the logger, if it is stored there
-        """
+        """Open the log of records, if there is one; returns the header of the logger that is stored there."""
         if not self._folder:
             return None
         folder = Path(self._folder).expanduser() / DRIVER
