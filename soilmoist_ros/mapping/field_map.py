@@ -9,9 +9,9 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Progress
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
+from soilmoist_ros.mapping.mapping_settings import MappingSettings
 from soilmoist_ros.mapping.records import (
     DrivenPaths,
     SampleMerger,
@@ -78,22 +79,15 @@ RECENT = 30
 class FieldMapSettings:
     """Choices of a :class:`FieldMap`.
 
-    :param model: variogram model
-    :param fit: ``reml`` or ``soft_l1``
-    :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
-    :param merge_radius_m: records closer together than this become one sample [m], >= 0; ``None`` for the choice
-        of :func:`default_merge_radius_m`
+    ``model``, ``fit``, ``keep_nugget``, ``merge_radius_m``, ``noise``, ``local`` and ``drift_model`` are those of
+    :class:`MappingSettings`, with its defaults.
+
     :param margin_m: records up to this far outside the field count [m], >= 0; they inform its edge
     :param curve: calibration that turns the rate into soil moisture
     :param footprint_radius_m: radius of the footprint over which the records were counted [m], >= 0; 0 if it is
         not known, and for a sensor that sees its own place only
     :param max_exact_samples: number of samples beyond which a map is made by :class:`TiledKriging`
     :param for_planning: keep every map exact, however many samples it has: planning needs their kriging
-    :param noise: rate in the Poisson noise of each sample: ``local`` to its place, or ``mean``, as published
-    :param local: whether the variance may differ from place to place: ``auto`` if the counts clearly ask for it
-        (:mod:`.local`), or ``off``; with soft_l1 it never does
-    :param drift_model: whether the mean rate may change during the survey: ``auto`` if the counts ask for it
-        (:mod:`.drift`), or ``off``; with soft_l1 it never does
     :param deconvolve: whether the map is of the rate at each place (true), or of its mean over the footprint
         around the place (false); ``None`` for each place unless the counts object (:func:`fits_footprint`). With
         soft_l1 it is always the mean
@@ -112,6 +106,12 @@ class FieldMapSettings:
     local: LocalModel = "auto"
     drift_model: DriftModel = "auto"
     deconvolve: bool | None = None
+
+    @classmethod
+    def chosen(cls, settings: object, **more: Any) -> FieldMapSettings:
+        """The choices of :class:`MappingSettings` that other settings have too, such as those of a mission."""
+        names = (one.name for one in fields(MappingSettings) if one.name in cls.__dataclass_fields__)
+        return cls(**{name: getattr(settings, name) for name in names if hasattr(settings, name)}, **more)
 
     @property
     def sample_radius_m(self) -> float:

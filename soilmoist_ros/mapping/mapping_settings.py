@@ -31,15 +31,7 @@ def _choice(help: str, default: Any, *choices: str, before: Any = _UNCHANGED) ->
 class MappingSettings:
     """Settings of a map; ``None`` for the default, or in a replay for that of the robot.
 
-    :param model: variogram model
-    :param fit: ``reml`` or ``soft_l1``
-    :param noise: rate in the Poisson noise, as :class:`FieldMapSettings`
-    :param local: whether the variance may differ from place to place, as :class:`FieldMapSettings`
-    :param drift_model: whether the mean rate may change during the survey, as :class:`FieldMapSettings`
-    :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
-    :param cell_m: cell size of the map [m]; by default that of the field, or one chosen from its extent
-    :param merge_radius_m: records closer together than this become one sample [m]; by default chosen from the
-        footprint
+    With ``soft_l1`` neither the variance nor the mean rate differs, whatever ``local`` and ``drift_model`` are.
     """
 
     model: ModelName | None = _choice(

@@ -248,15 +248,8 @@ def _write_series(
     mapped, settings = result.properties[0], result.settings
     assert mapped.soil_map is not None
     grid = mapped.soil_map.grid
-    choices = FieldMapSettings(
-        settings.model,
-        settings.fit,
-        curve=mapped.soil_map.curve,
-        noise=settings.noise,
-        local=settings.local,
-        drift_model=settings.drift_model,
-        footprint_radius_m=settings.footprint_m,
-    )
+    curve = mapped.soil_map.curve
+    choices = FieldMapSettings.chosen(settings, curve=curve, footprint_radius_m=settings.footprint_m)
     for back, survey in enumerate(mapped.series, 1):
         field_map = FieldMap(grid, choices)
         field_map.set_records(survey.records)

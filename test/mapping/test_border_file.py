@@ -298,17 +298,6 @@ def test_a_border_on_both_sides_of_the_180th_meridian_is_one_field(tmp_path):
     np.testing.assert_allclose(np.ptp(field.polygon, axis=0), [106.5, 110.7], atol=0.2)
 
 
-def test_points_and_lines_next_to_the_border_are_named(tmp_path):
-    corners = [[0, 50], [0.002, 50], [0.002, 50.001], [0, 50.001], [0, 50]]
-    drawn = [
-        feature("Polygon", [corners], name="field"),
-        feature("Point", [0.001, 50.0005], name="pylon"),
-        feature("LineString", [[0, 50], [0.002, 50.001]], name="ditch"),
-    ]
-    (note,) = BorderSource(written(tmp_path, collection(*drawn))).read().notes
-    assert note.startswith("lines and points are not used: 'pylon', 'ditch'; draw")
-
-
 def test_a_number_that_is_a_property_of_another_feature_is_asked_for(tmp_path):
     shifted = [[[x + at, y] for x, y in ((0, 50), (0.002, 50), (0.002, 50.001), (0, 50))] for at in (0, 0.01)]
     path = written(tmp_path, collection(*(feature("Polygon", [ring], id=id) for id, ring in enumerate(shifted))))

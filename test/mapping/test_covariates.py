@@ -332,12 +332,6 @@ def test_what_the_text_of_a_source_means(tmp_path):
     assert str(CovariateSource.parse("b/a.tif:slope")) == "b/a.tif:slope"
 
 
-def test_a_file_called_elevation_says_it_once(tmp_path):
-    path = write_raster(tmp_path / "elevation.tif")
-    found = read_covariates([CovariateSource(path, derive=("elevation", "slope"))], FRAME, GRID)
-    assert found.names == ("elevation", "slope")
-
-
 @pytest.mark.parametrize("about", [(5000, 0), (2e6, 3e6)])
 def test_elevations_off_the_field_are_named(tmp_path, about):
     path = write_raster(tmp_path / "relief.tif", about=about)
@@ -348,13 +342,6 @@ def test_elevations_off_the_field_are_named(tmp_path, about):
 SQUARE = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 40), (20, 40)], cell_m=5.0)
 X, Y = np.meshgrid(SQUARE.x_m, SQUARE.y_m)
 CENTRES = np.column_stack([X[SQUARE.mask], Y[SQUARE.mask]])
-
-
-def test_covariates_are_standardised_over_the_field():
-    covariates = Covariates.over(SQUARE, ["east", "height"], [X, 300 + Y**2])
-    values = covariates.at(CENTRES)
-    np.testing.assert_allclose(values.mean(axis=0), 0, atol=1e-12)
-    np.testing.assert_allclose(values.std(axis=0), 1)
 
 
 def test_missing_values_and_constants_are_the_mean():

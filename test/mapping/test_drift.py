@@ -11,7 +11,6 @@ from soilmoist_ros.mapping.drift import (
     MAX_SAMPLES,
     MIN_PROBABILITY,
     STILL,
-    WINDOW_S,
     Change,
     Changing,
     Drift,
@@ -23,10 +22,8 @@ from soilmoist_ros.mapping.drift import (
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.records import SampleMerger
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.soil_map import make_soil_map
-from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -86,12 +83,6 @@ def test_a_drift_is_found_and_nearly_never_where_there_is_none():
     assert np.median([drift.change for drift in found if drift]) == pytest.approx(0.1, abs=0.02)
     inside = [abs(drift.change - 0.1) < 1.96 * drift.change_sd for drift in found if drift]
     assert np.mean(inside) >= 0.8
-
-
-@pytest.mark.slow
-def test_a_drift_that_is_not_there_costs_little():
-    auto, off = map_errors(8)
-    assert auto < 1.05 * off
 
 
 SURFACES = {
@@ -189,12 +180,6 @@ def test_places_visited_long_ago_are_worth_a_return():
     assert lost[-1] < 1.1
 
 
-def test_soft_l1_knows_no_drift():
-    field_map = FieldMap(GRID, FieldMapSettings(fit="soft_l1"))
-    field_map.set_records(records(survey(1, 0.3)[0]))
-    assert field_map.update().change.drift is None
-
-
 def test_few_samples_one_time_and_many_samples():
     timed, _ = survey(1, 0.3)
     assert find_change(timed.thinned(8), HOURS * 3600, VARIOGRAM).drift is None
@@ -263,31 +248,11 @@ def test_kriging_with_uncertain_rates_is_the_mean_over_them(seed, repeated):
     np.testing.assert_allclose(extended, (moved**2).sum(axis=1))
 
 
-def test_records_of_far_times_are_not_merged():
-    merger = SampleMerger(2.0, window_s=WINDOW_S)
-    for time_s in (0.0, 10.0, WINDOW_S - 1, WINDOW_S, WINDOW_S + 90):
-        merger.add(1.0, 1.0, 30, 10.0, time_s=time_s)
-    assert merger.samples.counts.tolist() == [90, 60]
-    np.testing.assert_allclose(merger.time_s, [(10 + WINDOW_S - 1) / 3, WINDOW_S + 45])
-
-
 def test_a_series_at_one_place_has_no_drift_in_space():
     timed = survey(3, 0.3)[0]
     one = timed.samples
     here = TimedSamples(Samples(np.zeros_like(one.xy), one.counts, one.exposure_s), timed.time_s)
     assert find_change(here, HOURS * 3600, VARIOGRAM) == Change()
-
-
-def test_a_stop_of_hours_has_no_drift_in_space():
-    """However the positions of the receiver jitter."""
-    rng = np.random.default_rng(1)
-    field_map = FieldMap(GRID)
-    for number in range(1, 361):
-        x_m, y_m = rng.normal((30, 25), 0.02).tolist()
-        counts = int(rng.poisson(240 * (1 - 0.15 * number / 360)))
-        field_map.add(CountRecord(60.0 * number, x_m, y_m, 0.0, counts, 60.0, 60.0))
-    assert len(field_map.state.timed.samples) == 72
-    assert field_map.update().change == Change()
 
 
 @pytest.mark.parametrize("at_once", [False, True])
@@ -308,28 +273,6 @@ def test_a_map_with_a_drift_is_of_the_places_of_the_samples(at_once):
     assert mapped.counts.sum() == given.counts.sum()
     inside = GRID.mask
     assert (soil_map.variance[inside] > make_soil_map(given, GRID, soil_map.fit).variance[inside]).all()
-
-
-def test_visits_near_one_place_share_its_micro_scale_variation():
-    timed = survey(2, 0.2)[0]
-    one, stops = timed.samples, np.tile(np.round(timed.samples.xy[:30]), (3, 1))
-    nodes = TimedSamples(Samples(stops, one.counts, one.exposure_s), timed.time_s)
-    near = TimedSamples(Samples(stops + 1e-7 * np.arange(90)[:, None], one.counts, one.exposure_s), timed.time_s)
-    uneven = Variogram("matern32", nugget=0.2, range_m=20.0, sill=0.4)
-    places = Samples(stops[:30], one.counts[:30], one.exposure_s[:30])
-    exact, shared, alone = (
-        find_change(each, HOURS * 3600, uneven, places=at).drift
-        for each, at in ((nodes, None), (near, places), (near, None))
-    )
-    np.testing.assert_allclose(shared.shares, exact.shares, rtol=1e-4, atol=1e-9)
-    assert exact.change_sd < 0.8 * alone.change_sd
-    own = FieldPrior(
-        lambda xy: np.zeros((len(xy), 1)), *np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1),
-        own=lambda xy: np.full(len(xy), uneven.nugget),
-    )  # fmt: skip
-    even = Variogram("matern32", nugget=0.0, range_m=20.0, sill=0.2)
-    known = find_change(near, HOURS * 3600, even, prior=own, places=places).drift
-    np.testing.assert_allclose(known.shares, shared.shares, rtol=1e-9, atol=1e-12)
 
 
 def test_visits_of_exactly_one_place_stay_apart():

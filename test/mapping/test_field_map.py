@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import dataclasses
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -12,8 +11,6 @@ from hypothesis import strategies as st
 from count_records import record, records
 from soilmoist_ros.mapping import FieldGrid, Samples, make_soil_map
 from soilmoist_ros.mapping.field_map import (
-    LATER_REFIT_GROWTH,
-    MANY_SAMPLES,
     RECENT,
     REFIT_GROWTH,
     SEARCH_GROWTH,
@@ -22,7 +19,7 @@ from soilmoist_ros.mapping.field_map import (
     fits_footprint,
 )
 from soilmoist_ros.mapping.records import DrivenPaths, Skip
-from soilmoist_ros.mapping.samples import NO_SAMPLES, footprint_spread, merge_records, path_spread
+from soilmoist_ros.mapping.samples import footprint_spread, merge_records, path_spread
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN
@@ -121,38 +118,6 @@ def test_the_map_of_a_state_does_not_depend_on_which_maps_were_computed(many, da
     assert found.variogram == expected.variogram
 
 
-@pytest.mark.slow
-def test_between_fits_the_noise_stays_and_with_it_the_rows_of_earlier_samples():
-    rng = np.random.default_rng(3)
-    the_map = field_map(merge_radius_m=0.0)
-    for x_m, y_m in rng.uniform((0, 0), (60, 50), (110, 2)).tolist():
-        the_map.add(record(x_m, y_m, raw_counts=int(rng.poisson(40))))
-    first = the_map.compute(the_map.state)
-    the_map.add(record(30.0, 30.0, raw_counts=90))
-    second = the_map.compute(the_map.state)
-    assert second.fit is first.fit
-    assert second.mean_rate == first.mean_rate == first.fit.mean_rate
-    samples = the_map.state.samples
-    exact = make_soil_map(samples, GRID, second.fit, CURVE)
-    for band, wanted in zip(second.bands, exact.bands, strict=True):
-        np.testing.assert_allclose(band, wanted, rtol=1e-9)
-    fresh = field_map(merge_radius_m=0.0)
-    assert fresh.compute(the_map.state).rate.tobytes() == second.rate.tobytes()
-
-
-@pytest.mark.slow
-def test_threads_may_map_different_states_at_a_time():
-    the_map = field_map(merge_radius_m=0.0)
-    states = []
-    for number in range(24):
-        the_map.add(record(2.0 * number, 10.0 + number, raw_counts=30 + number))
-        states.append(the_map.state)
-    expected = [field_map().compute(state).rate.tobytes() for state in states]
-    with ThreadPoolExecutor(4) as pool:
-        found = [soil_map.rate.tobytes() for soil_map in pool.map(the_map.compute, states)]
-    assert found == expected
-
-
 def test_a_state_stays_as_it_was_while_records_come_in():
     the_map = field_map()
     the_map.add(record())
@@ -165,18 +130,6 @@ def test_a_state_stays_as_it_was_while_records_come_in():
     assert not np.array_equal(the_map.compute(the_map.state).rate, before, equal_nan=True)
 
 
-@pytest.mark.slow
-@settings(deadline=None)
-@given(st.lists(st.tuples(st.integers(0, 6), st.floats(5, 20)), min_size=1, max_size=300))
-def test_the_variogram_is_never_far_behind(stops):
-    the_map = field_map()
-    for stop, exposure_s in stops:
-        the_map.add(record(stop * 8.0, effective_exposure_s=exposure_s))
-        state = the_map.state
-        assert len(state.samples) <= (1 + REFIT_GROWTH) * len(state.fit_samples)
-        assert state.samples.exposure_s.sum() <= (1 + REFIT_GROWTH) * state.fit_samples.exposure_s.sum()
-
-
 def test_the_variogram_is_fitted_to_every_record_at_first_and_rarely_later():
     the_map = field_map()
     fits, searches = [], []
@@ -187,19 +140,6 @@ def test_the_variogram_is_fitted_to_every_record_at_first_and_rarely_later():
     assert len(set(fits[:10])) == 10
     assert len(set(fits[500:])) <= 1 + math.log(2) / math.log(1 + REFIT_GROWTH)
     assert len(set(searches[500:])) <= 2 + math.log(2) / math.log(1 + SEARCH_GROWTH)
-
-
-def test_from_many_samples_on_the_variogram_is_fitted_less_often():
-    the_map = field_map(merge_radius_m=0.0)
-    fitted = []
-    for number in range(3 * MANY_SAMPLES):
-        the_map.add(record(number % 50, number // 50, stamp_s=100.0 * number))
-        fitted.append(len(the_map.state.fit_samples))
-    numbers = np.unique(fitted)
-    few, many = numbers[numbers <= MANY_SAMPLES], numbers[numbers >= MANY_SAMPLES]
-    assert np.diff(few).max() <= math.ceil(REFIT_GROWTH * MANY_SAMPLES) + 1
-    assert (np.diff(many) > LATER_REFIT_GROWTH * many[:-1]).all()
-    assert many[-1] >= len(the_map.state.samples) / (1 + LATER_REFIT_GROWTH)
 
 
 def test_between_searches_a_fit_has_the_direction_of_the_last_one():
@@ -281,27 +221,6 @@ def test_the_footprint_is_part_of_every_sample_when_it_is_to_be_deconvolved():
         field_map(footprint_radius_m=-1.0)
 
 
-def test_the_map_takes_the_extents_into_account():
-    the_map = field_map(merge_radius_m=2.0)
-    for one in drive(8, raw_counts=60) + drive(8, (0.0, 5.0), (50.0, 5.0), 300.0, raw_counts=20):
-        the_map.add(one)
-    state = the_map.state
-    samples = state.samples
-    fit = estimate_variogram(
-        samples.xy,
-        samples.counts,
-        samples.exposure_s,
-        extent_m=GRID.extent_m,
-        spread=samples.spread,
-        local_noise=True,
-    )
-    found = the_map.compute(state)
-    assert found.variogram == the_map.fit(state).variogram
-    np.testing.assert_array_equal(found.kriging.places.spread, samples.spread)
-    points = make_soil_map(dataclasses.replace(samples, spread=np.zeros(3)), GRID, fit)
-    assert np.nanmax(np.abs(points.rate - found.rate)) > 1e-4
-
-
 PLANNING = FieldMapSettings(for_planning=True)
 RNG = np.random.default_rng(6)
 SAMPLES = Samples(RNG.uniform(0, 50, (9, 2)), RNG.poisson(400, 9), np.full(9, 100.0))
@@ -317,38 +236,6 @@ def test_samples_and_variogram_from_elsewhere_give_the_same_map():
     np.testing.assert_array_equal(given.rate, own.rate)
     np.testing.assert_array_equal(given.variance, own.variance)
     assert given.soil_map.fit is soil_map.fit
-
-
-def test_a_given_variogram_is_used_as_it_is():
-    fit = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, "exponential", "soft_l1")
-    for choices in (PLANNING, FieldMapSettings()):
-        field_map = FieldMap(GRID, choices)
-        field_map.set_samples(SAMPLES, fit)
-        field_map.update()
-        assert field_map.kriging.variogram is fit.variogram
-        rate, variance = field_map.kriging.predict(GRID.cells)
-        np.testing.assert_allclose(field_map.rate, rate)
-        np.testing.assert_allclose(field_map.variance, variance)
-
-
-def test_without_samples_the_last_map_stays():
-    field_map = FieldMap(GRID, PLANNING)
-    assert field_map.kriging is None
-    assert np.isnan(field_map.rate).all()
-    field_map.set_samples(SAMPLES)
-    before = field_map.update()
-    field_map.set_samples(NO_SAMPLES)
-    assert field_map.update() is None
-    assert field_map.soil_map is before
-
-
-def test_soft_l1_waits_for_a_second_place():
-    field_map = FieldMap(GRID, FieldMapSettings(fit="soft_l1"))
-    for x_m in (10.0, 10.0):
-        field_map.add_sample((x_m, 20.0), 400, 100.0)
-        assert field_map.update() is None
-    field_map.add_sample((30.0, 20.0), 300, 100.0)
-    assert field_map.update() is not None
 
 
 def test_a_bad_sample_changes_nothing():

@@ -18,12 +18,6 @@ def test_knowledge_is_empty_unless_something_is_known():
     assert not Knowledge(earlier=(EarlierSurvey("may", 0.0, ONE),)).is_empty
 
 
-def test_an_earlier_survey_counts_once():
-    may = EarlierSurvey("may", 0.0, ONE)
-    with pytest.raises(ValueError, match="'may' is given twice"):
-        Knowledge(earlier=(may, may))
-
-
 def test_an_earlier_survey_needs_samples_and_a_time():
     with pytest.raises(ValueError, match="no samples"):
         EarlierSurvey("may", 0.0, NO_SAMPLES)

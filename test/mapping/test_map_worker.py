@@ -96,18 +96,6 @@ def test_a_failure_is_kept_and_the_next_map_is_made_all_the_same(bench, caplog):
     assert bench.worker.mapped is STATES[1]
 
 
-def test_closing_lets_the_map_under_way_be_finished(bench):
-    bench.worker.submit(STATES[0])
-    assert bench.started.acquire(timeout=LIMIT_S)
-    bench.worker.submit(STATES[1])
-    bench.go_on.release(2)
-    bench.worker.close()
-    bench.worker.close()
-    bench.worker.submit(STATES[2])
-    assert bench.computed[0] == 1
-    assert 3 not in bench.computed
-
-
 def test_the_health_shows_what_the_map_rests_on():
     grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 10.0)
     field_map = FieldMap(grid, FieldMapSettings(fit="soft_l1"))

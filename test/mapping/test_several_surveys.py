@@ -19,7 +19,6 @@ from soilmoist_ros.mapping.several_surveys import (
     Persistence,
     discoveries,
     field_change,
-    mean_places,
     moisture_slope,
     two_sided,
 )
@@ -100,17 +99,6 @@ def test_intervals_of_maps_changes_and_mean_changes_cover_the_truth():
     assert (inside[:3] / runs < 0.985).all()
 
 
-def test_a_mean_is_the_mean_of_the_map():
-    surveys, _ = draw(np.random.default_rng(5), 0.8)
-    kriging = JointKriging(VARIOGRAM, surveys, Persistence(0.8).matrix([0.0, 0.0]))
-    weight = np.full(len(CELLS), 1 / len(CELLS))
-    value, variance = kriging.mean(CELLS, {1: weight})
-    assert value == pytest.approx(kriging.predict(CELLS, 1)[0].mean())
-    one = np.eye(len(CELLS))[0]
-    assert kriging.mean(CELLS, {1: one})[1] == pytest.approx(kriging.predict(CELLS, 1)[1][0])
-    assert variance < kriging.predict(CELLS, 1)[1].mean()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.95])
 def test_the_persistence_is_found(share):
@@ -184,28 +172,6 @@ def test_the_mean_change_is_that_of_all_columns_of_the_field():
     assert low < -0.5 < high
 
 
-def test_the_places_of_a_mean_are_all_cells_or_blocks_of_them():
-    places, share = mean_places(GRID)
-    np.testing.assert_array_equal(places, GRID.cells)
-    assert share == pytest.approx(1 / len(places))
-    corners, pond = [(0, 0), (210, 40), (210, 330)], [(150, 150), (180, 150), (180, 200)]
-    grid = FieldGrid.from_polygon(corners, 1.0, [pond])
-    places, share = mean_places(grid)
-    assert len(places) < 700
-    assert share @ places == pytest.approx(grid.cells.mean(axis=0))
-
-
-def test_a_change_backwards_is_the_negative():
-    rng = np.random.default_rng(2)
-    kriging = JointKriging(
-        CHANGED, [survey(rng, pattern), survey(rng, irrigated)], Persistence(0.5).matrix([0, 0])
-    )
-    forth, back = field_change(kriging, GRID, 1, 0, CURVE), field_change(kriging, GRID, 0, 1, CURVE)
-    np.testing.assert_allclose(forth.rate, -back.rate)
-    np.testing.assert_allclose(forth.vwc_sd, back.vwc_sd)
-    np.testing.assert_array_equal(forth.significant, -back.significant)
-
-
 def test_errors_that_the_samples_share_add_to_the_change():
     rng = np.random.default_rng(2)
     surveys = [survey(rng, pattern), survey(rng, irrigated)]
@@ -219,14 +185,6 @@ def test_errors_that_the_samples_share_add_to_the_change():
     assert found.mean_rate.sd**2 - plain.mean_rate.sd**2 == pytest.approx(0.5**2)
     assert found.mean_vwc.sd**2 - plain.mean_vwc.sd**2 == pytest.approx((0.5 * slope.mean()) ** 2)
     assert sum(found.shares) < sum(plain.shares)
-
-
-def test_without_a_calibration_only_the_rate_changes():
-    rng = np.random.default_rng(3)
-    kriging = JointKriging(CHANGED, [survey(rng, pattern), survey(rng, irrigated)], np.eye(2))
-    found = field_change(kriging, GRID, 1, 0)
-    assert np.isnan(found.vwc).all()
-    assert found.mean_vwc is None
 
 
 def test_discoveries_of_the_example_of_benjamini_and_hochberg():

@@ -13,12 +13,10 @@ from hypothesis import strategies as st
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Samples, SoilMap, Variogram, make_soil_map
 from soilmoist_ros.mapping.soil_map import (
-    common_rate_sd,
     make_bands,
     moisture_terms,
     possible_moisture,
 )
-from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, soil_limits
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
@@ -52,12 +50,6 @@ def test_bands_are_consistent_and_nan_outside():
     assert done[-1] == 1.0
 
 
-def test_evaluate_at_the_cells_is_the_map():
-    soil_map = make_soil_map(survey(), FIELD, MODEL, CURVE)
-    for at_points, band in zip(soil_map.evaluate(FIELD.cells), soil_map.bands, strict=True):
-        np.testing.assert_allclose(FIELD.to_raster(at_points), band, rtol=1e-11)
-
-
 def test_without_a_curve_there_is_no_moisture():
     soil_map = make_soil_map(survey(), FIELD, MODEL)
     assert soil_map.curve is None
@@ -76,25 +68,6 @@ def test_cells_too_wet_for_the_curve_are_counted():
     assert soil_map.beyond_limits[FIELD.mask][low].all()
     assert not soil_map.beyond_limits[~FIELD.mask].any()
     assert not make_soil_map(survey(), FIELD, MODEL).beyond_limits.any()
-
-
-def test_a_fit_is_kept_with_the_map():
-    samples = survey()
-    fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s)
-    soil_map = make_soil_map(samples, FIELD, fit)
-    assert soil_map.fit is fit
-    assert soil_map.variogram is fit.variogram
-
-
-def test_filtering_the_nugget_lowers_the_uncertainty():
-    keep, smooth = (make_soil_map(survey(), FIELD, MODEL, keep_nugget=keep) for keep in (True, False))
-    np.testing.assert_allclose(keep.rate_sd**2 - smooth.rate_sd**2, np.where(FIELD.mask, 0.01, np.nan), rtol=1e-9)
-
-
-def test_samples_may_lie_outside_the_field():
-    outside = Samples([[-500, -500], [900, 20]], [1200, 2400], [600, 600])
-    soil_map = make_soil_map(outside, FIELD, MODEL)
-    np.testing.assert_allclose(soil_map.rate[FIELD.mask], 3.0, rtol=1e-6)
 
 
 def test_no_samples_make_no_map():
@@ -124,11 +97,6 @@ def test_without_the_extra_it_says_how_to_install_it(monkeypatch, module, method
     soil_map = make_soil_map(survey(), FIELD, MODEL)
     with pytest.raises(InputError, match=rf"{module} is not installed -> pip install 'soilmoist_ros\[frames\]'"):
         getattr(soil_map, method)()
-
-
-def test_a_map_shows_itself_in_a_line():
-    assert repr(make_soil_map(survey(), FIELD, MODEL)).startswith("SoilMap(")
-    assert "\n" not in repr(FIELD)
 
 
 CURVE = CalibrationCurve(n0_cps=6.0, bulk_density_gcm3=1.4)
@@ -163,10 +131,6 @@ def test_an_uncertain_calibration_widens_the_interval(part):
     plain = make_bands(np.array(rate), np.array(sd**2), CURVE)
     assert bands.vwc_p05 < plain.vwc_p05 < plain.vwc < plain.vwc_p95 < bands.vwc_p95
     assert bands.vwc_sd == plain.vwc_sd  # the common part shifts all places together
-
-
-def test_a_calibration_without_standard_deviations_adds_nothing():
-    assert common_rate_sd(CURVE, np.array([1.0, 3.0])) is None
 
 
 @settings(max_examples=80)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,29 +109,15 @@ def fit_variogram(
     exposure_s: ArrayLike,
     model: ModelName = "matern32",
     method: FitMethod = "reml",
-    *,
-    extent_m: float | None = None,
-    edges: ArrayLike | None = None,
-    spread: ArrayLike | None = None,
-    anisotropy: bool = True,
+    **options: Any,
 ) -> Variogram:
-    """Fit a variogram; parameters and errors as :func:`estimate_variogram`.
+    """Fit a variogram; parameters, options and errors as :func:`estimate_variogram`.
 
     >>> xy = [(0, 0), (10, 0), (20, 5), (40, 10), (45, 30)]
     >>> fit_variogram(xy, counts=[300, 320, 380, 500, 470], exposure_s=[100.0] * 5, extent_m=60.0).model
     'matern32'
     """
-    return estimate_variogram(
-        xy,
-        counts,
-        exposure_s,
-        model,
-        method,
-        extent_m=extent_m,
-        edges=edges,
-        spread=spread,
-        anisotropy=anisotropy,
-    ).variogram
+    return estimate_variogram(xy, counts, exposure_s, model, method, **options).variogram
 
 
 def estimate_variogram(

@@ -60,15 +60,8 @@ class Channel:
         self.wanted = wanted
         self.curve = curve
         self._of_stops = settings.map_from == "stops"
-        choices = FieldMapSettings(
-            settings.model,
-            settings.fit,
-            curve=curve,
-            footprint_radius_m=settings.footprint_m,
-            for_planning=True,
-            noise=settings.noise,
-            local=settings.local,
-            drift_model=settings.drift_model,
+        choices = FieldMapSettings.chosen(
+            settings, curve=curve, footprint_radius_m=settings.footprint_m, for_planning=True
         )
         self.series = earlier_series(field, grid, settings, number)
         merge_m = default_merge_radius_m(grid, choices.margin_m)

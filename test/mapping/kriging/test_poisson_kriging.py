@@ -16,7 +16,7 @@ from scipy.spatial.distance import cdist
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
 from soilmoist_ros.mapping.kriging.rows import RasterKriging
-from soilmoist_ros.mapping.kriging.system import Points, coincident, sample_correlation
+from soilmoist_ros.mapping.kriging.system import Points, sample_correlation
 from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
@@ -113,19 +113,6 @@ def test_long_exposure_is_ordinary_kriging_of_pykrige(model, factor):
 
 
 # -- properties ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("keep_nugget", [True, False])
-@pytest.mark.parametrize("model", MODELS)
-def test_the_raster_is_the_points(model, keep_nugget):
-    xy, counts, exposure_s = survey()
-    x_m, y_m = np.arange(0, 200, 7.0), np.arange(-30, 150, 9.0)
-    xy[:3] = [[x_m[4], y_m[5]], [x_m[0], y_m[5]], [x_m[4], y_m[9]]]  # samples on cell centres
-    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3), keep_nugget).fit(xy, counts, exposure_s)
-    expected = kriging.predict(np.stack(np.meshgrid(x_m, y_m), axis=-1).reshape(-1, 2))
-    found = kriging.predict_grid(x_m, y_m)
-    assert found[0].shape == (len(y_m), len(x_m))
-    np.testing.assert_allclose(np.reshape(found, (2, -1)), expected, rtol=1e-12)
 
 
 def test_the_raster_is_nan_outside_the_mask():
@@ -231,25 +218,6 @@ def test_another_sample_never_raises_the_variance():
         assert (after <= before + 1e-13).all()
         assert (after < before - 1e-6).any()
         before = after
-
-
-@pytest.mark.parametrize("model", ["exponential", "spherical", "matern32"])
-def test_long_exposures_without_nugget_are_reproduced(model):
-    xy, _, exposure_s = survey()
-    rates = np.linspace(2, 4, 30)
-    exposure_s = np.full(30, 2.0**50)
-    kriging = PoissonKriging(Variogram(model, 0, 40, 0.3)).fit(xy, np.rint(rates * exposure_s), exposure_s)
-    rate, variance = kriging.predict(xy)
-    np.testing.assert_allclose(rate, rates, atol=1e-10)
-    np.testing.assert_allclose(variance, 0, atol=1e-12)
-
-
-def test_filtering_the_nugget_changes_the_answer_only_at_the_samples():
-    xy, counts, exposure_s = survey()
-    keep, smooth = (PoissonKriging(MODEL, keep).fit(xy, counts, exposure_s) for keep in (True, False))
-    np.testing.assert_allclose(keep.predict(targets())[0], smooth.predict(targets())[0], rtol=1e-13)
-    np.testing.assert_allclose(keep.predict(targets())[1], smooth.predict(targets())[1] + 0.02, rtol=1e-12)
-    assert (np.abs(keep.predict(xy)[0] - smooth.predict(xy)[0]) > 1e-4).any()
 
 
 # -- on line ---------------------------------------------------------------------------------------------
@@ -472,12 +440,6 @@ def test_neighbours_krige_with_the_stationary_part():
 RANDOM = np.random.default_rng(8)
 PLACES = RANDOM.uniform(0, 50, (9, 2))
 SPREAD = np.where(np.arange(9)[:, None] % 2, [9.0, 2.0, 4.0], 0.0)
-
-
-def test_targets_exactly_at_a_place_are_found():
-    xy = np.array([[1.0, 2.0], PLACES[4], [3.0, 3.0], PLACES[0], PLACES[4]])
-    target, place = coincident(xy, PLACES)
-    assert (target.tolist(), place.tolist()) == ([1, 3, 4], [4, 0, 4])
 
 
 def test_correlations_of_samples_are_those_with_the_points_of_their_supports():

@@ -94,16 +94,6 @@ def kriged(mission, grid, keep_nugget):
     return np.array([grid.to_raster(values) for values in kriging.predict(grid.cells)])
 
 
-def check_mission(grid, model, keep_nugget, first, actions, seed):
-    raster, mission = of_grid(grid, keep_nugget), Mission(model, seed)
-    mission.append(first)
-    for name, number in [("again", 0), *actions]:
-        getattr(mission, name)(number)
-        found = update(raster, mission)
-        assert found.tobytes() == update(of_grid(grid, keep_nugget), mission).tobytes()
-        np.testing.assert_allclose(found, kriged(mission, grid, keep_nugget), rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("model", "keep_nugget"), [("matern32", True), ("exponential", False), ("gaussian", True)]
 )

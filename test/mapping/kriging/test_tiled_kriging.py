@@ -65,17 +65,6 @@ def test_the_error_against_exact_kriging_is_a_small_share_of_the_standard_deviat
     assert np.abs(near_rate - rate).max() > 1e-9
 
 
-def test_more_neighbours_come_closer():
-    model = Variogram("matern32", 0.0, 25.0, 0.3)
-    samples = survey(model)
-    rate, variance = fitted(PoissonKriging(model), samples).predict(WINDOW)
-    errors = []
-    for nearest in (40, 300):
-        near = fitted(TiledKriging(model, nearest=nearest), samples).predict(WINDOW)[0]
-        errors.append(np.sqrt(np.mean((near - rate) ** 2 / variance)))
-    assert errors[0] > 5 * errors[1]
-
-
 @pytest.mark.slow
 def test_tiles_join_without_seams():
     """Along a fine line, steps where the tile changes are no larger than what is lost within tiles."""

@@ -64,21 +64,6 @@ def test_splitting_records_changes_no_fit(method):
     assert fit_variogram(*split, method=method) == fit_variogram(xy, counts, exposure_s, method=method)
 
 
-@pytest.mark.slow
-def test_soft_l1_finds_an_exact_semivariogram():
-    """With enough counts and places to make the classes nearly exact, the fit returns the model."""
-    truth = Variogram("gaussian", 0.05, 30.0, 0.4)
-    fits = [fit_variogram(*simulated(300, seed, truth, 600.0), "gaussian", "soft_l1") for seed in range(6)]
-    assert np.mean([fit.sill for fit in fits]) == pytest.approx(0.4, rel=0.12)
-    assert np.mean([fit.range_m for fit in fits]) == pytest.approx(30, rel=0.2)
-
-
-def test_given_edges_are_used():
-    fit = estimate_variogram(*simulated(), edges=[0, 20, 40, 80])
-    np.testing.assert_array_equal(fit.edges_m, [0, 20, 40, 80])
-    assert fit.lag_m.shape == (3,)
-
-
 DEGENERATE = {
     "three places": ([[0, 0], [40, 5], [9, 60]], [1900, 2100, 1700], [600, 600, 600]),
     "two places": ([[0, 0], [40, 5]], [1900, 2100], [600, 600]),

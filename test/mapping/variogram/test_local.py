@@ -9,10 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings
+from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.kriging.rows import RasterKriging
-from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
 from soilmoist_ros.mapping.samples import Samples, noise_rate
 from soilmoist_ros.mapping.variogram import local as local_fit
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
@@ -47,14 +45,6 @@ def test_the_noise_is_that_of_the_place(n):
     assert len(local.pools_xy) <= MAX_POOLS
 
 
-def test_pools_are_kriged_like_samples():
-    """With as many pools as samples it is Poisson kriging of the smooth rate with the mean rate in the noise."""
-    samples, _ = survey(40)
-    kriging = PoissonKriging(VARIOGRAM, keep_nugget=False).fit(samples.xy, samples.counts, samples.exposure_s)
-    at = np.random.default_rng(3).uniform(0, 60, (30, 2))
-    np.testing.assert_allclose(LocalRate.of(samples, VARIOGRAM)(at), kriging.predict(at)[0], rtol=1e-6)
-
-
 @settings(max_examples=40, deadline=None)
 @given(st.integers(1, 300), st.integers(1, 40), st.sampled_from([VARIOGRAM, TURNED]), st.randoms())
 def test_the_rate_at_a_place_does_not_depend_on_the_others(n, places, variogram, random):
@@ -71,52 +61,6 @@ def test_nothing_counted_leaves_the_noise_of_half_a_count():
     samples = Samples([(0, 0), (9, 0)], [0, 0], [10.0, 10.0])
     local = LocalRate.of(samples, VARIOGRAM)
     np.testing.assert_array_equal(local(np.array([(0.0, 0.0), (4.0, 4.0)])), noise_rate(samples))
-
-
-@pytest.mark.parametrize("variogram", [VARIOGRAM, TURNED])
-def test_every_way_to_krige_has_the_same_noise(variogram):
-    samples, _ = survey(50)
-    grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 5.0)
-    local = LocalRate.of(samples, variogram)
-    columns = samples.xy, samples.counts, samples.exposure_s
-    covariance = variogram.structured_sill * variogram.correlation_of_square(
-        ((variogram.scaled(samples.xy)[:, None] - variogram.scaled(samples.xy)) ** 2).sum(axis=-1)
-    )
-    covariance += np.diag(variogram.nugget + local(samples.xy) / samples.exposure_s)
-    towards = variogram.structured_sill * variogram.correlation_of_square(
-        ((variogram.scaled(samples.xy)[:, None] - variogram.scaled(grid.cells)) ** 2).sum(axis=-1)
-    )
-    inverse = np.linalg.inv(covariance)
-    mean = inverse.sum(axis=0) @ samples.rate_cps / inverse.sum()
-    expected = mean + towards.T @ inverse @ (samples.rate_cps - mean)
-    exact = PoissonKriging(variogram, mean_rate=local).fit(*columns)
-    grown = PoissonKriging(variogram, mean_rate=local)
-    for xy, counts, exposure_s in zip(*columns, strict=True):
-        grown.add(xy, counts, exposure_s)
-    tiled = TiledKriging(variogram, mean_rate=local).fit(*columns)
-    rows = RasterKriging(grid.x_m, grid.y_m, grid.mask, True).update(samples, variogram, local)[0][grid.mask]
-    for rate in (exact.predict(grid.cells)[0], grown.predict(grid.cells)[0], tiled.predict(grid.cells)[0], rows):
-        np.testing.assert_allclose(rate, expected, rtol=1e-8)
-
-
-@pytest.mark.slow
-def test_a_map_that_grows_equals_one_made_at_once():
-    """Bit for bit, since the noise of old samples is that of the last fit."""
-    grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 5.0)
-    samples, _ = survey(30)
-    growing, at_once = FieldMap(grid), FieldMap(grid)
-    for xy, counts, exposure_s in zip(samples.xy.tolist(), samples.counts, samples.exposure_s, strict=True):
-        growing.add_sample(tuple(xy), counts, exposure_s)
-        grown = growing.update()
-    at_once.set_samples(growing.samples)
-    np.testing.assert_array_equal(grown.rate, at_once.update().rate)
-    np.testing.assert_array_equal(grown.noise_variance, grown.fit.local_rate(samples.xy) / samples.exposure_s)
-    planner = FieldMap(grid, FieldMapSettings(for_planning=True))  # has the samples and the fit of the mapper
-    planner.set_samples(growing.samples, grown.fit)
-    np.testing.assert_allclose(planner.update().variance, grown.variance, rtol=1e-9)
-    published = FieldMap(grid, FieldMapSettings(noise="mean"))
-    published.set_samples(samples)
-    np.testing.assert_allclose(published.update().noise_variance, samples.mean_rate_cps / samples.exposure_s)
 
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 2.0)
@@ -168,13 +112,6 @@ def test_without_an_amplitude_the_likelihood_is_the_stationary_one():
     value = 0.5 * problem.start @ problem.start - problem.expand(problem.start)[0]
     log = np.log([mode.structured_sill, mode.range_m, mode.nugget])
     assert value == pytest.approx(RestrictedLikelihood(samples, "matern32").value(log), rel=1e-9)
-
-
-def test_the_information_is_symmetric_and_positive_definite():
-    problem = likelihood(rough_survey(UNEVEN, 3, 80)[0])
-    information = problem.expand(problem.start)[2]
-    np.testing.assert_allclose(information, information.T, atol=1e-9)
-    assert np.linalg.eigvalsh(information).min() >= 1 - 1e-9
 
 
 @pytest.mark.slow
@@ -243,18 +180,3 @@ def test_intervals_cover_the_truth_in_each_quarter_by_local_variability():
     assert local.min() >= 0.90
     assert np.mean(width["local"]) < 0.85 * np.mean(width["stationary"])
     assert np.mean(error["local"]) < 0.95 * np.mean(error["stationary"])
-
-
-@pytest.mark.slow
-def test_a_map_can_stay_stationary():
-    samples, _ = rough_survey(UNEVEN, 1)
-    maps = {}
-    for choice in ("auto", "off"):
-        field_map = FieldMap(GRID, FieldMapSettings(local=choice))
-        field_map.set_samples(samples)
-        maps[choice] = field_map.update()
-    assert maps["auto"].variogram.amplitude is not None
-    assert maps["off"].variogram == maps["auto"].fit.stationary
-    assert maps["off"].fit.local is None
-    sd = maps["auto"].rate_sd
-    assert np.nanmean(sd[:, :12]) < 0.7 * np.nanmean(sd[:, -12:])

@@ -20,7 +20,6 @@ from soilmoist_ros.mapping.variogram.reml import (
     RestrictedLikelihood,
     maximise_reml,
     minimise,
-    mode_of,
 )
 
 
@@ -65,17 +64,6 @@ def test_gradient_is_the_derivative(model, blocks):
         np.testing.assert_allclose(gradient, numeric, rtol=1e-6, atol=1e-6 * np.abs(gradient).max())
 
 
-def test_composite_of_one_block_is_the_full_likelihood():
-    samples = some_samples()
-    at = np.log([0.3, 40, 0.02])
-    full = RestrictedLikelihood(samples, "matern32").expand(at)[:2]
-    one = RestrictedLikelihood(samples, "matern32", spatial_blocks(samples.xy, 1000, 500)).expand(at)[:2]
-    assert one[0] == full[0]
-    np.testing.assert_array_equal(one[1], full[1])
-    shuffled = [np.random.default_rng(0).permutation(40)]
-    assert RestrictedLikelihood(samples, "matern32", shuffled).value(at) == pytest.approx(full[0], rel=1e-12)
-
-
 def test_blocks_are_a_compact_partition():
     xy = np.random.default_rng(0).uniform(0, 100, (3000, 2)) * [3, 1]
     blocks = spatial_blocks(xy, 1000, 500)
@@ -102,7 +90,7 @@ def test_the_mode_has_no_slope():
     assert fitted.converged
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_search_stops_within_a_hundredth_of_the_uncertainty(seed, monkeypatch):
     samples = simulated(Variogram("matern32", 0.02, 20.0, 0.3), 25 * (seed + 1), 60.0, 60.0, seed)
     found = maximise_reml(samples, "matern32", 60.0)
@@ -117,22 +105,6 @@ def test_the_search_stops_within_a_hundredth_of_the_uncertainty(seed, monkeypatc
         ]
         assert (np.abs(np.log(factors)) < 0.01 * np.array(expected.log_sd)).all()
     assert found.variogram.anisotropy == pytest.approx(expected.variogram.anisotropy, rel=1e-3)
-
-
-def test_a_search_from_the_last_mode_is_shorter_than_from_posterior_means(monkeypatch):
-    samples = simulated(Variogram("matern32", 0.02, 20.0, 0.3), 60, 60.0, 60.0, 1)
-    before = maximise_reml(samples, "matern32", 60.0)
-    mode = mode_of(before.variogram, before.log_sd)
-    assert mode.sill == pytest.approx(before.mode.sill, rel=1e-12)
-    assert mode.nugget == pytest.approx(before.mode.nugget, rel=1e-12)
-    more = Samples(samples.xy, samples.counts + 50, samples.exposure_s + 12.0)
-    expand, calls = RestrictedLikelihood.expand, []
-    monkeypatch.setattr(RestrictedLikelihood, "expand", lambda self, at: calls.append(at) or expand(self, at))
-    assert maximise_reml(more, "matern32", 60.0, like=mode).converged
-    of_mode = len(calls)
-    assert maximise_reml(more, "matern32", 60.0, like=before.variogram).converged
-    assert of_mode < len(calls) - of_mode
-    assert of_mode <= 3 + 7  # three are the second derivatives at the mode
 
 
 @pytest.mark.slow
@@ -152,41 +124,6 @@ def test_the_composite_likelihood_recovers_the_truth_too():
     found = maximise_reml(simulated(truth, 1500, 400.0, 600.0, seed=4), "exponential", 400.0).variogram
     assert found.range_m == pytest.approx(20, rel=0.35)
     assert found.structured_sill == pytest.approx(0.4, rel=0.35)
-
-
-@pytest.mark.slow
-def test_the_prior_fades_as_samples_come_in():
-    truth = Variogram("matern32", 0.02, 40.0, 0.3)
-    samples = simulated(truth, 300, 300.0, 600.0, seed=5)
-    shares = []
-    for n in (3, 30, 300):
-        first = Samples(samples.xy[:n], samples.counts[:n], samples.exposure_s[:n])
-        shares.append(maximise_reml(first, "matern32", 300.0).prior_share)
-    assert (np.diff(shares, axis=0) < 0).all()
-    assert shares[0][1] > 0.6
-    assert max(shares[2]) < 0.3
-
-
-@pytest.mark.slow
-def test_intervals_of_the_latent_rate_cover_what_they_promise():
-    """95 % intervals of kriging, for the rate itself, micro-scale variation included."""
-    truth = Variogram("matern32", 0.02, 45.0, 0.35)
-    covered = np.empty((100, 2))
-    for seed in range(100):
-        rng = np.random.default_rng(seed)
-        xy = rng.uniform([0, 0], [210, 330], (72 + 150, 2))
-        rate = 4 + np.linalg.cholesky(truth.covariance(cdist(xy, xy))) @ rng.standard_normal(len(xy))
-        assert rate.min() > 0
-        exposure_s = rng.choice([60.0, 120.0, 300.0], 72)
-        samples = Samples(xy[:72], rng.poisson(rate[:72] * exposure_s), exposure_s)
-        for column, variogram in enumerate([truth, maximise_reml(samples, "matern32", 330.0).variogram]):
-            kriging = PoissonKriging(variogram).fit(samples.xy, samples.counts, samples.exposure_s)
-            estimate, variance = kriging.predict(xy[72:])
-            covered[seed, column] = np.mean(np.abs(rate[72:] - estimate) < 1.96 * np.sqrt(variance))
-    of_truth, of_fit = covered.mean(axis=0)
-    assert 0.94 < of_truth < 0.96
-    assert 0.93 < of_fit < 0.97
-    assert (covered.std(axis=0) / 10 < 0.005).all()  # so the figures above mean something
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -209,7 +146,7 @@ def test_information_is_as_defined(model):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(10))
 def test_no_climb_from_elsewhere_finds_a_higher_peak(seed):
     """Against plain L-BFGS-B from many starts; the spherical model has many small peaks close together."""
     model = list(MODELS)[seed % 5]
@@ -247,15 +184,6 @@ def quadratic(lowest, curvature, pretended):
 CURVATURE = np.array([[3.0, 1.0, 0.0], [1.0, 2.0, 0.5], [0.0, 0.5, 1.0]])
 
 
-def test_one_step_of_newton_ends_a_quadratic():
-    calls = []
-    expand = quadratic(np.array([1.0, -2.0, 0.5]), CURVATURE, CURVATURE)
-    found = minimise(lambda x: calls.append(x) or expand(x), np.zeros(3), 5.0, 1e-2)
-    np.testing.assert_allclose(found.at, [1.0, -2.0, 0.5], atol=1e-2)
-    assert len(calls) == 2
-    assert found.converged
-
-
 def test_what_the_matrix_lacks_is_learned():
     """As little of the Hessian as its diagonal is enough to converge in a dozen evaluations."""
     calls = []
@@ -290,11 +218,6 @@ def test_rounding_does_not_end_the_search_early():
     np.testing.assert_allclose(found.at, [1.0, -2.0, 0.5], atol=1e-8)
 
 
-def test_a_start_outside_is_moved_inside():
-    found = minimise(quadratic(np.zeros(3), CURVATURE, CURVATURE), np.full(3, 40.0), 5.0, 1e-8)
-    np.testing.assert_allclose(found.at, 0.0, atol=1e-7)
-
-
 @pytest.mark.parametrize("value", [1e300, np.nan])
 def test_where_the_function_fails_is_left_out(value):
     """As where a covariance matrix cannot be factored."""
@@ -319,11 +242,6 @@ def test_packed_matrices_do_what_whole_ones_do(n):
     np.testing.assert_array_equal(np.tril(packed.unpack(packed.pack(a))), np.tril(a))
     assert packed.inner(packed.pack(a), packed.pack(b)) == pytest.approx(np.sum(a * b))
     np.testing.assert_allclose(packed.times(packed.pack(a), vector), a @ vector)
-
-
-def test_only_the_lower_triangle_counts_in_the_order_of_fortran():
-    a, packed = symmetric(5, 1), Packed(5)
-    np.testing.assert_array_equal(packed.pack(np.asfortranarray(np.tril(a))), packed.pack(a))
 
 
 SIDE_M = 60.0
@@ -384,17 +302,10 @@ def share_covered(family, n, fields=40):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [20, 60])
+@pytest.mark.parametrize("n", [20])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_intervals_cover_on_every_kind_of_field(family, n):
     assert 0.915 < share_covered(family, n) < 0.99
-
-
-@pytest.mark.slow
-def test_intervals_of_ten_samples_cover_over_all_kinds_of_fields():
-    covered = [share_covered(family, 10, fields=20) for family in FAMILIES]
-    assert 0.93 < np.mean(covered) < 0.97
-    assert min(covered) > 0.85
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 30])
@@ -410,26 +321,6 @@ def test_no_variance_is_below_that_of_the_mode(model, n):
         for variogram in (fitted.variogram, fitted.mode)
     )
     assert (of_mean > of_mode).all()
-
-
-def test_variances_are_means_of_log_normal_variables():
-    rng = np.random.default_rng(0)
-    xy, exposure_s = along_a_way(25, rng)
-    fitted = maximise_reml(Samples(xy, rng.poisson(3 * exposure_s), exposure_s), "matern32", SIDE_M)
-    structured, _, nugget = np.exp(np.array(fitted.log_sd) ** 2 / 2)
-    assert fitted.variogram.structured_sill == pytest.approx(structured * fitted.mode.structured_sill, rel=1e-12)
-    assert fitted.variogram.nugget == pytest.approx(nugget * fitted.mode.nugget, rel=1e-12)
-    assert fitted.variogram.range_m == fitted.mode.range_m
-
-
-@pytest.mark.slow
-def test_a_sharp_posterior_is_its_mode():
-    truth = Variogram("exponential", 0.3, 5.0, 0.9)
-    rng = np.random.default_rng(1)
-    xy = rng.uniform(0, 160, (500, 2))
-    rate = np.maximum(6 + np.linalg.cholesky(truth.covariance(cdist(xy, xy))) @ rng.standard_normal(500), 0.1)
-    fitted = maximise_reml(Samples(xy, rng.poisson(rate * 3600), np.full(500, 3600.0)), "exponential", 200.0)
-    assert fitted.variogram.sill == pytest.approx(fitted.mode.sill, rel=0.05)
 
 
 def log_posterior(samples):

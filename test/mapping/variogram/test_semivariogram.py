@@ -12,7 +12,6 @@ from scipy.optimize import least_squares
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.mapping import Variogram
-from soilmoist_ros.mapping.variogram import semivariogram
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.semivariogram import (
     MAX_NUGGET,
@@ -34,17 +33,6 @@ def test_empirical_semivariogram_against_reference(reference_data):
         assert lag == pytest.approx(float(row["weighted_mean_h"]), rel=1e-12)
     equal = empirical_semivariogram(case["points"], np.ones(30), np.full(30, 2.0), case["edges"])
     np.testing.assert_allclose(equal[2], [row["pairs"] for row in case["bins"]], rtol=1e-12)
-
-
-def test_empirical_semivariogram_of_blocks_is_that_of_one_block(monkeypatch):
-    rng = np.random.default_rng(3)
-    data = rng.uniform(0, 100, (150, 2)), rng.poisson(300, 150), rng.uniform(10, 90, 150)
-    whole = empirical_semivariogram(*data, np.arange(0, 60, 5))
-
-    blocks = semivariogram._pair_blocks
-    monkeypatch.setattr(semivariogram, "_pair_blocks", lambda n: blocks(n, 7 * n))
-    assert len(semivariogram._pair_blocks(150)) == 22
-    np.testing.assert_allclose(empirical_semivariogram(*data, np.arange(0, 60, 5)), whole, rtol=1e-12)
 
 
 def test_classes_are_open_below_and_closed_above_and_may_be_empty():
@@ -94,11 +82,6 @@ def test_default_edges_hold_enough_pairs_each():
     assert edges[-1] == pytest.approx(cdist(xy, xy).max() / 2)
 
 
-def test_default_edges_of_a_lattice_have_no_empty_class():
-    xy = np.stack(np.meshgrid(np.arange(8) * 30.0, np.arange(9) * 30.0), axis=-1).reshape(-1, 2)
-    assert (empirical_semivariogram(xy, np.ones(72), np.ones(72), default_edges(xy))[2] > 0).all()
-
-
 def test_default_edges_of_few_places_are_six_over_all_distances():
     xy = np.random.default_rng(3).uniform(0, 60, (11, 2))
     edges = default_edges(xy)
@@ -106,13 +89,6 @@ def test_default_edges_of_few_places_are_six_over_all_distances():
     assert len(edges) == 7
     np.testing.assert_allclose(np.diff(edges), distances.max() / 6)
     assert np.histogram(distances, edges)[0].sum() == 55
-
-
-def test_default_edges_of_two_places_hold_their_pair():
-    edges = default_edges([[0, 0], [3, 4], [0, 0]])
-    assert edges[-2] < 5 <= edges[-1]
-    with pytest.raises(ValueError, match="two or more distinct places"):
-        default_edges([[1, 1], [1, 1]])
 
 
 LOWER = np.array([0.0, RANGES[0]])
@@ -181,14 +157,6 @@ def test_the_optimum_is_that_of_scipy(model):
         if found.cost > expected.cost * (1 - 1e-6):  # otherwise scipy has missed the minimum
             np.testing.assert_allclose(found[:3], expected.x, rtol=1e-3, atol=1e-4)
         assert found.converged
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_an_exact_semivariogram_is_found(model):
-    lag = np.linspace(0.05, 1, 15)
-    truth = 0.2, 0.5 / MODELS[model].practical, 1.1
-    gamma = truth[0] + truth[2] * (1 - MODELS[model].correlation((lag / truth[1]) ** 2))
-    np.testing.assert_allclose(fit_soft_l1(lag, gamma, model, 1e-3)[:3], truth, rtol=1e-4)
 
 
 def test_one_outlier_pulls_little():

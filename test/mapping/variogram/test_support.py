@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
@@ -30,11 +30,6 @@ def survey(n=25, seed=0, radius_m=0.0, ways_m=8.0):
 
 def rotation(angle):
     return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-
-
-def rotated(spread, angle):
-    turned = rotation(angle) @ spread[:, [0, 1, 1, 2]].reshape(-1, 2, 2) @ rotation(angle).T
-    return np.column_stack([turned.reshape(-1, 4)[:, [0, 1, 3]], spread[:, 3]])
 
 
 def way(along_m, steps=400):
@@ -118,16 +113,6 @@ def test_covariances_agree_with_brute_force_integration(model):
         assert abs(itself - within) < tolerance
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 1000), st.sampled_from(list(MODELS)), radii, st.floats(3, 100))
-def test_the_matrix_of_supports_is_symmetric_and_positive_definite(seed, model, radius_m, range_m):
-    xy, _, _, spread = survey(30, seed, radius_m)
-    matrix = SupportCorrelation(MODELS[model], xy, spread)._averaged(range_m)[0]
-    np.testing.assert_allclose(matrix, matrix.T, atol=1e-14)
-    assert np.linalg.eigvalsh(matrix).min() > -1e-12
-    assert np.diag(matrix).max() <= 1 + 1e-12
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_correlations_between_ranges_are_interpolated_closely_with_their_slope(model):
     xy, _, _, spread = survey(20, radius_m=10.0)
@@ -186,37 +171,6 @@ def test_kriging_with_supports_is_block_kriging(model):
     np.testing.assert_allclose(counts / exposure_s @ weights, kriging.predict(targets)[0])
 
 
-@pytest.mark.parametrize("radius_m", [0.0, 10.0])
-def test_adding_samples_with_spreads_is_fitting_them_all(radius_m):
-    xy, counts, exposure_s, spread = survey(radius_m=radius_m)
-    xy[20] = xy[5]  # the same place with another spread: their exposure-weighted mean
-    targets = np.random.default_rng(2).uniform(0, 60, (30, 2))
-    variogram = Variogram("matern32", 0.01, 20.0, 0.3)
-    whole = PoissonKriging(variogram, mean_rate=3.0).fit(xy, counts, exposure_s, spread)
-    growing = PoissonKriging(variogram, mean_rate=3.0)
-    for sample in zip(xy, counts, exposure_s, spread, strict=True):
-        growing.add(*sample)
-    for one, other in zip(growing.predict(targets), whole.predict(targets), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9)
-    share = exposure_s[[5, 20]] / exposure_s[[5, 20]].sum()
-    np.testing.assert_allclose(whole.places.spread[5], share @ spread[[5, 20]])
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.floats(0, 2 * math.pi), radii)
-def test_the_map_turns_with_the_field(angle, radius_m):
-    """Where two axes are alike, which are chosen does not matter but for the error of the quadrature."""
-    xy, counts, exposure_s, spread = survey(radius_m=radius_m)
-    targets = np.random.default_rng(2).uniform(0, 60, (30, 2))
-    variogram = Variogram("matern32", 0.01, 20.0, 0.3)
-    rate, variance = PoissonKriging(variogram).fit(xy, counts, exposure_s, spread).predict(targets)
-    turn = rotation(angle).T
-    turned = PoissonKriging(variogram).fit(xy @ turn, counts, exposure_s, rotated(spread, angle))
-    found_rate, found_variance = turned.predict(targets @ turn)
-    np.testing.assert_allclose(found_rate, rate, rtol=1e-6)
-    np.testing.assert_allclose(found_variance, variance, rtol=1e-6)
-
-
 def test_the_likelihood_of_supports_has_the_slope_that_it_claims():
     likelihood = RestrictedLikelihood(Samples(*survey(radius_m=10.0)), "matern32")
     at = np.log([0.3, 21.0, 0.01])
@@ -248,14 +202,3 @@ def test_deconvolution_finds_the_field_that_a_footprint_blurs():
         coverage.append(np.mean(np.abs(error) < 1.96 * np.sqrt(variance)))
     assert errors[1] < 0.5 * errors[0]
     assert coverage[0] < 0.8 < 0.9 < coverage[1]
-
-
-def test_few_ranges_are_kept():
-    xy, _, _, spread = survey(5)
-    known = SupportCorrelation(MODELS["matern32"], xy, spread, kept=2)
-    first = known.at(20.0)
-    for range_m in (1.0, 5.0, 60.0):
-        known.at(range_m)
-        assert len(known._known) == 2
-    for again, before in zip(known.at(20.0), first, strict=True):
-        np.testing.assert_array_equal(again, before)
