@@ -13,31 +13,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 OWN = {"soilmoist_ros", "msg_adapters"}
-ROSDEP_KEYS = {"ruamel.yaml": "python3-ruamel.yaml"} | {
-    name: f"python3-{name}"
-    for name in (
-        "aiohttp",
-        "click",
-        "jinja2",
-        "matplotlib",
-        "numpy",
-        "pynmea2",
-        "pyproj",
-        "rasterio",
-        "rich",
-        "scipy",
-        "segno",
-        "serial",
-        "shapely",
-    )
-}
+ROSDEP = (
+    "aiohttp click jinja2 matplotlib numpy pynmea2 pyproj rasterio rich scipy segno serial shapely ruamel.yaml"
+)
 """Imports for which Ubuntu has a recent enough package; ROS packages have the name of their import."""
+ROSDEP_KEYS = {name: f"python3-{name}" for name in ROSDEP.split()}
 COMES_WITH = {
-    "contourpy": "matplotlib",
-    "markupsafe": "jinja2",
-    "pydantic_core": "pydantic",
-    "ruamel": "ruamel.yaml",
-}
+    "contourpy": "matplotlib", "markupsafe": "jinja2", "pydantic_core": "pydantic", "ruamel": "ruamel.yaml",
+}  # fmt: skip
 OPTIONAL = {
     "reverse_geocode": "the nearest town of a field, in messages",
     "pandas": "campaigns, on a laptop",

@@ -82,14 +82,11 @@ def test_package_xml_says_what_setup_py_says():
     assert root.find("export").findtext("build_type") == "ament_python"
 
 
-def test_the_ament_index_has_the_marker_of_the_package():
-    assert (ROOT / "resource" / "soilmoist_ros").is_file()
-
-
-def test_every_file_of_the_configuration_is_installed():
+def test_every_file_of_the_configuration_and_the_marker_of_the_package_are_installed():
     text = (ROOT / "setup.py").read_text()
     assert all(f'*shared("{folder}")' in text for folder in ("config", "launch", "examples"))
     assert config_folder() == ROOT / "config"
+    assert (ROOT / "resource" / "soilmoist_ros").is_file()
 
 
 @pytest.mark.slow
@@ -159,23 +156,17 @@ def test_every_command_stands_on_a_page():
     assert shown == set(COMMANDS)
 
 
-def test_the_readme_is_short():
-    assert len(PAGES["README.md"].splitlines()) <= 100
-
-
-def test_readme_and_index_lead_to_every_page():
+def test_readme_index_and_navigation_lead_to_every_page():
     linked = set()
     for page in ("README.md", "docs/index.md"):
         here = (ROOT / page).parent
         links = re.findall(r"\]\(([\w./-]+\.md)", PAGES[page])
         linked |= {(here / link).resolve().relative_to(ROOT).as_posix() for link in links}
     assert set(PAGES) - {"README.md"} <= linked
-
-
-def test_every_page_is_in_the_navigation_of_the_site():
     shown = set(re.findall(r": ([\w./]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE))
     pages = {page.removeprefix("docs/") for page in PAGES} - {"README.md"}
     assert pages - shown - {"api.md"} == set(), "nav in mkdocs.yml has every page"
+    assert len(PAGES["README.md"].splitlines()) <= 100
 
 
 def test_the_tables_of_the_pages_are_complete():
@@ -198,17 +189,12 @@ def test_the_tables_of_the_pages_are_complete():
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_the_paths_of_a_page_are_there(page):
+def test_paths_and_links_of_a_page_lead_somewhere(page):
     folders = "config|scripts|soilmoist_ros|msg_adapters|interfaces|launch|test|docs|examples"
     paths = re.findall(rf"[` (]((?:{folders})/[\w./-]*)", PAGES[page])
     paths = [path.rstrip(".") for path in paths if not re.search("NAME|NODE", path)]
     here = (ROOT, (ROOT / page).parent)
-    assert [path for path in paths if not any((folder / path).exists() for folder in here)] == []
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_the_links_of_a_page_lead_somewhere(page):
-    broken = []
+    broken = [path for path in paths if not any((folder / path).exists() for folder in here)]
     for link in re.findall(r"\]\(([^)\s]+)\)", PAGES[page]):
         if link.startswith("https://"):
             continue
