@@ -23,7 +23,7 @@ except ImportError:  # as in Ubuntu 24.04, whose Hypothesis draws nothing from m
 # Every run uses the same examples at any machine speed; HYPOTHESIS_PROFILE=search looks for new examples.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 # The quick tests take the first of them.
-settings.register_profile("quick", derandomize=True, deadline=None, max_examples=25)
+settings.register_profile("quick", derandomize=True, deadline=None, max_examples=10)
 settings.register_profile("search", deadline=None)
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "repeatable")
 settings.load_profile(PROFILE)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 FOUND = Path(__file__).parent / "found"
-TRIES = 15
+TRIES = 8
 
 
 @pytest.fixture(scope="module")

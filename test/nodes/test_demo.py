@@ -37,34 +37,56 @@ def run_demo(out, options):
     return done.stdout
 
 
-def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(tmp_path):
-    out = tmp_path / "run"
-    options = "--field synthetic-high --property rough:2 --hours 0.15 --time-factor 60 --strategy ivr"
+def test_two_robots_share_maps_of_two_properties_and_keep_apart(tmp_path):
+    out, names = tmp_path / "run", ("robot_1", "robot_2")
+    options = "--robots 2 --field synthetic-high --property rough:2 --hours 0.15 --time-factor 60 --strategy ivr"
     said = run_demo(out, options)
     assert said.startswith("console    http://127.0.0.1:")
+    assert "robot 2: counting" in said
     assert said.count("map        equals the robot's last one, bit for bit") == 2
 
     with BagReader(out / "bag") as bag:
-        first, second = bag.read_counts("/counts"), bag.read_counts("/rough/counts")
-        last = {message.topic: message for message in bag.messages(["/soil_map", "/rough/soil_map"])}
+        records = [bag.read_counts(f"/{name}/counts") for name in names]
+        of_rough = [bag.read_counts(f"/{name}/rough/counts") for name in names]
+        last = {message.topic: message for message in bag.messages(["/soil_map", "/rough/soil_map", "/samples"])}
         cells = {topic: points(bag.decode(message)) for topic, message in last.items()}
-        said = [status for message in bag.messages(["/diagnostics"]) for status in bag.decode(message).status]
-        statuses = [bag.decode(message).message for message in bag.messages(["/mission"])]
-    assert len(second) > 30
-    assert {one.stamp_s for one in first} & {one.stamp_s for one in second}
-    assert (
-        np.isfinite(cells["/rough/soil_map"]["rate"]).sum() == np.isfinite(cells["/soil_map"]["rate"]).sum() > 1000
-    )
+        health = [status for message in bag.messages(["/diagnostics"]) for status in bag.decode(message).status]
+        missions = [
+            (message.topic.split("/")[1], bag.decode(message))
+            for message in bag.messages([f"/{name}/mission" for name in names])
+        ]
+    counts = [sum(one.raw_counts for one in its) for its in records]
+    assert min(counts) > 0
+    assert cells["/samples"]["raw_counts"].sum() > 1.2 * max(counts), "the map has the counts of both"
+    assert min(map(len, of_rough)) > 15
+    assert {one.stamp_s for one in records[0]} & {one.stamp_s for one in of_rough[0]}
+    mapped = [np.isfinite(cells[topic]["rate"]).sum() for topic in ("/rough/soil_map", "/soil_map")]
+    assert mapped[0] == mapped[1] > 1000
     assert np.isnan(cells["/rough/soil_map"]["vwc"]).all(), "it is no moisture"
-    shown = {status.message for status in said if status.name == "/planner: properties"}
+    shown = {status.message for status in health if status.name.endswith("/planner: properties")}
     assert "the last stop was chosen with the map of rough" in shown
-    assert any("most variance less per second" in text and "of the maps'" in text for text in statuses)
+    texts = [status.message for _, status in missions]
+    assert any("most variance less per second" in text and "of the maps'" in text for text in texts)
     assert read_parameters(out / "configuration", "rough/mapper")["save_dir"] == str(out / "map_rough")
+
+    cell_m = surrogate_field("synthetic-high").field.cell_m
+    now, visited = {}, set()
+    for name, status in missions:
+        values = {pair.key: pair.value for pair in status.values}
+        now[name] = values["state"], (float(values["target_x_m"]), float(values["target_y_m"]))
+        if values["state"] == "counting":
+            visited.add(name)
+        busy = [target for state, target in now.values() if state in ("travelling", "counting")]
+        if len(busy) == 2 and "counting" in {state for state, _ in now.values()}:
+            assert math.dist(*busy) >= cell_m / 2, "two robots at one stop"
+    assert visited == set(names)
 
     about = json.loads((out / "summary.json").read_text())
     assert {"map_rough.tif", "samples_rough.geojson"} < set(about["outputs"])
-    assert (about["mission"]["settings"]["also"], about["mission"]["settings"]["also_weight"]) == ("rough", 2.0)
-    assert about["mission"]["also"]["n_records"] == len(second)
+    mission = about["mission"]
+    assert (mission["settings"]["also"], mission["settings"]["also_weight"]) == ("rough", 2.0)
+    assert mission["settings"]["robots"] == len(mission["robot_distances_m"]) == 2
+    assert min(mission["robot_distances_m"]) > 5.0
     truth = surrogate_field("rough")
     with rasterio.open(out / "map_rough.tif") as raster:
         rate = raster.read(raster.descriptions.index("rate") + 1, masked=True)
@@ -72,49 +94,14 @@ def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(t
     assert (out / "map_rough" / "map.tif").is_file(), "what its mapper has saved itself"
     header, *_, final = (out / "series.csv").read_text().splitlines()
     row = dict(zip(header.split(","), final.split(","), strict=True))
-    assert float(row["also_mse"]) == pytest.approx(about["mission"]["final"]["also_mse"], rel=1e-6)
-    assert ": Neutron rate" in (out / "report.html").read_text()
-
-
-def test_several_robots_share_a_map_and_keep_apart(tmp_path):
-    out = tmp_path / "run"
-    said = run_demo(out, "--robots 2 --hours 0.12 --strategy ivr --field half-wet --no-console")
-    assert "console" not in said
-    assert "robot 2: counting" in said
-    names = ("robot_1", "robot_2")
-    with BagReader(out / "bag") as bag:
-        records = [bag.read_counts(f"/{name}/counts") for name in names]
-        *_, last = bag.messages(["/samples"])
-        cloud = bag.decode(last)
-        doing = [
-            (message.topic.split("/")[1], {pair.key: pair.value for pair in bag.decode(message).values})
-            for message in bag.messages([f"/{name}/mission" for name in names])
-        ]
-    counts = [sum(one.raw_counts for one in its) for its in records]
-    assert min(counts) > 0
-    assert points(cloud)["raw_counts"].sum() > 1.2 * max(counts), "the map has the counts of both"
-
-    cell_m = surrogate_field("half-wet").field.cell_m
-    now = {}
-    visited = set()
-    for name, values in doing:
-        now[name] = values["state"], (float(values["target_x_m"]), float(values["target_y_m"]))
-        if values["state"] == "counting":
-            visited.add((name, values["target"]))
-        busy = [target for state, target in now.values() if state in ("travelling", "counting")]
-        if len(busy) == 2 and "counting" in {state for state, _ in now.values()}:
-            assert math.dist(*busy) >= cell_m / 2, "two robots at one stop"
-    assert {name for name, _ in visited} == set(names)
-
-    about = json.loads((out / "summary.json").read_text())["mission"]
-    assert about["settings"]["robots"] == 2
-    assert len(about["robot_distances_m"]) == 2
-    assert min(about["robot_distances_m"]) > 5.0
+    assert float(row["also_mse"]) == pytest.approx(mission["final"]["also_mse"], rel=1e-6)
     header, *rows = (out / "visits.csv").read_text().splitlines()
     robots = [dict(zip(header.split(","), row.split(","), strict=False))["robot"] for row in rows]
-    assert len(rows) == about["final"]["samples"] >= 4
+    assert len(rows) == mission["final"]["samples"] >= 4
     assert set(robots) == {"1", "2"}
-    assert "There were 2 robots" in (out / "report.html").read_text()
+    report = (out / "report.html").read_text()
+    assert ": Neutron rate" in report
+    assert "There were 2 robots" in report
 
 
 # Demo configuration ---------------------------------------------------------------------------------------------
