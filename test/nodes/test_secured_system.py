@@ -12,10 +12,8 @@ import json
 import os
 import re
 import shutil
-import socket
 import subprocess
 import sys
-import threading
 import urllib.request
 from pathlib import Path
 
@@ -26,12 +24,10 @@ pytest.importorskip("topological_navigation_msgs")
 if shutil.which("ros2") is None:
     pytest.skip("there is no command ros2, which makes keystores", allow_module_level=True)
 from ros_system import ENCLAVES, LIMIT_S, NodeProcess, RosSystem, security_environment
-from std_srvs.srv import Trigger
 from test_system import Robot
 
 from msg_adapters.mission import mission_from_message
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.process_group import FIRST_PORT, PORTS_EACH
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 
 # rclpy warns when nodes of the system disappear during an answer.
@@ -169,41 +165,3 @@ def test_a_topic_without_permission_is_named(secured):
     assert "rt/monitor topic not found in allow rule" in driver.output()
     assert "the permissions of this node's enclave lack it" in driver.output()
     assert "Traceback" not in driver.output()
-
-
-def spoken(port, until):
-    """Bytes of the datagrams to ports from ``port`` on, until an event is set."""
-    found = bytearray()
-    with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.ntohs(0x0800)) as wire:
-        wire.bind(("lo", 0))
-        wire.settimeout(0.2)
-        while not until.is_set():
-            try:
-                packet = wire.recv(1 << 16)
-            except TimeoutError:
-                continue
-            ip = packet[14:]
-            start = 4 * (ip[0] & 15)
-            to = int.from_bytes(ip[start + 2 : start + 4], "big")
-            if ip[9] == socket.IPPROTO_UDP and port <= to < port + PORTS_EACH:
-                found += ip[start + 8 :]
-    return bytes(found)
-
-
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root sees all datagrams")
-@pytest.mark.parametrize("enforced", [True, False])
-def test_no_message_can_be_read_on_the_network(secured, tmp_path, enforced, request):
-    ros = secured() if enforced else request.getfixturevalue("ros")
-    over, heard = threading.Event(), []
-    listener = threading.Thread(target=lambda: heard.append(spoken(FIRST_PORT + PORTS_EACH * ros.domain, over)))
-    listener.start()
-    try:
-        robot = Alone(ros, tmp_path, simulator={"speed": 30.0}, record=False, strategy="random", dwell="fmi:600")
-        ros.wait_for(lambda: len(robot.counts) > 3, message="counts")
-        assert ros.call(Trigger, "planner/pause").success
-    finally:
-        over.set()
-        listener.join()
-    # Names of topics can: when they meet, nodes show each other their permissions before they have a key.
-    words = {word: word in heard[0] for word in (b"raw_counts", b"effective_exposure_s", b"travelling")}
-    assert set(words.values()) == {not enforced}, words

@@ -77,7 +77,6 @@ class World:
         self.navigations_map = navigations_map or make_map().to_json()
         self.now_s, self.place, self.goal = START_S, (-10.0, 5.0), None
         self.sensor = True
-        self.bad_place = None
         self.frame, self.stamped_ahead_s, self.last_record_s = "map", 0.0, START_S
         self.counted = Counter()
         self.exposed = Counter()
@@ -132,8 +131,7 @@ class World:
         fix = NavSatFix()
         fix.status.status = NavSatStatus.STATUS_FIX
         fix.header.stamp = to_time(self.now_s)
-        place = self.bad_place or self.place
-        fix.latitude, fix.longitude = (float(value) for value in FRAME.to_geographic([place])[0])
+        fix.latitude, fix.longitude = (float(value) for value in FRAME.to_geographic([self.place])[0])
         self.fixes.publish(fix)
 
     def publish_record(self):
