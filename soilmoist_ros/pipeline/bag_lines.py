@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -221,20 +221,16 @@ def fix_topic(reader: BagReader, named: str = "") -> str | None:
     topics = reader.topics
     if named:
         found = [name for name in topics if named in (name, name.lstrip("/"), name.rpartition("/")[2])]
-        if len(found) != 1:
-            there = ", ".join(sorted(name for name, kind in topics.items() if kind in (*_READABLE, TEXT)))
-            raise InputError(
-                f"has no topic {named!r} with positions", f"there are: {there or 'none'}", reader.path
-            )
-        return found[0]
+        if len(found) == 1:
+            return found[0]
+        there = ", ".join(sorted(name for name, kind in topics.items() if kind in (*_READABLE, TEXT)))
+        raise InputError(f"has no topic {named!r} with positions", f"there are: {there or 'none'}", reader.path)
     for found in _candidates(reader):
         if len(found) == 1:
             return found[0]
         if found:
-            raise InputError(
-                "has several topics with positions", f"name one with --fix-topic: {', '.join(sorted(found))}",
-                reader.path,
-            )  # fmt: skip
+            remedy = f"name one with --fix-topic: {', '.join(sorted(found))}"
+            raise InputError("has several topics with positions", remedy, reader.path)
     return None
 
 
@@ -244,15 +240,13 @@ _READABLE = (FIX, *GPS_FIX, SENTENCE)
 def _candidates(reader: BagReader) -> list[list[str]]:
     """Topics that may be the positions, the likeliest group first; those without messages if no other may."""
     counts = reader.counts
-    filled = {name: kind for name, kind in reader.topics.items() if counts.get(name)}
-    for topics in (filled, reader.topics):
-        types = ((FIX,), GPS_FIX, (SENTENCE,))
-        by_type = [[name for name, its in topics.items() if its in kinds] for kinds in types]
-        own = [name for name, its in topics.items() if its == TEXT and name.endswith("/raw/gnss")]
-        plain = [name for name in by_type[0] if name.endswith("/fix")]
-        texts = [name for name, its in topics.items() if its == TEXT]
-        found = [own, plain, *by_type]
-        found = found if any(found) else [[name for name in texts if _is_nmea(reader, name)]]
+    for topics in ({name: kind for name, kind in reader.topics.items() if counts.get(name)}, reader.topics):
+
+        def of(*kinds: str, ending: str = "", among: Mapping[str, str] = topics) -> list[str]:
+            return [name for name, kind in among.items() if kind in kinds and name.endswith(ending)]
+
+        found = [of(TEXT, ending="/raw/gnss"), of(FIX, ending="/fix"), of(FIX), of(*GPS_FIX), of(SENTENCE)]
+        found = found if any(found) else [[name for name in of(TEXT) if _is_nmea(reader, name)]]
         if any(found):
             return found
     return []

@@ -49,6 +49,7 @@ from soilmoist_ros.pipeline.run import (
     Note,
 )
 from soilmoist_ros.sensing import (
+    Consequence,
     CorrectionSettings,
     CountRecord,
     Footprint,
@@ -220,9 +221,7 @@ def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
         return
     target = (frame or LocalFrame(0.0, 0.0)).export_crs(crs)
     if not (target.is_projected or target.is_geographic):
-        raise InputError(
-            f"'{crs}' ({target.name}) is not a projection", "give one as an EPSG code, e.g. EPSG:25832"
-        )
+        raise InputError(f"'{crs}' ({target.name}) is not a projection", "give an EPSG code, e.g. EPSG:25832")
     area = target.area_of_use
     if frame is None or area is None:
         return
@@ -230,10 +229,10 @@ def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
     beyond_east_deg = min(max(east, 0.0), (area.west - frame.longitude_deg) % 360)
     beyond_deg = max(area.south - frame.latitude_deg, frame.latitude_deg - area.north, beyond_east_deg)
     if (area.east - area.west) % 360 and beyond_deg > MAX_BEYOND_AREA_DEG:
-        raise InputError(
-            f"'{crs}' ({target.name}) is for {area.name.split(' - ')[0]}, {beyond_deg:.0f} deg from the field",
-            "choose one for this region, or none for the UTM zone of the field",
+        message = (
+            f"'{crs}' ({target.name}) is for {area.name.split(' - ')[0]}, {beyond_deg:.0f} deg from the field"
         )
+        raise InputError(message, "choose one for this region, or none for the UTM zone of the field")
 
 
 def make_run(
@@ -410,26 +409,14 @@ def _calibration(site: Site) -> CalibrationInfo | None:
 
 def loss_rows_of(snapshot: Snapshot) -> list[LossRow]:
     """What a map has left out: a row for each reason, lost records first, then those that others quarantined."""
-    last = {
-        record.quarantine: record
-        for record in snapshot.track
-        if record.quarantine not in ("", Kind.UNEXPECTED_COUNT)
-    }
+    last = {one.quarantine: one for one in snapshot.track if one.quarantine not in ("", Kind.UNEXPECTED_COUNT)}
     counts = Counter(record.quarantine for record in snapshot.track)
-    return [
-        *(
-            LossRow(
-                reason.value,
-                entry.count,
-                entry.example,
-                "quarantined" if reason is Skip.UNEXPECTED else "lost",
-                reason.remedy,
-            )
-            for reason, entry in snapshot.skipped.items()
-            if reason is not Skip.QUARANTINED
-        ),
-        *(
-            LossRow(reason_text(reason), counts[reason], str(record), "quarantined", Skip.QUARANTINED.remedy)
-            for reason, record in last.items()
-        ),
-    ]
+    rows = []
+    for reason, entry in snapshot.skipped.items():
+        if reason is not Skip.QUARANTINED:
+            consequence: Consequence = "quarantined" if reason is Skip.UNEXPECTED else "lost"
+            rows.append(LossRow(reason.value, entry.count, entry.example, consequence, reason.remedy))
+    remedy = Skip.QUARANTINED.remedy
+    for code, record in last.items():
+        rows.append(LossRow(reason_text(code), counts[code], str(record), "quarantined", remedy))
+    return rows

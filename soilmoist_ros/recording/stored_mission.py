@@ -83,15 +83,12 @@ class StoredMission:
     or repeated crashes ``resume`` decides. A mission that it forgets may have left the robot driving.
 
     :param folder: folder of the journal; ``None`` for no journal
-    :param rules: what governs the mission from now on
     :param resume: ``ask``, ``auto`` or ``fresh``
     :param respawn_limit_s: longest time since the crash [s]; 0 to recognise none
     :raises InputError: if the journal cannot be read or written
 
     Attributes
     ----------
-    journal : Journal | None
-        the open journal
     mission : Mission | None
         the mission that was under way
     resumes : bool

@@ -134,22 +134,21 @@ def test_a_folder_that_cannot_be_written_is_reported_and_retried(ros, tmp_path):
     assert (tmp_path / "bags" / "run" / "metadata.yaml").is_file()
 
 
-def test_messages_of_two_publishers_that_never_came_are_counted(ros, tmp_path):
+def test_messages_that_never_came_are_counted(ros, tmp_path):
     path = tmp_path / "bags" / "run" / "run_0.mcap"
-    both = [ros.node.create_publisher(String, "/notes", BEST_EFFORT) for _ in range(2)]
+    publisher = ros.node.create_publisher(String, "/notes", BEST_EFFORT)
     process = ros.start("recorder", params=params(tmp_path))
     sent = 0
 
     def speak(data="short"):
         nonlocal sent
-        for one in both:
-            one.publish(String(data=data))
-        sent += 2
+        publisher.publish(String(data=data))
+        sent += 1
 
-    ros.wait_for(lambda: all(one.get_subscription_count() for one in both))
+    ros.wait_for(publisher.get_subscription_count)
     ros.wait_for(lambda: [speak(), on_disk(path).count("/notes") >= 8][1])
     process.process.send_signal(signal.SIGSTOP)
-    for _ in range(100):  # more than the buffers of the sockets hold
+    for _ in range(200):  # more than the buffers of the sockets hold
         speak("long" * 10_000)
     process.process.send_signal(signal.SIGCONT)
     before = on_disk(path).count("/notes")
@@ -159,7 +158,7 @@ def test_messages_of_two_publishers_that_never_came_are_counted(ros, tmp_path):
         missing = sent - len(bag.read_texts("notes"))
     assert missing > 50
     noted = int(recorder_notes(tmp_path / "bags" / "run")["messages of /notes lost on the way"])
-    assert missing - 8 <= noted <= missing, "some were sent before it listened to both, some while it ended"
+    assert missing - 8 <= noted <= missing, "some were sent before it listened, some while it ended"
 
 
 SQUARE = "name: square\ndatum: {latitude_deg: 53.2, longitude_deg: -0.5}\npolygon: [[0, 0], [30, 0], [30, 30]]\n"

@@ -303,20 +303,6 @@ def test_a_reset_is_detected(makers, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("changes", "why"),
-    [({"cell_m": 5.0}, "cells, not"), ({"model": "spherical"}, "of its largest values"),
-     ({"site": ""}, "other cells have a vwc"), ({"merge_radius_m": 20.0}, "of its largest values"),
-     ({"keep_nugget": False}, "of its largest values"), ({"fit": "soft_l1"}, "of its largest values")],
-)  # fmt: skip
-def test_other_settings_give_another_map(changes, why):
-    replay = replay_bag(GOLDEN / "drive_and_stop", ReplaySettings(**changes))
-    assert replay.comparisons[0].same is False
-    assert why in replay.comparisons[0].message
-    assert not replay.comparisons[0].is_rounding
-
-
-@pytest.mark.slow
 def test_other_corrections_need_the_raw_lines(edited_site):
     site = edited_site(corrections="{pressure: {reference_hpa: 950.0}}")
     own = replay_bag(GOLDEN / "raw_lines").run

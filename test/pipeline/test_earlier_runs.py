@@ -154,11 +154,6 @@ def test_a_run_has_its_records_its_plane_and_how_they_were_corrected(tmp_path):
     assert run.simulated
 
 
-def test_a_run_without_a_usable_record_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no usable record"):
-        read_run(run_folder(tmp_path / "run", []))
-
-
 @pytest.mark.parametrize("change", [{"y_m": math.nan}, {"effective_exposure_s": math.nan}, {"x_m": math.nan}])
 def test_a_record_that_no_map_can_use_is_left_out(tmp_path, change):
     good = records(1, MAY_S)
@@ -174,14 +169,6 @@ def test_another_property_of_a_run_is_read_by_its_name(tmp_path):
     assert read_run(path, "compaction", first=False).records == records(7, MAY_S)
     assert read_run(path).records == records(1, MAY_S)
     assert read_run(path, "salt", first=False) is None
-
-
-@pytest.mark.parametrize("content", ["{", '{"datum": null}', '{"datum": {"latitude_deg": 500}}'])
-def test_a_damaged_summary_is_refused(tmp_path, content):
-    path = run_folder(tmp_path / "run", records(1, MAY_S))
-    (path / "summary.json").write_text(content)
-    with pytest.raises(InputError, match=r"summary.json"):
-        read_run(path)
 
 
 NOW = datetime(2026, 6, 1, tzinfo=UTC)

@@ -185,32 +185,6 @@ def test_a_field_of_another_country_is_refused_before_the_work(roving_record):
     assert "records at 38.7252 N, 97.4221 W" in said
 
 
-def test_the_wrong_side_of_greenwich_is_named(roving_record, tmp_path):
-    shipped = (config_folder() / "sites" / "gypsum_transect.yaml").read_text()
-    (tmp_path / "site.yaml").write_text(shipped.replace("longitude: west", "longitude: east"))
-    said = refusal(roving_record, site=tmp_path / "site.yaml", field=kansas(tmp_path, CORNERS))
-    assert "write 'longitude: west' in the site file" in said
-
-
-def test_a_stationary_probe_elsewhere_is_refused(survey, tmp_path):
-    """A log without positions: the site file says where the probe stands."""
-    site = tmp_path / "site.yaml"
-    site.write_text(
-        (survey / "site.yaml").read_text() + "location: {latitude_deg: 53.268, longitude_deg: 0.5245}\n"
-    )
-    said = refusal(survey / "survey.log", site=site, field=survey / "field.yaml")
-    assert "correct the sign of the longitude, west is negative: in 'location' in the site file" in said
-
-
-@pytest.mark.slow
-def test_a_receiver_elsewhere_is_refused(survey, tmp_path):
-    said = refusal(
-        survey / "survey.log", nmea=(survey / "survey.nmea",), site=survey / "site.yaml",
-        field=kansas(tmp_path, CORNERS),
-    )  # fmt: skip
-    assert "survey.nmea has records at 53.26" in said
-
-
 @pytest.mark.slow
 def test_a_field_beyond_the_correlation_range_is_refused(survey, tmp_path):
     """The first check allows the extent of the field; the fitted variogram says how far the counts reach."""

@@ -20,11 +20,9 @@ from rosbags.rosbag2 import Writer as FolderWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.cli.main import main
-from soilmoist_ros.pipeline.field_survey import open_survey
-from soilmoist_ros.pipeline.properties import why_nothing
 from soilmoist_ros.sensing.formats.log_values import nmea_checksum
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
-from soilmoist_ros.sensing.records import CountRecord, LoggerRecord
+from soilmoist_ros.sensing.records import LoggerRecord
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 T0 = 1_778_749_200.0  # 2026-05-14 09:00 UTC
@@ -260,19 +258,6 @@ def test_which_topic_has_the_positions_is_shown_or_asked_for(tmp_path):
     assert (code, "12 records at 53.27 N" in said) == (0, True)
 
 
-def test_options_that_a_remedy_names_are_there(tmp_path):
-    types = Types(2)
-    old = bag(tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, T0 + n - 1024 * 604_800)})
-    field = GOLDEN / "one_stop" / "configuration" / "field.yaml"
-    replay = ("replay", old, "--field", field, "--logger-topic", "/crns/line", "--out", tmp_path / "out")
-    for command in (replay, ("check", "--log", old)):
-        _, said = run(*command)
-        assert "with --gnss-shift 1024w" in said
-        code, said = run(*command, "--gnss-shift", "1024w")
-        assert (code, "shifted by +619315200 s (--gnss-shift)" in said) == (0, True), said
-    assert run("check", "--site", "example", "--gnss-shift", "1h")[0] == 2
-
-
 @pytest.mark.parametrize("command", ["map", "replay"])
 def test_records_that_are_lost_have_their_reason(tmp_path, command):
     types = Types(2)
@@ -339,22 +324,6 @@ def test_quality_9_and_a_part_of_the_track_and_no_date(tmp_path, log):
     page = (tmp_path / "out" / "report.html").read_text()
     assert "the receiver has no position at the time of this record" in page
     assert "its positions are from 2026-05-14 09:00:00 to 2026-05-14 09:01:01 UTC" in page
-
-
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda types, n: types.fix(n, T0 + n, status=-2), "status -2: unknown whether there is a fix (121)"),
-        (lambda types, n: types.fix(n, T0 + n - 1024 * 604_800), "exactly 1024 weeks earlier"),
-    ],
-    ids=["status -2", "roll-over"],
-)
-def test_a_replay_without_places_has_the_reason_of_the_receiver(tmp_path, make, words):
-    types = Types(2)
-    path = bag(tmp_path / "a.mcap", types, {"/fix": lambda n: make(types, n)})
-    survey = open_survey(str(GOLDEN / "one_stop" / "configuration" / "field.yaml"))
-    records = [CountRecord(T0 + 10 * n, math.nan, math.nan, math.nan, 60, 10.0, 9.0) for n in range(1, 13)]
-    assert words in str(why_nothing(survey, records, path))
 
 
 @pytest.mark.parametrize(("kind", "code"), [("Sentence", 0), ("GPSFix", 2)])

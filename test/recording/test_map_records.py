@@ -6,7 +6,6 @@ import json
 import math
 import random
 from dataclasses import replace
-from itertools import permutations
 
 import pytest
 from hypothesis import given, settings
@@ -22,7 +21,6 @@ from soilmoist_ros.recording.map_records import (
     TEAM_S,
     MapRecords,
     RecordExchange,
-    record_key,
 )
 from soilmoist_ros.sensing.position.place_doubt import Doubt, Outcome
 from soilmoist_ros.sensing.records import CountRecord
@@ -168,17 +166,3 @@ def test_records_of_which_nobody_says_whose_they_are_are_doubted_with_any_robot(
     found = sorted(records.map.added, key=lambda each: each.stamp_s)
     assert [each.quarantine for each in found] == ["", "place_doubt" * doubted]
     assert [each.x_m for each in found] == [1.0, 1.0], "the place of another robot is not known"
-
-
-@pytest.mark.parametrize("order", [*permutations(range(3))])
-def test_a_record_counts_once_in_whichever_way_it_comes_first(order):
-    robot, found = Robot(), [record(1, 0)]
-    ways = (
-        lambda: robot.records.take(RECEIVED, found),
-        lambda: robot.records.read_anew(TEAM, found),
-        lambda: robot.records.read_anew(TEAM, found),
-    )
-    for number in order:
-        ways[number]()
-    assert robot.held == [found[0].stamp_s]
-    assert record_key(found[0]) == record_key(replace(found[0], quarantine=UNEXPECTED))

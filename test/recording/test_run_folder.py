@@ -10,7 +10,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.pipeline.bag_map import ReplaySettings, robot_survey
@@ -177,20 +176,6 @@ def test_a_recording_holds_all_that_its_nodes_were_set_up_with(files, tmp_path):
 
     copy_configuration(moved, tmp_path / "again")
     assert read_parameters(configuration_of(tmp_path / "again"), "planner")["seed"] == 3
-
-
-def test_files_of_the_same_name_do_not_meet(files, tmp_path):
-    configuration = RunConfiguration()
-    configuration.take("sensor_driver", {"field": "example", "site": "example", "logger_format": "finapp"})
-    configuration.take("mapper", {"field": str(files / "other.yaml"), "site": "example"})
-    configuration.write(tmp_path / "run")
-    folder = tmp_path / "run" / "configuration"
-    driver, mapper = read_parameters(folder, "sensor_driver"), read_parameters(folder, "mapper")
-    assert load_field(folder / mapper["field"]).name == "other"
-    assert (folder / driver["field"]).read_bytes() == (config_folder() / "fields" / "example.yaml").read_bytes()
-    assert (folder / driver["site"]).read_bytes() == (config_folder() / "sites" / "example.yaml").read_bytes()
-    assert driver["site"] == mapper["site"]
-    assert (folder / driver["logger_format"]).is_file()
 
 
 def test_changes_and_new_bags_are_written_what_others_wrote_is_left_alone(files, tmp_path):

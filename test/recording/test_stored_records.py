@@ -161,10 +161,3 @@ def test_an_interrupted_mission_gives_its_records(tmp_path):
     assert read_earlier(tmp_path) == earlier()
     assert read_earlier(tmp_path, "/salt") == earlier()[2:3]
     assert read_earlier(tmp_path, "clay") == []
-
-
-def test_other_folders_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"neither records.csv nor a bag nor a journal.*saved, a bag"):
-        read_earlier(tmp_path)
-    with pytest.raises(InputError, match="there is no such bag"):
-        read_earlier(tmp_path / "none")

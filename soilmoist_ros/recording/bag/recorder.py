@@ -366,7 +366,6 @@ def recorder_health(
 ) -> Health:
     """Health of the recorder.
 
-    :param state: its state
     :param free_bytes: space left on its disk [bytes], ``None`` if unknown
     :param low_disk_bytes: free space below which the recorder warns [bytes]
     :param skipped: topics that are not recorded because their type is not installed

@@ -354,27 +354,6 @@ def test_the_oldest_files_of_a_running_bag_go_and_the_rest_is_a_whole_bag(tmp_pa
     assert info.extent == Extent(len(found), found[0], found[-1])
 
 
-def test_a_recorder_makes_space_in_its_bag_and_goes_on(make, tmp_path):
-    recorder = make(file_bytes=2000.0)
-    recorder.start()
-    sent = 0
-    while recorder.state.deleted < 3:
-        recorder.put(NOTES, START_NS + sent, START_NS, text_message(str(sent) * 40))
-        sent += 1
-        recorder.drop_oldest(recorder.state.size_bytes - 5000)
-        time.sleep(0.002)
-    recorder.drop_oldest(0.0)
-    recorder.put(NOTES, START_NS + sent, START_NS, text_message("the last one is kept"))
-    sent += 1
-    state = recorder.stop()
-    assert (state.messages, state.dropped, state.problem) == (sent, 0, "")
-    assert not (tmp_path / "run/run_0.mcap").exists()
-    found = stamps(tmp_path / "run")
-    assert found == list(range(found[0], START_NS + sent))
-    assert bag_info(tmp_path / "run").problems == ()
-    assert bag_info(tmp_path / "run").notes == {"first files deleted for space": str(state.deleted)}
-
-
 def test_the_time_to_the_limit_of_the_recordings_is_a_warning():
     state = RecorderState(recording=True, rate_bps=1e6)
     health = recorder_health(state, 10**12, 5e8, full_soon_s=3600, left_bytes=1.8e9)

@@ -39,15 +39,6 @@ def test_a_whole_bag_is_verified(bag):
     assert bag_info(bag.path).problems == ()
 
 
-@pytest.mark.parametrize("place", [9, 300, -300, -3])
-def test_a_flipped_bit_anywhere_is_found(bag, place):
-    data = bytearray(bag.path.read_bytes())
-    data[place] ^= 1
-    bag.path.write_bytes(data)
-    problem = "whole_0.mcap is not the file that was recorded: its checksum is another one"
-    assert problem in bag_info(bag.folder).problems
-
-
 def test_what_the_metadata_say_is_compared(bag):
     path = bag.folder / "metadata.yaml"
     path.write_text(path.read_text().replace("message_count: 8", "message_count: 9", 1))
@@ -458,8 +449,3 @@ def test_what_cannot_be_recovered_is_reported(tmp_path, name, message):
         (folder / name).write_text("")
     with pytest.raises(InputError, match=message):
         recover_bag(folder, tmp_path / "recovered")
-
-
-def test_nothing_is_overwritten(bag, tmp_path):
-    with pytest.raises(InputError, match="never overwrites"):
-        recover_bag(bag.folder, bag.folder)

@@ -17,7 +17,7 @@ from ruamel.yaml import YAML
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.verify import recover_bag
-from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
+from soilmoist_ros.recording.bag.writer import BagWriter
 
 HERE = str(Path(__file__).parents[1])
 
@@ -85,35 +85,11 @@ def test_a_bag_without_messages_is_a_bag(tmp_path):
         assert reader.message_count == 0
 
 
-def test_a_second_recorder_is_refused_with_the_reason(tmp_path):
-    with BagWriter(tmp_path / "run") as writer:
-        assert is_being_written(writer.path)
-        with pytest.raises(InputError, match="another recorder is writing"):
-            BagWriter(tmp_path / "run")
-    assert not is_being_written(writer.path)
-    with pytest.raises(InputError, match="never overwrites"):
-        BagWriter(tmp_path / "run")
-
-
 def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="no recording can be made here") as caught:
         BagWriter(tmp_path / "file" / "run")
     assert caught.value.mistakes[0].path == tmp_path / "file" / "run"
-
-
-def test_no_folder_is_left_when_the_file_cannot_be_made(tmp_path, monkeypatch):
-    real = os.open
-
-    def no_space(path, flags, *rest):
-        if str(path).endswith(".mcap"):
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return real(path, flags, *rest)
-
-    monkeypatch.setattr(os, "open", no_space)
-    with pytest.raises(InputError, match="No space left"):
-        BagWriter(tmp_path / "run")
-    assert not (tmp_path / "run").exists()
 
 
 def test_a_full_disk_loses_nothing_once_it_has_space(tmp_path, monkeypatch):
