@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise, permutations
+from itertools import chain, pairwise, permutations
 from pathlib import Path
 from statistics import median
 
@@ -115,9 +115,14 @@ def _table(lines: Sequence[bytes], path: Path) -> tuple[dict[str, object], list[
     first = next((at for at, row in enumerate(rows) if _is_data(row)), len(rows))
     heads = rows[:first]
     commented = [
-        split_text(text[len(comment) :], delimiter) for text in texts if comment and text[0] == comment[0]
+        split_text(text[len(comment) :].rstrip(",; \t"), delimiter)
+        for text in texts
+        if comment and text[0] == comment[0]
     ]
-    commented = [row for row in commented if abs(len(row) - size) <= 1]
+    # A header of rovers goes on in a second line.
+    commented_heads = [
+        heads for heads in (*pairwise(commented), *zip(commented)) if abs(sum(map(len, heads)) - size) <= 1
+    ]
     written = [""] * size
     if heads:
         names = heads[0]
@@ -125,8 +130,10 @@ def _table(lines: Sequence[bytes], path: Path) -> tuple[dict[str, object], list[
             header["lines_after_names"] = len(heads) - 1
         if len(heads) > 1 and any(map(units.canonical, heads[1])):
             header["units_line"], written = True, heads[1]
-    elif commented:
-        names = (commented[-1] + [""] * size)[:size]
+    elif commented_heads:
+        names = [*chain.from_iterable(commented_heads[-1]), *[""] * size][:size]
+        if len(commented_heads[-1]) > 1:
+            header["continued_by"] = [commented_heads[-1][1][0]]
     else:
         names = [f"column{number}" for number in range(1, size + 1)]
         header["columns"] = names

@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
+import yaml
 from click.testing import CliRunner
 
 from soilmoist_ros.cli.main import main
@@ -122,3 +124,11 @@ def test_a_unit_that_fits_nothing_is_a_question(tmp_path):
     draft, log = read(tmp_path, text)
     assert "QUESTION: which unit? The header says psi, the median is 14.5" in draft
     assert log.records[0].pressure_hpa != log.records[0].pressure_hpa
+
+
+def test_names_in_two_comment_lines_are_one_header():
+    path = Path(__file__).parents[3] / "examples" / "rover_gypsum_transect_2018-05-01.KSU"
+    draft = yaml.safe_load(draft_format(path))
+    assert draft["header"] == {"comment": "//", "continued_by": ["GpsUTC"]}
+    assert draft["counts"]["columns"] == ["N{tube}Cts"]
+    assert draft["position"]["latitude"] == ["LatDec"]
