@@ -111,18 +111,9 @@ def command(
         raise InputError(
             f"the calibration has no solution: {error}", "check the cores and the soil properties", cores
         ) from None
-    put(
-        n0_cps=estimate.n0_cps,
-        n0_sd_cps=estimate.n0_sd_cps,
-        curve=unit.curve,
-        rate_cps=rate,
-        rate_sd_cps=rate_sd,
-        cores=mean.count,
-        vwc=mean.vwc,
-        vwc_sd=mean.vwc_sd,
-        days=list(table.days),
-        weights=mean.weights,
-    )
+    put(n0_cps=estimate.n0_cps, n0_sd_cps=estimate.n0_sd_cps, curve=unit.curve, days=list(table.days))
+    put(rate_cps=rate, rate_sd_cps=rate_sd, cores=mean.count)
+    put(vwc=mean.vwc, vwc_sd=mean.vwc_sd, weights=mean.weights)
     say(f"cores      {_about(mean)}{f', of {listing(table.days)}' if table.days else ''}")
     if mean.weights == "equal weights" and weighting != "equal":
         warn(f"note       the {weighting} weights need distance_m, or depths of several cores in a profile")

@@ -61,18 +61,16 @@ def command(
     Says what each file means: area and place of a field, moisture range of a calibration, dates, tubes and first
     records of a log. Files that are given together are compared.
     """
-    if not (logger or site or field or logs):
-        raise click.UsageError("give at least one of --logger, --site, --field, --log")
-    if logs and (len(site) > 1 or len(logger) > 1):
-        raise click.UsageError("give one --site and one --logger at most with --log")
-    if graphs and len(field) != 1:
-        raise click.UsageError("give one --field with --graph")
-    if home and not graphs:
-        raise click.UsageError("--home requires --graph")
     of_logs = {"nmea": nmea, "logger-topic": logger_topic, "fix-topic": fix_topic, "gnss-shift": gnss_shift_s}
-    for option, given in of_logs.items():
-        if given and not logs:
-            raise click.UsageError(f"--{option} requires --log")
+    for wrong, text in (
+        (not (logger or site or field or logs), "give at least one of --logger, --site, --field, --log"),
+        (logs and (len(site) > 1 or len(logger) > 1), "give one --site and one --logger at most with --log"),
+        (graphs and len(field) != 1, "give one --field with --graph"),
+        (home and not graphs, "--home requires --graph"),
+        *((given and not logs, f"--{option} requires --log") for option, given in of_logs.items()),
+    ):
+        if wrong:
+            raise click.UsageError(text)
     mistakes: list[Mistake] = []
     for name in logger:
         _checked(name, partial(_logger, name), mistakes)
