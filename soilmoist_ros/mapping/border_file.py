@@ -164,10 +164,7 @@ class _Area(NamedTuple):
 
 
 def _chosen(features: Sequence[_Feature], source: BorderSource, notes: list[str]) -> Border:
-    """The field among the polygons of a file; those inside it are no-go areas.
-
-    :raises InputError: if the file leaves open which polygon is the field
-    """
+    """The field among the polygons of a file; those inside it are no-go areas."""
     from shapely import Polygon, make_valid
 
     path = source.path
@@ -305,10 +302,7 @@ def _close_lines(features: Sequence[_Feature], notes: list[str], source: BorderS
 
 
 def _conversion(content: _Content, source: BorderSource, notes: list[str]) -> Callable[[Array], Array]:
-    """Function that converts corners of the file to longitude and latitude, and checks them.
-
-    :raises InputError: if the reference system is unknown, or the corners are not in it
-    """
+    """Function that converts corners of the file to longitude and latitude, and checks them."""
     path, crs = source.path, content.crs or source.crs
     corners = np.concatenate([ring for one in content.features for rings in one.polygons for ring in rings])
     if not np.isfinite(corners).all():
@@ -442,10 +436,7 @@ def _open_ring(ring: Array) -> Array:
 
 
 def _feature(properties: Mapping[str, Any], *geometries: Any, path: Path, is_no_go: bool = False) -> _Feature:
-    """A feature with geometries as GeoJSON has them; heights are left out.
-
-    :raises InputError: if a corner is not two numbers
-    """
+    """A feature with geometries as GeoJSON has them; heights are left out."""
     texts = {str(key): printable(str(one)) for key, one in properties.items() if one not in (None, "")}
     feature, todo = _Feature(texts, is_no_go=is_no_go), list(geometries)
     try:

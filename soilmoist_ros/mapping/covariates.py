@@ -335,10 +335,7 @@ def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapp
 
 
 def _derived(source: CovariateSource, bands: RasterBands) -> tuple[tuple[Derived, ...], int]:
-    """What is made of the elevations in a raster, and the number of its band.
-
-    :raises InputError: if there is no such band
-    """
+    """What is made of the elevations in a raster, and the number of its band."""
     derive, band = source.derive, source.band
     if not derive and band in DERIVED and band not in bands.names:
         derive, band = (band,), ""
