@@ -80,26 +80,6 @@ def test_geojson_in_place_of_a_field_file_is_named(tmp_path):
         load_field(tmp_path / "east.geojson")
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("nothing", "is not valid JSON"),
-        (
-            '{"type": "Point", "coordinates": [1, 2]}',
-            "holds no polygon, but 1 points: corners of a border, or places",
-        ),
-        (
-            '{"type": "Polygon", "coordinates": [[[500000, 5000000], [500100, 5000000], [500000, 5000100]]]}',
-            "degrees",
-        ),
-    ],
-)
-def test_mistakes_in_geojson_are_named(tmp_path, content, message):
-    (tmp_path / "f.geojson").write_text(content)
-    with pytest.raises(InputError, match=message):
-        load_field(write(tmp_path, "geojson: f.geojson\n"))
-
-
 def test_a_field_and_a_cell_size_make_one_grid(tmp_path):
     field = load_field(write(tmp_path, SQUARE + "polygon: [[0,0],[250,0],[250,250],[0,250]]\n"))
     of_mapper = field.grid(None, footprint_radius_m=40.0)

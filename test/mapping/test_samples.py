@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
@@ -16,7 +16,6 @@ from soilmoist_ros.mapping import (
     fit_variogram,
 )
 from soilmoist_ros.mapping.samples import (
-    MIN_SPREAD_M2,
     Samples,
     merge_exactly,
     merge_records,
@@ -151,23 +150,6 @@ def moments(samples):
 def test_impossible_spreads_are_refused(spread):
     with pytest.raises(ValueError, match="spread must"):
         Samples([[0, 0], [1, 0]], [1, 2], [10, 10], spread)
-
-
-@pytest.mark.slow
-@given(
-    st.lists(st.tuples(RECORD, st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=20), st.floats(0, 30)
-)
-@example([((0.0, 0.0, 1, 10.0), 0.0, 0.0), ((1.0, 0.0, 1, 10.0), 0.0, 0.0)], 5e-324)
-def test_merging_conserves_the_second_moments(many, radius_m):
-    """But for spreads that the noise of positions may have made."""
-    spread = path_spread([(x, y) for _, x, y in many])
-    xy, counts, exposure_s = columns([one for one, _, _ in many])
-    merged = merge_records(xy, counts, exposure_s, radius_m, spread)
-    separate = Samples(xy, counts, exposure_s, spread)
-    found, expected = moments(merged), moments(separate)
-    np.testing.assert_allclose(found[:3], expected[:3], rtol=1e-9, atol=1e-6 * expected[0])
-    scale = expected[0] * (1 + np.abs(xy).max() ** 2)
-    np.testing.assert_allclose(found[3:], expected[3:], rtol=0, atol=MIN_SPREAD_M2 * expected[0] + 1e-9 * scale)
 
 
 def test_a_drive_that_becomes_one_sample_has_its_extent():
