@@ -207,7 +207,7 @@ def _chosen(features: Sequence[_Feature], source: BorderSource, notes: list[str]
                 f"{area.feature.label} lies in the field by {shared:.0%} and is not used: if it must not be "
                 "entered, list it under 'no_go_lonlat', or draw it on the page"
             )
-    rivals = [one for one in apart if one in candidates]
+    rivals = [one for one in apart if any(one is other for other in candidates)]
     if rivals and not source.takes_largest:
         raise _several([field, *rivals], source)
     if rivals:
@@ -255,7 +255,7 @@ def _several(areas: Sequence[_Area], source: BorderSource) -> InputError:
             "a field is one polygon: export one part, and write a field file for each",
             source.path,
         )
-    what, choice = "none of which holds the others", first.label if first.label[0] in "'\"" else first.number
+    what, choice = "none of which holds the others", first.label if first.label[-1] in "'\"" else first.number
     if source.feature:
         what = f"that {source.feature!r} fits, as number or property"
         others = {pair for one in features.values() if one is not first for pair in one.pairs}
@@ -278,7 +278,7 @@ def _close_lines(features: Sequence[_Feature], notes: list[str], source: BorderS
         for line in [line for line in feature.lines if len(line) > 3]:
             gap, length = math.dist(line[0], line[-1]), float(np.hypot(*np.diff(line, axis=0).T).sum())
             if gap <= MAX_GAP_SHARE * length:
-                feature.lines.remove(line)
+                feature.lines = [one for one in feature.lines if one is not line]
                 feature.polygons.append([_open_ring(line)])
                 said = f", though its ends are apart by about {gap / length:.0%} of its length" if gap else ""
                 notes.append(f"a closed line is the border{said}")

@@ -348,3 +348,8 @@ def test_a_crossed_hole_and_xml_of_other_kinds_are_refused(tmp_path):
     assert_is_field(written(tmp_path, kml(), "doc.xml"), 1)
     with pytest.raises(InputError, match=r"XML with <GAOS_parcel>, neither .* -> convert it to GeoJSON"):
         read(written(tmp_path, "<GAOS_parcel><Field/></GAOS_parcel>", "envelope.xml"))
+
+
+def test_an_open_line_before_a_closed_one_of_as_many_corners_is_no_border(tmp_path):
+    lines = [[*degrees(NEIGHBOUR)[:4], degrees([(300, 300)])[0]], degrees(FIELD)]
+    assert_is_field(written(tmp_path, collection(feature("MultiLineString", lines))))

@@ -120,7 +120,8 @@ NOT_ONE = dataclasses.replace(CAUCHY, correlation=lambda q: 0 * q)
 def plug_in():
     def install(name):
         point = EntryPoint("cauchy", f"{__name__}:{name}", "soilmoist_ros.variogram_models")
-        patch = mock.patch("importlib.metadata.entry_points", return_value=[point])
+        of_group = {point.group: [point]}  # pydantic asks for plug-ins of its own
+        patch = mock.patch("importlib.metadata.entry_points", lambda *, group: of_group.get(group, []))
         patch.start()
         VARIOGRAM_MODELS.refresh()
 
