@@ -57,13 +57,13 @@ from soilmoist_ros.lab.comparisons import (
     LATTICE_DWELLS,
     QUARTER,
     Against,
-    Outcome,
+    LatticeOutcome,
     against_best_lattice,
 )
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.formulas import formula
-from soilmoist_ros.simulation.fields.rate_grid import Extent
+from soilmoist_ros.simulation.fields.rate_grid import GridExtent
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.mission_result import MissionResult, achieved, map_errors, reported
 from soilmoist_ros.simulation.mission.settings import MissionSettings
@@ -292,7 +292,9 @@ def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[Line]:
     """
     outcomes = {
         combination(strategy): dict(
-            enumerate(map(Outcome, column(mine, "mse", QUARTER), column(mine, "mse"), column(mine, "distance_m")))
+            enumerate(
+                map(LatticeOutcome, column(mine, "mse", QUARTER), column(mine, "mse"), column(mine, "distance_m"))
+            )
         )
         for strategy, mine in rows.items()
     }
@@ -404,7 +406,7 @@ def made_field(name: str, seed: int) -> SurrogateField:
     polygon = np.array([(0, 0), (width, 0), (width, height), (0, height)], float)
     field = Field(name, shipped.frame, polygon)
     seeded = about if about["family"] == "gradient" else {**about, "seed": seed}
-    truth = formula(**seeded).function(Extent.of(polygon, max(width, height) / 60))
+    truth = formula(**seeded).function(GridExtent.of(polygon, max(width, height) / 60))
     return replace(shipped, name=name, title=name, field=field, truth=truth, hours=hours)
 
 

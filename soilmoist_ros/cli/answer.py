@@ -40,7 +40,7 @@ MAX_REASONS = 3
 
 
 @dataclass
-class Answer:
+class CommandAnswer:
     """Answer of a command: its form, and what was said so far."""
 
     as_json: bool = False
@@ -48,10 +48,10 @@ class Answer:
     values: dict[str, Any] = field(default_factory=dict)
 
 
-def current() -> Answer:
+def current() -> CommandAnswer:
     """The answer of the running command."""
     context = click.get_current_context(silent=True)
-    return Answer() if context is None else context.meta.setdefault(_KEY, Answer())
+    return CommandAnswer() if context is None else context.meta.setdefault(_KEY, CommandAnswer())
 
 
 def echo(text: str, *, err: bool) -> None:
@@ -115,7 +115,7 @@ def answering(command: Callable[..., None]) -> Callable[..., None]:
     @wraps(command)
     def run(*args: Any, as_json: bool, quiet: bool, **kwargs: Any) -> None:
         context = click.get_current_context()
-        answer = context.meta[_KEY] = Answer(as_json, quiet)
+        answer = context.meta[_KEY] = CommandAnswer(as_json, quiet)
 
         def checked() -> None:
             _require_inputs(context)
@@ -182,7 +182,7 @@ def _run(command: Callable[[], None]) -> tuple[int, tuple[Mistake, ...]]:
     return 0, ()
 
 
-def _print_json(answer: Answer, path: str, code: int, mistakes: Iterable[Mistake]) -> None:
+def _print_json(answer: CommandAnswer, path: str, code: int, mistakes: Iterable[Mistake]) -> None:
     if not answer.as_json:
         return
     from soilmoist_ros.reporting import dumps

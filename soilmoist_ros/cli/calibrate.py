@@ -13,20 +13,22 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from soilmoist_ros.cli.answer import answering, put, say, warn, wrote
-from soilmoist_ros.cli.options import InputFile, Moment, Name
+from soilmoist_ros.cli.options import InputFileType, MomentType, Name
 from soilmoist_ros.foundation import InputError, Mistake, listing
 
 if TYPE_CHECKING:
     from soilmoist_ros.sensing import Calibration, CalibrationCounts, CoreMean, Site, Soil, Surroundings, Weighting
 
 DAY_S = 86_400.0
-TIME = Moment()
+TIME = MomentType()
 
 
 @click.command("calibrate")
-@click.argument("cores", type=InputFile())
-@click.option("--site", type=InputFile(), required=True, help="Site file to read; N0 is written to it.")
-@click.option("--log", "logs", type=InputFile(), multiple=True, help="Neutron log of the calibration. Repeatable.")
+@click.argument("cores", type=InputFileType())
+@click.option("--site", type=InputFileType(), required=True, help="Site file to read; N0 is written to it.")
+@click.option(
+    "--log", "logs", type=InputFileType(), multiple=True, help="Neutron log of the calibration. Repeatable."
+)
 @click.option(
     "--logger", type=Name("logger"), help="Logger format of the logs. Default: detected from the header."
 )

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from soilmoist_ros.cli.answer import answering, current, put, say, warn, wrote
-from soilmoist_ros.cli.options import FILE, InputFile, Name, position_options
+from soilmoist_ros.cli.options import FILE, InputFileType, Name, position_options
 from soilmoist_ros.foundation import InputError, Mistake
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import Field
-    from soilmoist_ros.pipeline import Finding
+    from soilmoist_ros.pipeline import FileFinding
     from soilmoist_ros.sensing import Site
 
 Value = TypeVar("Value")
@@ -37,7 +37,7 @@ Value = TypeVar("Value")
 @click.option("--home", default="", metavar="NODE", help="Home of the robot in --graph.")
 @click.option("--robot-radius", "robot_radius_m", type=click.FloatRange(min=0), default=0.75, show_default=True,
               help="robot_radius_m of the planner [m].")  # fmt: skip
-@click.option("--log", "logs", type=InputFile(), multiple=True,
+@click.option("--log", "logs", type=InputFileType(), multiple=True,
               help="Log of the probe of --site, or a folder or ZIP archive of logs. Repeatable.")  # fmt: skip
 @click.option("--nmea", "--track", type=FILE, multiple=True,
               help="Positions of --log: NMEA, GPX, CSV, RTKLIB or a bag. Repeatable.")  # fmt: skip
@@ -87,7 +87,7 @@ def command(
 
 
 def _checked(
-    name: str, check: Callable[[], tuple[Value, Iterable[Finding]]], mistakes: list[Mistake]
+    name: str, check: Callable[[], tuple[Value, Iterable[FileFinding]]], mistakes: list[Mistake]
 ) -> Value | None:
     """Check one file and print what it means; its mistakes are added to ``mistakes``."""
     try:
@@ -101,20 +101,20 @@ def _checked(
     return value
 
 
-def _print(name: str, findings: Iterable[Finding]) -> None:
+def _print(name: str, findings: Iterable[FileFinding]) -> None:
     for finding in findings:
         current().values.setdefault("findings", []).append({"of": name, **finding._asdict()})
         say(f"  {finding.name:<11} {finding.text}")
 
 
-def _logger(name: str) -> tuple[None, Iterable[Finding]]:
+def _logger(name: str) -> tuple[None, Iterable[FileFinding]]:
     from soilmoist_ros.pipeline import logger_findings
     from soilmoist_ros.sensing import load_logger_format
 
     return None, logger_findings(load_logger_format(name))
 
 
-def _site(name: str) -> tuple[Site, Iterable[Finding]]:
+def _site(name: str) -> tuple[Site, Iterable[FileFinding]]:
     from soilmoist_ros.pipeline import site_findings
     from soilmoist_ros.sensing import load_site
 
@@ -122,7 +122,7 @@ def _site(name: str) -> tuple[Site, Iterable[Finding]]:
     return site, site_findings(site)
 
 
-def _field(name: str, robot_radius_m: float) -> tuple[Field, Iterable[Finding]]:
+def _field(name: str, robot_radius_m: float) -> tuple[Field, Iterable[FileFinding]]:
     from soilmoist_ros.foundation import read_yaml, resource
     from soilmoist_ros.mapping import load_field
     from soilmoist_ros.pipeline import field_findings, truth_findings
@@ -135,7 +135,7 @@ def _field(name: str, robot_radius_m: float) -> tuple[Field, Iterable[Finding]]:
     return field, field_findings(field, robot_radius_m)
 
 
-def _graph(field: Field, path: Path, robot_radius_m: float, home: str) -> tuple[None, Iterable[Finding]]:
+def _graph(field: Field, path: Path, robot_radius_m: float, home: str) -> tuple[None, Iterable[FileFinding]]:
     from soilmoist_ros.pipeline import graph_findings
 
     try:
@@ -177,7 +177,7 @@ def _compare(
     if logs:
         chosen = site or Site()
 
-        def check() -> tuple[None, list[Finding]]:
+        def check() -> tuple[None, list[FileFinding]]:
             nonlocal places, source
             skipped: list[Mistake] = []
             found = read_logs(logs, next(iter(logger), None), chosen, topic=topics[0], skipped=skipped)
@@ -202,7 +202,7 @@ def _compare(
 
 
 @click.command("logger")
-@click.argument("file", type=InputFile())
+@click.argument("file", type=InputFileType())
 @click.option("--time", multiple=True, metavar="COLUMN", help="Column of the stamp. Twice for date and time.")
 @click.option("--neutrons", "counts", multiple=True, metavar="COLUMN", help="Column of the counts. Repeatable.")
 @click.option("--out", type=click.Path(path_type=Path), help="File for the draft. Default: print it.")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @click.command("map")
-@click.argument("logs", type=options.InputFile(), nargs=-1, required=True)
+@click.argument("logs", type=options.InputFileType(), nargs=-1, required=True)
 @click.option("--logger", type=options.Name("logger"),
               help="Logger format: a shipped name or a YAML file. Default: detected from the header.")  # fmt: skip
 @click.option(
@@ -41,12 +41,12 @@ if TYPE_CHECKING:
     type=options.Name("field"),
     help="Field file: boundary, cell size. Default: the surroundings of the track.",
 )
-@click.option("--nmea", "--track", type=options.InputFile(), multiple=True,
+@click.option("--nmea", "--track", type=options.InputFileType(), multiple=True,
               help="Positions, for loggers without them: NMEA, GPX, CSV, "
               "RTKLIB or a bag, by content. Repeatable.")  # fmt: skip
-@click.option("--from", "start", type=options.Moment(), metavar="TIME",
+@click.option("--from", "start", type=options.MomentType(), metavar="TIME",
               help="Map records after this time, such as 2026-05-02T14:30+02:00; UTC without a zone.")  # fmt: skip
-@click.option("--to", "end", type=options.Moment(), metavar="TIME",
+@click.option("--to", "end", type=options.MomentType(), metavar="TIME",
               help="Map records up to this time; UTC without a zone.")  # fmt: skip
 @options.position_options
 @click.option("--preset", type=click.Choice(tuple(PRESETS)), default="recommended", show_default=True,

@@ -59,7 +59,7 @@ class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         return {"surrogate": "field", "export": "format"}.get(self._kind, self._kind).upper()
 
 
-class InputFile(click.Path):
+class InputFileType(click.Path):
     """Path of a file or folder that must exist when the command begins."""
 
     def __init__(self, remedy: str = "check the path", words: tuple[str, ...] = ()) -> None:
@@ -93,7 +93,7 @@ class VariogramModel(Name):
 # Times ----------------------------------------------------------------------------------------------------------
 
 
-class Moment(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+class MomentType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     """A time in ISO 8601 with or without a time zone, converted to UTC; without a zone it is UTC."""
 
     name = "time"
@@ -111,7 +111,7 @@ class Moment(click.ParamType):  # type: ignore[type-arg,unused-ignore]
             )
 
 
-class Shift(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+class ShiftType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     """A duration with a sign and a unit, as seconds."""
 
     name = "duration"
@@ -199,7 +199,7 @@ def reported_failure(out: Path) -> Iterator[None]:
 gnss_shift_option = click.option(
     "--gnss-shift",
     "gnss_shift_s",
-    type=Shift(),
+    type=ShiftType(),
     metavar="DURATION",
     default=0.0,
     show_default=False,
@@ -220,7 +220,7 @@ def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
 # Earlier surveys, covariates, a reference sensor ----------------------------------------------------------------
 
 
-class _Runs(InputFile):
+class _Runs(InputFileType):
     """A run or a folder of runs, checked before the command begins."""
 
     def require(self, value: Path) -> None:
@@ -275,7 +275,7 @@ def reference_option(command: Command) -> Command:
         "Log of a stationary neutron sensor at the field, which counted during the survey. Its changes correct "
         "the counts to the end of the survey. The site file is used for both."
     )
-    return click.option("--reference", type=InputFile(), metavar="LOG", help=text)(command)
+    return click.option("--reference", type=InputFileType(), metavar="LOG", help=text)(command)
 
 
 # The map --------------------------------------------------------------------------------------------------------

@@ -27,7 +27,7 @@ _CERTAIN_TO_NOT: Final = np.array(
 _PALE_NOTE: Final = "Pale: may be chance"
 
 
-class Layer(NamedTuple):
+class PageLayer(NamedTuple):
     """A way to show a band of the map, with its colours from low to high, shape (k, 3), and a note of the page."""
 
     key: str
@@ -43,12 +43,14 @@ class Layer(NamedTuple):
 
 
 LAYERS: Final = (
-    Layer("vwc", "Soil moisture", "m³/m³", DRY_TO_WET),
-    Layer("vwc_sd", "Uncertainty of the moisture", "m³/m³", _CERTAIN_TO_NOT),
-    Layer("rate", "Neutron rate", "counts/s", DRY_TO_WET[::-1]),
-    Layer("rate_sd", "Uncertainty of the rate", "counts/s", _CERTAIN_TO_NOT),
-    Layer("change_vwc", "Change of moisture", "m³/m³", _DRIER_TO_WETTER, f"Brown: drier. {_PALE_NOTE}"),
-    Layer("change_rate", "Change of the rate", "counts/s", _DRIER_TO_WETTER[::-1], f"Brown: drier. {_PALE_NOTE}"),
+    PageLayer("vwc", "Soil moisture", "m³/m³", DRY_TO_WET),
+    PageLayer("vwc_sd", "Uncertainty of the moisture", "m³/m³", _CERTAIN_TO_NOT),
+    PageLayer("rate", "Neutron rate", "counts/s", DRY_TO_WET[::-1]),
+    PageLayer("rate_sd", "Uncertainty of the rate", "counts/s", _CERTAIN_TO_NOT),
+    PageLayer("change_vwc", "Change of moisture", "m³/m³", _DRIER_TO_WETTER, f"Brown: drier. {_PALE_NOTE}"),
+    PageLayer(
+        "change_rate", "Change of the rate", "counts/s", _DRIER_TO_WETTER[::-1], f"Brown: drier. {_PALE_NOTE}"
+    ),
 )
 
 
@@ -133,7 +135,7 @@ class MapLayers:
         bands = (name for name in cell.dtype.names or () if name not in "xyz")
         return {name: float(f"{cell[name]:.5g}") for name in bands if math.isfinite(cell[name])}
 
-    def _has(self, layer: Layer) -> bool:
+    def _has(self, layer: PageLayer) -> bool:
         if layer.key == "change_rate" and self._has_values("change_vwc"):  # one change is enough
             return False
         return self._has_values(layer.key)
@@ -142,7 +144,7 @@ class MapLayers:
         names = self._cells.dtype.names or ()
         return key in names and bool(np.isfinite(self._cells[key]).any())
 
-    def _limits(self, layer: Layer) -> tuple[float, float]:
+    def _limits(self, layer: PageLayer) -> tuple[float, float]:
         """Quantiles, so that a few outliers have no effect."""
         values = np.asarray(self._cells[layer.key], float)
         if layer.is_change:

@@ -112,7 +112,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.navigation.pose_client import PoseRequest as PoseRequest
     from soilmoist_ros.exploration.navigation.pose_client import SendPose as SendPose
     from soilmoist_ros.exploration.navigation.pose_client import drivers as drivers
-    from soilmoist_ros.exploration.navigation.track import Track as Track
+    from soilmoist_ros.exploration.navigation.track import RobotTrack as RobotTrack
     from soilmoist_ros.exploration.planning.dwell import DWELL_RULES as DWELL_RULES
     from soilmoist_ros.exploration.planning.dwell import DwellRule as DwellRule
     from soilmoist_ros.exploration.planning.dwell import Optimal as Optimal
@@ -184,7 +184,7 @@ __getattr__, __dir__, __all__ = open_door(
         "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure progress",
         "navigation.navigator": "Ended Navigator",
         "navigation.pose_client": "CancelAll PoseClient PoseRequest SendPose drivers",
-        "navigation.track": "Track",
+        "navigation.track": "RobotTrack",
         "planning.dwell": "DWELL_RULES DwellRule Optimal dwell_rule parse_dwell",
         "planning.forecast": "Forecast forecast_from_text forecast_to_text hundredths",
         "planning.planning_model": "MIN_RATE_CPS spread_cells",

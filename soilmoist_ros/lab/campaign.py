@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from soilmoist_ros.foundation import InputError, SoilmoistError, cores, optional_module
-from soilmoist_ros.lab.campaign_file import Campaign, Mission, load_campaign, mission_key, missions
+from soilmoist_ros.lab.campaign_file import Campaign, CampaignMission, load_campaign, mission_key, missions
 from soilmoist_ros.lab.computing import Failure, Flow, Simulate, WorkersLostError, in_processes, in_this_process
 from soilmoist_ros.lab.mission_store import DamagedMissionError, MissionStore, StaleMissionError
 from soilmoist_ros.lab.progress import CampaignProgress, Pace, Progress
@@ -20,10 +20,10 @@ from soilmoist_ros.simulation import surrogate_field
 __all__ = [
     "Campaign",
     "CampaignInterrupted",
+    "CampaignMission",
     "CampaignOutcome",
     "CampaignProgress",
     "Failure",
-    "Mission",
     "load_campaign",
     "mission_key",
     "missions",
@@ -54,7 +54,7 @@ class CampaignOutcome:
     failures: tuple[Failure, ...]
     remarks: tuple[str, ...]
     written: tuple[Path, ...]
-    rows: tuple[tuple[Mission, MissionRow], ...]
+    rows: tuple[tuple[CampaignMission, MissionRow], ...]
 
     @property
     def complete(self) -> bool:
@@ -144,7 +144,7 @@ def run_campaign(
         )
 
 
-def stored_rows(campaign: Campaign, out: Path) -> tuple[tuple[Mission, MissionRow], ...]:
+def stored_rows(campaign: Campaign, out: Path) -> tuple[tuple[CampaignMission, MissionRow], ...]:
     """The finished missions of a campaign in its output folder, in the order of the campaign."""
     wanted = missions(campaign)
     rows, _ = _already_done(wanted, MissionStore(out / RUNS), campaign.table_every_s)
@@ -152,7 +152,7 @@ def stored_rows(campaign: Campaign, out: Path) -> tuple[tuple[Mission, MissionRo
 
 
 def _already_done(
-    wanted: list[Mission], store: MissionStore, every_s: float
+    wanted: list[CampaignMission], store: MissionStore, every_s: float
 ) -> tuple[dict[str, MissionRow], list[str]]:
     """Finished missions by key, and remarks on files that cannot be used."""
     rows: dict[str, MissionRow] = {}
@@ -174,7 +174,7 @@ def _already_done(
 
 
 def _computed(
-    todo: list[Mission], simulate: Simulate, workers: int | None, scheduler: str | None, pace: Pace
+    todo: list[CampaignMission], simulate: Simulate, workers: int | None, scheduler: str | None, pace: Pace
 ) -> Flow:
     if not todo:
         return in_this_process((), simulate)

@@ -10,9 +10,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.exploration import STRATEGIES
-from soilmoist_ros.lab.campaign_file import Campaign, Mission, missions
+from soilmoist_ros.lab.campaign_file import Campaign, CampaignMission, missions
 from soilmoist_ros.lab.comparisons import PairedDifference, hindsight_table, paired_differences
-from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.lab.mission_store import CampaignRun
 from soilmoist_ros.lab.table import CASE, Finished, missions_table, results_table
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class CampaignData:
     """
 
     def __init__(
-        self, campaign: Campaign, finished: Finished, read: Callable[[Mission], StoredMission | None]
+        self, campaign: Campaign, finished: Finished, read: Callable[[CampaignMission], CampaignRun | None]
     ) -> None:
         self.campaign = campaign
         planned = missions(campaign)
@@ -145,7 +145,7 @@ class CampaignData:
         ]
         return sorted(found, key=lambda group: strategy_order(group[0]))
 
-    def example(self, case: Case, strategy: str) -> StoredMission | None:
+    def example(self, case: Case, strategy: str) -> CampaignRun | None:
         """The strategy's first mission with a map, by seed; ``None`` if there is none."""
         rows = self.final(case)
         for key in rows[rows["strategy"] == strategy].sort_values("seed", kind="stable")["key"]:

@@ -174,7 +174,7 @@ class Campaign(Section):
 
 
 @dataclass(frozen=True)
-class Mission:
+class CampaignMission:
     """One mission of a campaign.
 
     :param key: name of the file: a digest of the settings and of the content of the field file
@@ -207,16 +207,16 @@ def load_campaign(name: str) -> Campaign:
     return campaign.model_copy(update=update)
 
 
-def missions(campaign: Campaign) -> list[Mission]:
+def missions(campaign: Campaign) -> list[CampaignMission]:
     """All missions of a campaign, in the order of the file; a mission shared by experiments occurs once."""
-    found: dict[str, Mission] = {}
+    found: dict[str, CampaignMission] = {}
     digests: dict[str, str] = {}
     for experiment in campaign.experiments:
         for settings in combinations(campaign, experiment):
             key = mission_key(settings, digests)
             known = found.get(key)
             if known is None:
-                found[key] = Mission(key, settings, (experiment.name,))
+                found[key] = CampaignMission(key, settings, (experiment.name,))
             elif experiment.name not in known.experiments:
                 found[key] = replace(known, experiments=(*known.experiments, experiment.name))
     return list(found.values())

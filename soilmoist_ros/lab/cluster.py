@@ -19,7 +19,7 @@ from typing import Any, Final
 from distributed import WorkerPlugin
 
 from soilmoist_ros.foundation import InputError, connect
-from soilmoist_ros.lab.campaign_file import Mission
+from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.lab.computing import Failure, Finished, Flow, Simulate, WorkersLostError, compute
 from soilmoist_ros.lab.mission_store import code_version
 
@@ -32,7 +32,10 @@ REMEDY = "install the same version of soilmoist_ros there, start its worker agai
 
 
 def on_cluster(
-    todo: Iterable[Mission], simulate: Simulate, scheduler: str, waits: Callable[[str], None] = lambda note: None
+    todo: Iterable[CampaignMission],
+    simulate: Simulate,
+    scheduler: str,
+    waits: Callable[[str], None] = lambda note: None,
 ) -> Flow:
     """Compute on the workers of a Dask cluster, which must have the same version of this package.
 
@@ -44,7 +47,7 @@ def on_cluster(
     """
     with connect(scheduler) as client, _same_version(client, simulate):
         arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        waiting, running = deque(todo), dict[Any, Mission]()
+        waiting, running = deque(todo), dict[Any, CampaignMission]()
         threads, looked_s = 0, -LOOK_S
         while waiting or running:
             if time.monotonic() >= looked_s + LOOK_S:
@@ -68,12 +71,12 @@ def on_cluster(
                     yield finished
 
 
-def _compute(mission: Mission, simulate: Simulate, version: str) -> Finished | None:
+def _compute(mission: CampaignMission, simulate: Simulate, version: str) -> Finished | None:
     """A mission; ``None`` by a worker of another version, which leaves the cluster, so that another one will."""
     return compute(mission, simulate) if code_version() == version else None
 
 
-def _finished(future: Any, mission: Mission, scheduler: str) -> Finished | None:
+def _finished(future: Any, mission: CampaignMission, scheduler: str) -> Finished | None:
     """What a future has computed, or why it was lost.
 
     :raises WorkersLostError: if it was cancelled, which happens when the scheduler is lost

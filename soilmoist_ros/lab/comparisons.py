@@ -122,7 +122,7 @@ def paired_table(missions: pd.DataFrame, cases: Iterable[str]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*columns, *PairedDifference.__dataclass_fields__])
 
 
-class Outcome(NamedTuple):
+class LatticeOutcome(NamedTuple):
     """What is compared of a mission.
 
     :param quarter_mse: mean squared error of the rate at :data:`QUARTER` of the time [(counts/s)^2]
@@ -167,7 +167,7 @@ def paired_ratio(mine: Array, theirs: Array) -> tuple[float, float]:
     return value, float(np.std(mine - value * theirs, ddof=1) / math.sqrt(len(mine)) / theirs.mean())
 
 
-def against_best_lattice(outcomes: Mapping[Combination, Mapping[int, Outcome]]) -> list[Against]:
+def against_best_lattice(outcomes: Mapping[Combination, Mapping[int, LatticeOutcome]]) -> list[Against]:
     """Compare all combinations on one field with the best lattices; empty unless all lattices have a common seed.
 
     :param outcomes: outcomes by strategy and dwell rule, then by seed. Each combination is compared over the seeds
@@ -186,7 +186,9 @@ def against_best_lattice(outcomes: Mapping[Combination, Mapping[int, Outcome]]) 
     return found
 
 
-def _best(outcomes: Mapping[Combination, Mapping[int, Outcome]], metric: int, seeds: set[int]) -> Combination:
+def _best(
+    outcomes: Mapping[Combination, Mapping[int, LatticeOutcome]], metric: int, seeds: set[int]
+) -> Combination:
     """The lattice with the lowest mean of an error; one without a map, whose error is NaN, is never the best."""
 
     def error(name: Combination) -> tuple[bool, float]:
@@ -230,9 +232,9 @@ def hindsight_table(missions: pd.DataFrame, cases: Iterable[str]) -> pd.DataFram
     columns = list(cases)
     rows: list[dict[str, object]] = []
     for values, case in missions.groupby(columns, sort=False, dropna=False):
-        outcomes: dict[Combination, dict[int, Outcome]] = {}
+        outcomes: dict[Combination, dict[int, LatticeOutcome]] = {}
         for row in case.to_dict("records"):
-            outcome = Outcome(row["mse_quarter"], row["mse"], row["distance_m"])
+            outcome = LatticeOutcome(row["mse_quarter"], row["mse"], row["distance_m"])
             outcomes.setdefault((row["strategy"], row["dwell"]), {})[row["seed"]] = outcome
         about = dict(zip(columns, values, strict=True))
         rows += [{**about, **asdict(one)} for one in against_best_lattice(outcomes)]

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from soilmoist_ros.foundation import SoilmoistError, one_thread_each
-from soilmoist_ros.lab.campaign_file import Mission
+from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.lab.mission_store import pack
 from soilmoist_ros.simulation import MissionResult, MissionSettings
 
@@ -41,7 +41,7 @@ class Failure:
     :param details: traceback; may be empty
     """
 
-    mission: Mission
+    mission: CampaignMission
     error: str
     details: str = ""
 
@@ -57,7 +57,7 @@ class Finished:
     :param time_s: time that it took its worker [s]; NaN if unknown
     """
 
-    mission: Mission
+    mission: CampaignMission
     content: bytes | Failure
     time_s: float
 
@@ -65,7 +65,7 @@ class Finished:
 Flow = Generator[Finished, None, None]  # missions in the order in which they finish; closing it stops the workers
 
 
-def compute(mission: Mission, simulate: Simulate, progress: MissionProgress | None = None) -> Finished:
+def compute(mission: CampaignMission, simulate: Simulate, progress: MissionProgress | None = None) -> Finished:
     """Simulate one mission; errors are returned, not raised."""
     begin_s = time.monotonic()
     content: bytes | Failure
@@ -81,19 +81,19 @@ class _Stopped(Exception):  # noqa: N818 - nothing went wrong
     """The campaign was stopped during the mission."""
 
 
-def in_this_process(todo: Iterable[Mission], simulate: Simulate) -> Flow:
+def in_this_process(todo: Iterable[CampaignMission], simulate: Simulate) -> Flow:
     """Compute the missions one after the other in this process."""
     for mission in todo:
         yield compute(mission, simulate)
 
 
-def in_processes(todo: Iterable[Mission], simulate: Simulate, workers: int) -> Flow:
+def in_processes(todo: Iterable[CampaignMission], simulate: Simulate, workers: int) -> Flow:
     """Compute in ``workers`` new local processes, each with one thread of linear algebra.
 
     After the death of a process, all running missions are retried one by one. A mission fails if it kills its
     process again. The processes end with this one, however it ends.
     """
-    waiting, suspects = deque(todo), list[Mission]()
+    waiting, suspects = deque(todo), list[CampaignMission]()
     with one_thread_each():
         while waiting:
             suspects += yield from _in_one_pool(waiting, simulate, workers)
@@ -104,13 +104,13 @@ def in_processes(todo: Iterable[Mission], simulate: Simulate, workers: int) -> F
 
 
 def _in_one_pool(
-    waiting: deque[Mission], simulate: Simulate, workers: int
-) -> Generator[Finished, None, list[Mission]]:
+    waiting: deque[CampaignMission], simulate: Simulate, workers: int
+) -> Generator[Finished, None, list[CampaignMission]]:
     """Compute until all missions are done or a process dies; returns the missions that were running then."""
     context = multiprocessing.get_context("spawn")
     stop = context.RawValue(ctypes.c_bool, False)  # without a lock, which a killed process might hold
     pool = ProcessPoolExecutor(min(workers, len(waiting)), context, initializer=_begin, initargs=(stop,))
-    running: dict[Future[Finished], Mission] = {}
+    running: dict[Future[Finished], CampaignMission] = {}
     try:
         while waiting or running:
             while waiting and len(running) < 2 * workers:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.lab.campaign_data import CampaignData, Case, strategies_in
-from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.lab.mission_store import CampaignRun
 from soilmoist_ros.reporting import (
     BLUE,
     FAINT,
@@ -316,11 +316,11 @@ def _dwell_look(dwell: str, dwells: Sequence[str]) -> Look:
     return {"fmi": ORANGE, "ami": BLUE}.get(kind, GREEN), dashes, 2.0
 
 
-def _inside(values: Array, stored: StoredMission) -> Array:
+def _inside(values: Array, stored: CampaignRun) -> Array:
     return np.where(np.isfinite(stored.truth_rate), values, np.nan)
 
 
-def _map_grid(stored: StoredMission, columns: int) -> tuple[Figure, Callable[[int, int], Axes]]:
+def _map_grid(stored: CampaignRun, columns: int) -> tuple[Figure, Callable[[int, int], Axes]]:
     """A figure for two rows of maps in true proportions, and a function that makes the axes of a cell."""
     width_m, height_m = (float(axis[-1] - axis[0]) for axis in (stored.x_m, stored.y_m))
     wide = (WIDTH_IN - 0.2) / columns
@@ -338,7 +338,7 @@ def _map_grid(stored: StoredMission, columns: int) -> tuple[Figure, Callable[[in
 
 
 def _panel(
-    axes: Axes, stored: StoredMission, values: Array, cmap: str, limits: tuple[float, float], title: str
+    axes: Axes, stored: CampaignRun, values: Array, cmap: str, limits: tuple[float, float], title: str
 ) -> Any:
     half = (stored.x_m[1] - stored.x_m[0]) / 2 if len(stored.x_m) > 1 else 0.5
     extent = (stored.x_m[0] - half, stored.x_m[-1] + half, stored.y_m[0] - half, stored.y_m[-1] + half)
@@ -356,7 +356,7 @@ def _panel(
     return image
 
 
-def _path(axes: Axes, stored: StoredMission) -> None:
+def _path(axes: Axes, stored: CampaignRun) -> None:
     for track in stored.tracks:
         axes.plot(*track.T, color="white", linewidth=2.2, alpha=0.7, zorder=2)
         axes.plot(*track.T, color=INK, linewidth=0.8, zorder=2.1)
@@ -365,7 +365,7 @@ def _path(axes: Axes, stored: StoredMission) -> None:
     _stops(axes, stored)
 
 
-def _stops(axes: Axes, stored: StoredMission) -> None:
+def _stops(axes: Axes, stored: CampaignRun) -> None:
     xy = np.array([(visit.x_m, visit.y_m) for visit in stored.visits]).reshape(-1, 2)
     axes.scatter(xy[:, 0], xy[:, 1], s=13, facecolors="white", edgecolors=INK, linewidths=0.7, zorder=3)
 

@@ -50,7 +50,7 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Finding:
+class CampaignFinding:
     """A published finding and the verdict of the campaign."""
 
     key: FindingKey  # short name
@@ -62,7 +62,7 @@ class Finding:
     reason: str  # why the finding is not confirmed, from the campaign's file; may be empty
 
 
-def findings(data: CampaignData) -> list[Finding]:
+def findings(data: CampaignData) -> list[CampaignFinding]:
     """The published findings with verdicts; none if the campaign names no published results."""
     published = data.campaign.published
     if published is None:
@@ -101,7 +101,7 @@ def findings(data: CampaignData) -> list[Finding]:
 def _finding(
     key: FindingKey, statement: str, rule: str, comparisons: Sequence[Comparison], reasons: Reasons,
     needed: Sequence[Comparison] = (),
-) -> Finding:  # fmt: skip
+) -> CampaignFinding:  # fmt: skip
     """A finding: confirmed if all comparisons support it, not seen if none of the needed ones does."""
     judged = [item for item in comparisons if item.outcome != "too few runs"]
     crucial = [item for item in needed or judged if item.outcome != "too few runs"]
@@ -121,7 +121,7 @@ def _finding(
     else:
         summary = "The campaign has no missions that test this."
     reason = reasons.get(key, "") if verdict in ("partly", "not seen") else ""
-    return Finding(key, statement, rule, verdict, summary, tuple(comparisons), reason)
+    return CampaignFinding(key, statement, rule, verdict, summary, tuple(comparisons), reason)
 
 
 def _shares(comparisons: Sequence[Comparison]) -> str:
@@ -139,7 +139,7 @@ def _shares(comparisons: Sequence[Comparison]) -> str:
     return " and ".join(texts)
 
 
-def _adaptive_sampling(data: CampaignData, reasons: Reasons) -> Finding:
+def _adaptive_sampling(data: CampaignData, reasons: Reasons) -> CampaignFinding:
     distances: list[Comparison] = []
     errors: list[Comparison] = []
     for case in data.strategy_cases:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import Visit, VisitEnd
 from soilmoist_ros.foundation import InputError, SoilmoistError, __version__
-from soilmoist_ros.lab.campaign_file import Mission
+from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.simulation import (
     MapErrors,
     MissionResult,
@@ -48,7 +48,7 @@ class StaleMissionError(DamagedMissionError):
 
 
 @dataclass(frozen=True, eq=False)
-class StoredMission:
+class CampaignRun:
     """Stored content of a mission; maps have single precision and are NaN outside the field.
 
     :param field_title: name of the field for reports
@@ -128,7 +128,7 @@ def pack(result: MissionResult, key: str) -> bytes:
     return stream.getvalue()
 
 
-def unpack(content: bytes) -> StoredMission:
+def unpack(content: bytes) -> CampaignRun:
     """Read a mission from the bytes of its file.
 
     :raises DamagedMissionError: if the file is damaged or incomplete
@@ -140,7 +140,7 @@ def unpack(content: bytes) -> StoredMission:
         if about["schema"] != SCHEMA:
             raise StaleMissionError(f"has format {about['schema']}, not {SCHEMA}")
         visits = tuple(Visit(**{**visit, "ended": VisitEnd(visit["ended"])}) for visit in about["visits"])
-        return StoredMission(
+        return CampaignRun(
             settings=_settings(about["settings"]),
             key=about["key"],
             version=about["version"],
@@ -225,7 +225,7 @@ class MissionStore:
         """File of a mission."""
         return self.folder / f"{key}{SUFFIX}"
 
-    def read(self, mission: Mission) -> StoredMission | None:
+    def read(self, mission: CampaignMission) -> CampaignRun | None:
         """A finished mission, ``None`` if there is none.
 
         :raises DamagedMissionError: if its file is damaged or contains another mission
@@ -243,7 +243,7 @@ class MissionStore:
         except DamagedMissionError as error:
             raise type(error)(f"{path.name} {error}") from None
 
-    def write(self, mission: Mission, content: bytes) -> StoredMission:
+    def write(self, mission: CampaignMission, content: bytes) -> CampaignRun:
         """Store a mission atomically: an interruption never leaves an incomplete file.
 
         :raises DamagedMissionError: if the content belongs to another mission or version of the code
@@ -267,7 +267,7 @@ class MissionStore:
         return stored
 
 
-def check(stored: StoredMission, mission: Mission) -> StoredMission:
+def check(stored: CampaignRun, mission: CampaignMission) -> CampaignRun:
     """Return the stored mission if it is the expected one and comes from this version of the code.
 
     :raises DamagedMissionError: otherwise

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, csv_text, install
-from soilmoist_ros.lab.campaign_file import Mission
+from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.lab.comparisons import QUARTER, hindsight_table, paired_table
-from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.lab.mission_store import CampaignRun
 from soilmoist_ros.simulation import SETTINGS, MapErrors, SeriesRow, series_columns
 
 if TYPE_CHECKING:
@@ -71,10 +71,10 @@ class MissionRow:
         return dict(zip(self.names, self.values, strict=True))
 
 
-Finished = Sequence[tuple[Mission, MissionRow]]
+Finished = Sequence[tuple[CampaignMission, MissionRow]]
 
 
-def mission_row(stored: StoredMission, every_s: float) -> MissionRow:
+def mission_row(stored: CampaignRun, every_s: float) -> MissionRow:
     """The rows of a mission.
 
     :param every_s: time between two rows of the time grid [s]
@@ -183,7 +183,7 @@ def time_grid(hours: float, every_s: float) -> Array:
     return grid if end_s - grid[-1] < 1e-6 * every_s else np.append(grid, end_s)
 
 
-def metrics_at(stored: StoredMission, times_s: Array) -> dict[str, NDArray[Any]]:
+def metrics_at(stored: CampaignRun, times_s: Array) -> dict[str, NDArray[Any]]:
     """Last entered metrics of a mission at given times: :data:`METRICS`, then those of additional properties."""
     names = ["", *(wanted.name for wanted in stored.settings.properties)]
     start = SeriesRow(0.0, 0.0, 0, 0.0, (MapErrors(),) * len(names))
@@ -201,7 +201,7 @@ def _metric_names(values: Iterable[Mapping[str, Any]]) -> list[str]:
     return list(dict.fromkeys((*METRICS, *chain.from_iterable(values))))
 
 
-def border_share(stored: StoredMission) -> float:
+def border_share(stored: CampaignRun) -> float:
     """Share of stops in the boundary strip that contains half of the area; NaN without map or stops."""
     import shapely
 

@@ -52,10 +52,10 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.records import survey_samples as survey_samples
     from soilmoist_ros.mapping.samples import Samples as Samples
     from soilmoist_ros.mapping.samples import spatial_blocks as spatial_blocks
-    from soilmoist_ros.mapping.several_surveys import Estimate as Estimate
     from soilmoist_ros.mapping.several_surveys import FieldChange as FieldChange
     from soilmoist_ros.mapping.several_surveys import JointKriging as JointKriging
     from soilmoist_ros.mapping.several_surveys import Persistence as Persistence
+    from soilmoist_ros.mapping.several_surveys import SurveysEstimate as SurveysEstimate
     from soilmoist_ros.mapping.several_surveys import field_change as field_change
     from soilmoist_ros.mapping.several_surveys import mean_places as mean_places
     from soilmoist_ros.mapping.several_surveys import moisture_slope as moisture_slope
@@ -111,7 +111,7 @@ __getattr__, __dir__, __all__ = open_door(
         "placement": "PositionSource require_near",
         "records": "Skip StampLimits survey_samples",
         "samples": "Samples spatial_blocks",
-        "several_surveys": "Estimate FieldChange JointKriging Persistence field_change mean_places moisture_slope",
+        "several_surveys": "FieldChange JointKriging Persistence SurveysEstimate field_change mean_places moisture_slope",
         "soil_map": "Bands CELL SoilMap common_rate_sd make_bands make_soil_map map_cells moisture_terms placed_cells possible_moisture",
         "variogram.field_prior": "Effect FieldPrior",
         "variogram.fit": "FitMethod LocalModel NoiseModel VariogramFit estimate_variogram fit_variogram",

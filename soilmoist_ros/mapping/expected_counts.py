@@ -147,7 +147,7 @@ class Held(Generic[Where]):
 
 
 @dataclass(frozen=True)
-class Verdict(Generic[Where]):
+class CountVerdict(Generic[Where]):
     """What becomes of a record, and of those held back before."""
 
     unexpected: str = ""  # what is wrong with the record, empty if it can be used
@@ -167,7 +167,7 @@ class ExpectedCounts(Generic[Where]):
 
     def judge(
         self, record: CountRecord, where: Where, samples: Samples, fit: Callable[[], Variogram | None]
-    ) -> Verdict[Where]:
+    ) -> CountVerdict[Where]:
         """Judge a record before it becomes part of the map.
 
         :param record: a good record with a place
@@ -177,33 +177,33 @@ class ExpectedCounts(Generic[Where]):
         """
         row, self._row = self._row, []
         if len(samples) < MIN_SAMPLES or not (self._held or stands_out(record, samples)):
-            return Verdict()
+            return CountVerdict()
         variogram = fit()
         if variogram is None:
-            return Verdict()
+            return CountVerdict()
         place = np.array([record.x_m, record.y_m])
         here = [bool(self._same_place(held.xy - place, variogram)) for held in self._held]
         waiting = [held for held, is_here in zip(self._held, here, strict=True) if is_here]
         known = self._same_place(samples.xy - place, variogram).any()
         if not known or not (waiting or stands_out(record, samples)):
-            return Verdict()
+            return CountVerdict()
         expected = expectation(samples, variogram, record.x_m, record.y_m)
         if expected is None:
-            return Verdict()
+            return CountVerdict()
         deviation = expected.deviation(record)
         confirmed = tuple(held for held in waiting if deviation / held.deviation > CONFIRMED)
         self._held = [held for held in self._held if held not in waiting]
         if confirmed or not expected.is_far(record):
-            return Verdict(confirmed=confirmed)
+            return CountVerdict(confirmed=confirmed)
         held_back = Held(record, deviation, where)
         if MIN_RAIN <= record.corrected_rate / expected.rate_cps < 1:
             self._row = [*row, held_back]
             if len(self._row) >= RAIN_ROW:
                 confirmed = tuple(held for held in row if any(held is other for other in self._held))
                 self._held = [held for held in self._held if not any(held is other for other in row)]
-                return Verdict(confirmed=confirmed)
+                return CountVerdict(confirmed=confirmed)
         self._held = [*self._held, held_back][-MAX_HELD:]
-        return Verdict(expected.text(record))
+        return CountVerdict(expected.text(record))
 
     def _same_place(self, offset_m: Array, variogram: Variogram) -> NDArray[np.bool_]:
         """True if places with these offsets from each other, shape (..., 2) [m], are the same."""

@@ -259,7 +259,7 @@ def _noise(places: Samples, variogram: Variogram) -> Array:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class SurveysEstimate:
     """A value with its standard deviation.
 
     :param value: the value
@@ -293,8 +293,8 @@ class FieldChange:
     vwc: Array
     vwc_sd: Array
     significant: Array
-    mean_rate: Estimate
-    mean_vwc: Estimate | None
+    mean_rate: SurveysEstimate
+    mean_vwc: SurveysEstimate | None
 
     FALSE_SHARE: ClassVar[float] = 0.05
     """Expected share of the cells that are called changed, but are not."""
@@ -348,7 +348,7 @@ def field_change(
     raster = grid.to_raster
     return FieldChange(
         raster(rate), raster(sd), raster(vwc), raster(vwc_sd), raster(sure),
-        Estimate(float(rate.mean()), math.sqrt(mean_variance)), mean_vwc,
+        SurveysEstimate(float(rate.mean()), math.sqrt(mean_variance)), mean_vwc,
     )  # fmt: skip
 
 
@@ -423,8 +423,8 @@ def _mean_moisture_change(
     curve: MoistureCurve,
     value: float,
     errors: Array,
-) -> Estimate:
+) -> SurveysEstimate:
     """Change of the mean moisture; its error to first order."""
     slopes = {one: share * moisture_slope(curve, kriging.predict(places, one)[0]) for one in (survey, other)}
     _, variance = kriging.mean(places, {survey: slopes[survey], other: -slopes[other]})
-    return Estimate(value, math.sqrt(variance + _variance_of(errors, slopes[survey])))
+    return SurveysEstimate(value, math.sqrt(variance + _variance_of(errors, slopes[survey])))

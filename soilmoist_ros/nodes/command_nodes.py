@@ -194,7 +194,7 @@ def player_of(
 # A mission ------------------------------------------------------------------------------------------------------
 
 
-class Monitor(Node):
+class NodeMonitor(Node):
     """Keeps a :class:`LiveMission` up to date; unreadable messages are ignored."""
 
     def __init__(self, live: LiveMission, frame: LocalFrame, context: Context) -> None:
@@ -245,7 +245,7 @@ class Monitor(Node):
 @contextmanager
 def monitored(live: LiveMission, frame: LocalFrame, domain: int) -> Iterator[None]:
     """Run a :class:`Monitor` in a thread."""
-    with _spinning(lambda context: Monitor(live, frame, context), domain):
+    with _spinning(lambda context: NodeMonitor(live, frame, context), domain):
         yield
 
 

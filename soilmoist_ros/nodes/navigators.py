@@ -26,9 +26,9 @@ from soilmoist_ros.exploration import (
     PoseClient,
     PoseRequest,
     Response,
+    RobotTrack,
     SendPose,
     Stop,
-    Track,
     Way,
     WayPoint,
     drivers,
@@ -258,6 +258,6 @@ def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], Non
     default, field = (NAVIGATE_TO_POSE_TYPE, "pose") if by_pose else (GOTO_NODE_TYPE, "target")
     kind = action_class(text("action_type") or default, field)
     name = text("action_name") or (NAVIGATE_TO_POSE if by_pose else GOTO_NODE)
-    track = Track(speed_mps, radius_m)
+    track = RobotTrack(speed_mps, radius_m)
     there_m = track.still_m if by_pose else radius_m
     return make(node, name, kind, GoalClient(radius_m, GoalLimits()), track, there_m, report, frame, yields)

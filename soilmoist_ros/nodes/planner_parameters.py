@@ -33,7 +33,7 @@ from soilmoist_ros.foundation import InputError, did_you_mean, resource
 from soilmoist_ros.mapping import CovariateSource, Field, FieldMapSettings, Knowledge, load_field, read_covariates
 from soilmoist_ros.nodes.parameter_tables import ANTENNA, COVARIATES, EARLIER, of_setting, row
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.pipeline import Target, read_earlier_runs
+from soilmoist_ros.pipeline import EarlierTarget, read_earlier_runs
 from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, load_site
 
 _PLACE = PlaceLimits()
@@ -168,7 +168,7 @@ def _knowledge(parameters: Parameters, field: Field, calibration: MoistureCurve 
     sources = (*field.covariates, *map(CovariateSource.parse, parameters.texts("covariates")))
     if not (paths or sources):
         return Knowledge()
-    target = Target(field.frame, field.grid(), FieldMapSettings(curve=calibration))
+    target = EarlierTarget(field.frame, field.grid(), FieldMapSettings(curve=calibration))
     runs = read_earlier_runs(paths, target) if paths else ()
     return Knowledge(tuple(run.survey for run in runs), read_covariates(sources, field.frame, target.grid))
 

@@ -46,9 +46,9 @@ from soilmoist_ros.sensing import (
     Doubt,
     Driver,
     DriverSettings,
-    Header,
     LatestIntensity,
     LeverArms,
+    LogHeader,
     Site,
     fix_from_message,
     load_site,
@@ -218,7 +218,7 @@ class DriverOutputs:
             name: node.create_publisher(kind, name, profile) for name, (kind, profile) in topics.items()
         }
 
-    def open(self) -> Header | None:
+    def open(self) -> LogHeader | None:
         """Open the log of records, if there is one; returns the header of the logger that is stored there."""
         if not self._folder:
             return None
@@ -253,7 +253,7 @@ class DriverOutputs:
             for message in messages:
                 self._publishers[name].publish(message)
 
-    def _store(self, records: list[CountRecord], header: Header | None) -> None:
+    def _store(self, records: list[CountRecord], header: LogHeader | None) -> None:
         """Write records as receivers read them. A disk that fails does not stop the survey."""
         if self._log is None or self._header is None:
             return
@@ -281,7 +281,7 @@ class StoredHeader:
         self.header = self._read()
         """The last header, ``None`` if there is none."""
 
-    def update(self, header: Header) -> None:
+    def update(self, header: LogHeader) -> None:
         """Store a header, unless it is stored already."""
         if header != self.header:
             content = {**self._logger, **asdict(header)}
@@ -289,7 +289,7 @@ class StoredHeader:
             write_whole(self._path, json.dumps(content, indent=1).encode())
             self.header = header
 
-    def _read(self) -> Header | None:
+    def _read(self) -> LogHeader | None:
         if not self._path.exists():
             return None
         try:
@@ -298,7 +298,7 @@ class StoredHeader:
                 return None
             names, units = (tuple(map(str, content[key])) for key in ("names", "units"))
             values = {str(key): str(value) for key, value in content["values"].items()}
-            return Header(names, units, values, self._path.stat().st_mtime)
+            return LogHeader(names, units, values, self._path.stat().st_mtime)
         except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             _log.warning("%s is ignored, it cannot be read: %s", self._path, error)
             return None

@@ -13,7 +13,7 @@ from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalRespons
 from rclpy.node import Node
 
 from soilmoist_ros.nodes.topics import interface_class
-from soilmoist_ros.simulation import NO_VALID_PATH, GoalEnded, OnRoute, Outcome, Remaining, SimulatedRobot
+from soilmoist_ros.simulation import NO_VALID_PATH, GoalEnded, GoalOutcome, OnRoute, Remaining, SimulatedRobot
 
 NODE_ACTION: Final = "topological_navigation"
 POSE_ACTION: Final = "navigate_to_pose"
@@ -87,9 +87,9 @@ class NavigationServer(ABC):
     def _execute(self, handle: Any) -> Any:
         event = self._endings.pop(bytes(handle.goal_id.uuid))
         verbs = {
-            Outcome.SUCCEEDED: handle.succeed,
-            Outcome.CANCELED: handle.canceled,
-            Outcome.ABORTED: handle.abort,
+            GoalOutcome.SUCCEEDED: handle.succeed,
+            GoalOutcome.CANCELED: handle.canceled,
+            GoalOutcome.ABORTED: handle.abort,
         }
         verbs[event.outcome]()
         return self.result(event)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline.bag_map import replay_bag as replay_bag
     from soilmoist_ros.pipeline.earlier_runs import EARLIER as EARLIER
     from soilmoist_ros.pipeline.earlier_runs import MAX_AHEAD_S as MAX_AHEAD_S
-    from soilmoist_ros.pipeline.earlier_runs import Target as Target
+    from soilmoist_ros.pipeline.earlier_runs import EarlierTarget as EarlierTarget
     from soilmoist_ros.pipeline.earlier_runs import earlier_doubts as earlier_doubts
     from soilmoist_ros.pipeline.earlier_runs import find_runs as find_runs
     from soilmoist_ros.pipeline.earlier_runs import mean_rate as mean_rate
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline.earlier_runs import simulated_runs as simulated_runs
     from soilmoist_ros.pipeline.field_survey import FieldSurvey as FieldSurvey
     from soilmoist_ros.pipeline.field_survey import open_survey as open_survey
-    from soilmoist_ros.pipeline.file_facts import Finding as Finding
+    from soilmoist_ros.pipeline.file_facts import FileFinding as FileFinding
     from soilmoist_ros.pipeline.file_facts import contradictions as contradictions
     from soilmoist_ros.pipeline.file_facts import field_findings as field_findings
     from soilmoist_ros.pipeline.file_facts import graph_findings as graph_findings
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline.logs import read_track as read_track
     from soilmoist_ros.pipeline.logs import reading_of as reading_of
     from soilmoist_ros.pipeline.logs import skipped_text as skipped_text
-    from soilmoist_ros.pipeline.properties import Comparison as Comparison
+    from soilmoist_ros.pipeline.properties import PropertyComparison as PropertyComparison
     from soilmoist_ros.pipeline.results import REMEDY as REMEDY
     from soilmoist_ros.pipeline.results import curve_of as curve_of
     from soilmoist_ros.pipeline.results import is_illustrative as is_illustrative
@@ -67,12 +67,12 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "bag_map": "Replay ReplaySettings replay_bag",
-        "earlier_runs": "EARLIER MAX_AHEAD_S Target earlier_doubts find_runs mean_rate mission_earlier read_earlier_runs read_run run_change simulated_runs",
+        "earlier_runs": "EARLIER EarlierTarget MAX_AHEAD_S earlier_doubts find_runs mean_rate mission_earlier read_earlier_runs read_run run_change simulated_runs",
         "field_survey": "FieldSurvey open_survey",
-        "file_facts": "Finding contradictions field_findings graph_findings log_findings logger_findings position_findings site_findings truth_findings",
+        "file_facts": "FileFinding contradictions field_findings graph_findings log_findings logger_findings position_findings site_findings truth_findings",
         "log_map": "MapSettings map_logs",
         "logs": "log_positions log_times position_source read_logs read_track reading_of skipped_text",
-        "properties": "Comparison",
+        "properties": "PropertyComparison",
         "results": "REMEDY curve_of is_illustrative read_features read_summary shape_of",
         "run": "EARLIEST_STAMP_S EarlierRun FailedRun IrrigationLimits LossRow MapRun NoMapError Note NoteCode REFERENCE RunChange date_text local_time track_xy",
     },

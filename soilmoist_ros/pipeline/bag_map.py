@@ -39,7 +39,7 @@ from soilmoist_ros.pipeline.mission import (
     replay_mission,
 )
 from soilmoist_ros.pipeline.properties import (
-    Comparison,
+    PropertyComparison,
     PropertyTopic,
     ReplayedProperty,
     chosen_properties,
@@ -238,7 +238,7 @@ class Replay:
     """
 
     run: MapRun
-    comparisons: Sequence[Comparison]
+    comparisons: Sequence[PropertyComparison]
 
     def __repr__(self) -> str:
         names = ", ".join(run.name for run in self.run.properties)
@@ -376,11 +376,11 @@ class _Recording:
             line.startswith(b"#simulated=yes") for name in loggers for line in text_lines(self._reader, name)
         )
 
-    def compared(self, one: ReplayedProperty) -> Comparison:
+    def compared(self, one: ReplayedProperty) -> PropertyComparison:
         """Comparison of a property with the map that its mapper published."""
         if one.survey is self.survey and (self.reference is not None or self.raw is not None):
             why = "made again from the raw lines" if self.reference is None else "corrected by a reference sensor"
-            return Comparison(None, f"not compared: {why}")
+            return PropertyComparison(None, f"not compared: {why}")
         return one.compared(self.several)
 
 

@@ -17,7 +17,6 @@ import numpy as np
 from soilmoist_ros.foundation import DAY_S, InputError, LocalFrame, Mistake, distance_text, resource
 from soilmoist_ros.mapping import (
     EarlierSurvey,
-    Estimate,
     FieldGrid,
     FieldMapSettings,
     JointKriging,
@@ -25,6 +24,7 @@ from soilmoist_ros.mapping import (
     PoissonKriging,
     Samples,
     SoilMap,
+    SurveysEstimate,
     default_merge_radius_m,
     field_change,
     load_field,
@@ -189,7 +189,7 @@ def _good(records: Sequence[CountRecord], path: Path) -> list[CountRecord]:
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class EarlierTarget:
     """What earlier surveys must fit: the map that is being made.
 
     :param frame: plane of the field
@@ -208,7 +208,7 @@ class Target:
     simulated: bool | None = None
 
 
-def read_earlier_runs(paths: Sequence[Path | str], target: Target) -> tuple[EarlierRun, ...]:
+def read_earlier_runs(paths: Sequence[Path | str], target: EarlierTarget) -> tuple[EarlierRun, ...]:
     """Earlier surveys of a field from finished runs, in order of time.
 
     Counts and effective exposures are taken, not the maps; records are merged as those of the present survey, and
@@ -269,7 +269,7 @@ def same_survey(first: Sequence[CountRecord], second: Sequence[CountRecord]) -> 
     return shorter > 0 and (keys[0] & keys[1]).total() > SAME_RECORDS * shorter
 
 
-def _earlier(run: RunRecords, target: Target) -> EarlierRun:
+def _earlier(run: RunRecords, target: EarlierTarget) -> EarlierRun:
     """A run as an earlier survey.
 
     :raises InputError: if it does not fit
@@ -314,7 +314,7 @@ def _scale(its: MoistureCurve | None, curve: MoistureCurve | None, samples: Samp
     return 1.0 if abs(scale - 1) <= SAME_SENSOR else scale
 
 
-def _inside(run: RunRecords, target: Target) -> tuple[list[CountRecord], int]:
+def _inside(run: RunRecords, target: EarlierTarget) -> tuple[list[CountRecord], int]:
     """Records in the field and its margin, in its plane, and the number of the others.
 
     :raises InputError: if there is none
@@ -420,7 +420,7 @@ def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun])
     errors = np.zeros((len(places), 1)) if shared is None else shared(places)
     for number, run in enumerate(used[1:], 2):
         value, variance = kriging.mean(places, {0: share, number: -share})
-        means[run.survey.name] = Estimate(value, math.sqrt(variance + float(((share @ errors) ** 2).sum())))
+        means[run.survey.name] = SurveysEstimate(value, math.sqrt(variance + float(((share @ errors) ** 2).sum())))
     alone = JointKriging(soil_map.variogram, surveys[:1], np.eye(1))
     of_cell = (errors**2).sum(axis=1)
     sd, sd_alone = (math.sqrt(float(share @ (one.predict(places, 0)[1] + of_cell))) for one in (kriging, alone))
@@ -445,7 +445,7 @@ def mission_earlier(settings: MissionSettings, paths: Sequence[Path]) -> Mapping
         curve = None if number else one.curve
         choices = FieldMapSettings(fit=settings.fit, curve=curve, footprint_radius_m=settings.footprint_m)
         found[wanted.name] = read_earlier_runs(
-            paths, Target(one.frame, grid, choices, wanted.name, number == 0, True)
+            paths, EarlierTarget(one.frame, grid, choices, wanted.name, number == 0, True)
         )
     return found
 

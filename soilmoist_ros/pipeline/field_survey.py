@@ -32,7 +32,7 @@ from soilmoist_ros.mapping import (
     read_covariates,
 )
 from soilmoist_ros.pipeline.earlier_runs import (
-    Target,
+    EarlierTarget,
     read_earlier_runs,
     require_other,
     run_change,
@@ -175,7 +175,7 @@ def open_survey(
     settings = field_map_settings(
         {**values, "merge_radius_m": values["merge_radius_m"] or None}, the_site, margin_m=radius_m
     )
-    target = Target(the_field.frame, grid, settings, property_name, not property_name, simulated)
+    target = EarlierTarget(the_field.frame, grid, settings, property_name, not property_name, simulated)
     sources = (*the_field.covariates, *map(CovariateSource.parse, covariates))
     files += [("covariate", path) for path in dict.fromkeys(one.path for one in sources)]
     the_map, runs = open_map(target, earlier, sources)
@@ -194,7 +194,7 @@ def field_map_settings(values: Mapping[str, Any], site: Site, **more: Any) -> Fi
 
 
 def open_map(
-    target: Target,
+    target: EarlierTarget,
     earlier: Sequence[Path | str],
     covariates: Sequence[CovariateSource],
     error: Drift | None = None,

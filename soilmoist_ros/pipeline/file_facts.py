@@ -78,18 +78,18 @@ _DRY, _WET = 0.05, 0.40
 _NOTED = (Kind.ASSUMED_TIME, Kind.CHOSEN_POSITIONS, Kind.DOUBTFUL_POSITIONS, Kind.CHECKSUM)
 
 
-class Finding(NamedTuple):
+class FileFinding(NamedTuple):
     """A statement about a file; its name is the topic, or ``doubt``."""
 
     name: str
     text: str
 
 
-def _doubt(text: str) -> Finding:
-    return Finding("doubt", text)
+def _doubt(text: str) -> FileFinding:
+    return FileFinding("doubt", text)
 
 
-def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[Finding]:
+def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[FileFinding]:
     """Area, place, direction, cells and covariates of a field.
 
     :param robot_radius_m: distance that a robot keeps from the border and no-go areas [m]
@@ -107,21 +107,21 @@ def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[Findin
     east, north = sides[np.argmax(np.hypot(*sides.T))]
     longest_deg = round(math.degrees(math.atan2(east, north))) % 180
     grid = field.grid()
-    yield Finding("field", f"{field.name}: {value} {unit} at {place_text(field.centre)}")
+    yield FileFinding("field", f"{field.name}: {value} {unit} at {place_text(field.centre)}")
     sizes = f"{width_m:.0f} m east-west, {height_m:.0f} m north-south"
-    yield Finding("extent", f"{sizes}; longest side at {longest_deg} deg")
+    yield FileFinding("extent", f"{sizes}; longest side at {longest_deg} deg")
     no_go = f", {len(field.no_go)} no-go {'area' if len(field.no_go) == 1 else 'areas'}" if field.no_go else ""
-    yield Finding("map", f"{np.count_nonzero(grid.mask)} cells of {grid.cell_m:g} m{no_go}")
+    yield FileFinding("map", f"{np.count_nonzero(grid.mask)} cells of {grid.cell_m:g} m{no_go}")
     for note in field.notes:
-        yield Finding("border", note)
+        yield FileFinding("border", note)
     if doubt := unreachable(field, robot_radius_m):
         yield _doubt(doubt)
     covariates = read_covariates(field.covariates, field.frame, grid)
     if covariates is not None:
         covered = [f"{name} ({share:.0%} of the field)" for name, share in covariates.coverage(grid).items()]
-        yield Finding("covariates", ", ".join(covered))
+        yield FileFinding("covariates", ", ".join(covered))
         for unused in filter(None, (source.unused_parts() for source in field.covariates)):
-            yield Finding("covariates", unused)
+            yield FileFinding("covariates", unused)
     if swapped := looks_swapped(field.centre):
         yield _doubt(f"{swapped}: in lists and GeoJSON, longitude comes first")
     if not MIN_USUAL_M2 <= shape.area <= MAX_USUAL_M2:
@@ -134,7 +134,7 @@ def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[Findin
         yield _doubt(f"the boundary lies {away} from its datum: is the datum that of this field?")
 
 
-def truth_findings(known: SurrogateField) -> Iterator[Finding]:
+def truth_findings(known: SurrogateField) -> Iterator[FileFinding]:
     """Rates of a surrogate field, and the moisture that they stand for."""
     rates = known.rate_at(known.field.grid().cells)
     low, high = float(rates.min()), float(rates.max())
@@ -143,7 +143,7 @@ def truth_findings(known: SurrogateField) -> Iterator[Finding]:
         wet, dry = (float(known.curve.vwc(rate)) for rate in (low, high))
         fits = dry >= 0 and wet <= soil_limits(known.curve.bulk_density_gcm3).saturation + _DRY
         text += f", a moisture of {dry:.2f} to {wet:.2f} m3/m3 by its calibration"
-    yield Finding("truth", text)
+    yield FileFinding("truth", text)
     if doubt := unusual_n0(high).replace("N0", "a rate", 1):
         yield _doubt(doubt)
     if not fits:
@@ -164,7 +164,7 @@ def looks_swapped(place: LatLon) -> str:
     )
 
 
-def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = "") -> Iterator[Finding]:
+def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = "") -> Iterator[FileFinding]:
     """Nodes of a topological map that the planner would use in a field, and its doubts about the map.
 
     :param robot_radius_m: distance that the robot keeps from no-go areas [m]
@@ -180,7 +180,7 @@ def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = 
     datum = "none: metres from the field's datum" if found.datum is None else "its own"
     stops = f"{len(access.stops)} of {len(found.graph.names)} nodes are stops in {field.name}"
     frame = found.frame or "not named"
-    yield Finding("graph", f"{stops}; datum of the map: {datum}; frame of its places: {frame}")
+    yield FileFinding("graph", f"{stops}; datum of the map: {datum}; frame of its places: {frame}")
     frames = exploration.RobotFrames(field, exploration.FrameSettings())
     frames.take_map_datum(found.datum, found.frame)
     fault = f"with its default parameters, the planner does not drive: {frames.fault}" if frames.fault else ""
@@ -188,21 +188,21 @@ def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = 
     yield from map(_doubt, filter(None, doubts))
 
 
-def site_findings(site: Site) -> Iterator[Finding]:
+def site_findings(site: Site) -> Iterator[FileFinding]:
     """Place, corrections and calibration of a site, and the moisture that its calibration gives.
 
     :raises InputError: if the neutron-monitor file of the site cannot be used
     """
     side = "" if site.longitude == "signed" else f"; longitudes without a sign are {site.longitude}"
-    yield Finding("site", f"{site.name}; footprint {site.footprint_radius_m:g} m{side}")
+    yield FileFinding("site", f"{site.name}; footprint {site.footprint_radius_m:g} m{side}")
     used, settings = site.corrections_parameters, site.corrections
     place = settings.place or site.location
     if place is not None:
         cosmic = settings.cosmic(site.location)
-        yield Finding("place", place_text((place.latitude_deg, place.longitude_deg)))
+        yield FileFinding("place", place_text((place.latitude_deg, place.longitude_deg)))
         if cosmic is not None:
             depth = f"atmospheric depth {cosmic.depth_gcm2:.0f} g/cm2"
-            yield Finding("cosmic rays", f"cutoff rigidity {cosmic.cutoff_rigidity_gv:.2f} GV, {depth}")
+            yield FileFinding("cosmic rays", f"cutoff rigidity {cosmic.cutoff_rigidity_gv:.2f} GV, {depth}")
         if settings.pressure is not None and place.altitude_m is not None:
             usual_hpa = standard_pressure_hpa(place.latitude_deg, place.altitude_m)
             if abs(used.reference_pressure_hpa - usual_hpa) > MAX_FROM_REFERENCE_HPA:
@@ -222,19 +222,19 @@ def site_findings(site: Site) -> Iterator[Finding]:
         *([f"plants (factor {settings.f_biomass:.3f})"] if settings.biomass else []),
         *([f"road (factor {settings.f_road:.3f})"] if settings.road else []),
     ]
-    yield Finding("correction", ", ".join(applied))
+    yield FileFinding("correction", ", ".join(applied))
     yield from _on_monitor(settings)
     for key, why in site.unused_keys():
-        yield Finding("not used", f"{key}: {why}")
+        yield FileFinding("not used", f"{key}: {why}")
     curve, calibration = site.curve, site.calibration
     if curve is None:
         missing = " and ".join(name for name in ("soil", "calibration") if getattr(site, name) is None)
-        yield Finding("moisture", f"not mapped, only the count rate: there is no {missing}")
+        yield FileFinding("moisture", f"not mapped, only the count rate: there is no {missing}")
         return
     pores = soil_limits(curve.bulk_density_gcm3).saturation
     dry, wet = (float(curve.rate_cps(min(vwc, pores))) for vwc in (_DRY, _WET))
     guessed = " (illustrative)" if calibration is not None and calibration.illustrative else ""
-    yield Finding(
+    yield FileFinding(
         "moisture",
         f"N0 {curve.n0_cps:g} counts/s{guessed}, {curve.parameters['curve']} curve: {dry:.2f} counts/s on dry "
         f"soil ({_DRY:.2f} m3/m3), {wet:.2f} on wet soil ({min(_WET, pores):.2f}); the pores hold {pores:.2f}",
@@ -250,7 +250,7 @@ def site_findings(site: Site) -> Iterator[Finding]:
         )
 
 
-def _on_monitor(settings: CorrectionSettings) -> Iterator[Finding]:
+def _on_monitor(settings: CorrectionSettings) -> Iterator[FileFinding]:
     """Neutron monitor of the incoming intensity, with its reference."""
     source, intensity = intensity_source(settings), settings.intensity
     if source is None or intensity is None:
@@ -264,25 +264,25 @@ def _on_monitor(settings: CorrectionSettings) -> Iterator[Finding]:
         text = f"{of}, {first} to {last} UTC, {rates[0]:g} to {rates[-1]:g}, {reference}{left_out}"
     else:
         rates, text = [source], f"constant rate {source:g}, {reference}"
-    yield Finding("monitor", text)
+    yield FileFinding("monitor", text)
     ratios = [intensity.reference / rate for rate in rates]
     yield from map(_doubt, unusual_factors({"f_intensity": (min(ratios), max(ratios))}))
 
 
-def logger_findings(logger: LoggerFormat) -> Iterator[Finding]:
+def logger_findings(logger: LoggerFormat) -> Iterator[FileFinding]:
     """Tubes, quantities and times of a logger format."""
     counts, position = logger.counts, logger.position
     columns = " or ".join(counts.columns[:2]) + (" ..." if len(counts.columns) > 2 else "")
-    yield Finding("logger", f"{logger.title}: {counts.unit.replace('_', ' ')} of {columns}")
+    yield FileFinding("logger", f"{logger.title}: {counts.unit.replace('_', ' ')} of {columns}")
     weather = [name for name in ("pressure", "temperature", "humidity") if getattr(logger, name) is not None]
     unsigned = position is not None and not position.longitude_signed
     signs = "; longitudes without a sign: the site file names the side" if unsigned else ""
     place = "no positions" if position is None else f"positions{signs}"
-    yield Finding("quantities", f"{', '.join(weather) or 'no weather'}, {place}")
-    yield Finding("clock", f"{logger.time.clock_text}, stamped at the {logger.time.marks} of the interval")
+    yield FileFinding("quantities", f"{', '.join(weather) or 'no weather'}, {place}")
+    yield FileFinding("clock", f"{logger.time.clock_text}, stamped at the {logger.time.marks} of the interval")
     if counts.left_out or counts.note:
         out = f"tube {', '.join(map(str, counts.left_out))} is left out. " if counts.left_out else ""
-        yield Finding("tubes", f"{out}{counts.note.strip()}".strip())
+        yield FileFinding("tubes", f"{out}{counts.note.strip()}".strip())
 
 
 def log_findings(
@@ -292,7 +292,7 @@ def log_findings(
     now_s: float,
     track: Track | None = None,
     reading: Mapping[str, str] = MappingProxyType({}),
-) -> Iterator[Finding]:
+) -> Iterator[FileFinding]:
     """Format, records, dates, tubes and place of the logs of one probe.
 
     :param logs: the logs, one at least
@@ -306,19 +306,19 @@ def log_findings(
     lost = sum(log.records_lost for log in logs)
     repeated = len(records) - len({(one.stamp_s, one.record_number, str(one.tube_counts)) for one in records})
     extra = "".join(f", {number} {what}" for number, what in ((lost, "lost"), (repeated, "repeated")) if number)
-    yield Finding("log", f"{logs[0].format_title}: {len(records)} records{extra}")
+    yield FileFinding("log", f"{logs[0].format_title}: {len(records)} records{extra}")
     for key, text in reading.items():
-        yield Finding(key, text)
+        yield FileFinding(key, text)
     if not records:
         return
     for record in records[:PREVIEW]:
-        yield Finding("record", record_text(record))
+        yield FileFinding("record", record_text(record))
     stamps_s = np.array([record.stamp_s for record in records])
     first_s, last_s = float(stamps_s.min()), float(stamps_s.max())
     steps_s = np.diff(np.unique(stamps_s))
     period_s = float(np.median(steps_s)) if len(steps_s) else logs[0].period_s
     every = f", a record every {period_s:g} s" if math.isfinite(period_s) else ""
-    yield Finding("time", f"{_date(first_s)} to {_date(last_s)} UTC ({duration(last_s - first_s)}){every}")
+    yield FileFinding("time", f"{_date(first_s)} to {_date(last_s)} UTC ({duration(last_s - first_s)}){every}")
     if first_s < EARLIEST_STAMP_S or last_s > now_s + MAX_AHEAD_S:
         when = "in the future" if last_s > now_s + MAX_AHEAD_S else "before 2000"
         yield _doubt(f"records are dated {when}: check the clock of the logger and the order of day and month")
@@ -331,7 +331,7 @@ def log_findings(
     if len(places):
         latitude, longitude = np.median(places, axis=0).tolist()
         of = f" of {len(records)}" if len(places) < len(records) else ""
-        yield Finding("place", f"{len(places)}{of} records at {place_text((latitude, longitude))}")
+        yield FileFinding("place", f"{len(places)}{of} records at {place_text((latitude, longitude))}")
         if swapped := looks_swapped((latitude, longitude)):
             yield _doubt(swapped)
         if of and track is not None:
@@ -347,7 +347,7 @@ def log_findings(
 
 def position_findings(
     logs: Sequence[LogFile], track: Track | None, problems: Sequence[Problem], site: Site
-) -> Iterator[Finding]:
+) -> Iterator[FileFinding]:
     """Doubts about positions of a separate receiver, and what was assumed for them.
 
     :param track: the positions, if there are any
@@ -358,7 +358,7 @@ def position_findings(
         if (why := why_unplaced(records, track, site.logger_clock is not None)) is not None:
             yield _doubt(f"{why.message}; {why.remedy}")
         elif track.heard.without:
-            yield Finding("positions", track.heard.gaps)
+            yield FileFinding("positions", track.heard.gaps)
     yield from map(_doubt, position_notes(problems, track))
 
 
@@ -386,7 +386,7 @@ def record_text(record: LoggerRecord) -> str:
     return f"line {record.line}: {'; '.join(parts)}"
 
 
-def _fault_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:
+def _fault_findings(logs: Sequence[LogFile]) -> Iterator[FileFinding]:
     """Faults of the lines that need an eye, with the number and the first of each kind."""
     faults = [
         problem
@@ -403,7 +403,7 @@ def _fault_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:
         yield _doubt(f"{kind.text} ({count}), the first: {replace(first.mistake, path=None)}")
 
 
-def _tube_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:
+def _tube_findings(logs: Sequence[LogFile]) -> Iterator[FileFinding]:
     """Mean count rate of each tube."""
     records = [record for log in logs for record in log.records]
     if len({len(record.tube_counts) for record in records}) != 1:
@@ -413,7 +413,7 @@ def _tube_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:
     live_s = np.nansum([record.tube_live_s for record in records], axis=0)
     rates = np.divide(counts, live_s, out=np.full(len(counts), np.nan), where=live_s > 0)
     texts = ", ".join("none" if math.isnan(rate) else f"{rate:.2f}" for rate in rates)
-    yield Finding("tubes", f"{len(rates)}, counting {texts} counts/s")
+    yield FileFinding("tubes", f"{len(rates)}, counting {texts} counts/s")
     left_out = [number in log.left_out_counts for log in logs[:1] for number in log.tubes] or [False] * len(rates)
     usual = WEAK_TUBE * np.nanmean(rates)
     tubes = enumerate(zip(rates, left_out, strict=True), 1)
@@ -422,7 +422,7 @@ def _tube_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:
         yield _doubt(f"tube {', '.join(weak)} counts much less than the others: is it connected?")
 
 
-def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]:
+def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[FileFinding]:
     """The mean corrected rate, and the moisture that the calibration makes of it."""
     try:
         counted = calibration_counts(logs, site)
@@ -434,15 +434,17 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]
             f"{counted.left_out} records are quarantined or cannot be corrected: soilmoist map lists them. Most "
             f"often: {counted.reason or 'no reason is known'}"
         )
-    yield Finding("factors", counted.factors_text)
+    yield FileFinding("factors", counted.factors_text)
     yield from map(_doubt, counted.doubts(site))
     rate_cps, curve = counted.rate_cps, site.curve
     if curve is None:
-        yield Finding("rate", f"mean {rate_cps:.3f} counts/s, corrected")
+        yield FileFinding("rate", f"mean {rate_cps:.3f} counts/s, corrected")
         return
     vwc, limits = float(curve.vwc(rate_cps)), soil_limits(curve.bulk_density_gcm3)
     moisture = f"{vwc:.3f} m3/m3" if math.isfinite(vwc) else "no moisture"
-    yield Finding("rate", f"mean {rate_cps:.3f} counts/s, corrected: {moisture} by the calibration of the site")
+    yield FileFinding(
+        "rate", f"mean {rate_cps:.3f} counts/s, corrected: {moisture} by the calibration of the site"
+    )
     if not limits.dryness <= vwc <= limits.saturation:
         yield _doubt(
             f"no soil with pores of {limits.saturation:.2f} has this rate: check N0 "
@@ -454,7 +456,7 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]
 
 def contradictions(
     field: Field | None, site: Site | None, places: NDArray[np.float64], source: PositionSource
-) -> Iterator[Mistake | Finding]:
+) -> Iterator[Mistake | FileFinding]:
     """What files that are given together say about each other: mistakes, and lines for the user.
 
     :param field: the field, if one is given
@@ -476,7 +478,7 @@ def contradictions(
         else:
             if placement is not None and len(places):
                 inside, count = placement.inside, len(placement.latlon)
-                yield Finding("together", f"{inside} of {count} records lie inside the field {field.name!r}")
+                yield FileFinding("together", f"{inside} of {count} records lie inside the field {field.name!r}")
                 if 2 * inside < count:
                     yield _doubt(f"only {inside} of {count} records lie inside: is it the right field?")
     if site is not None:

@@ -29,7 +29,7 @@ from soilmoist_ros.mapping import (
     require_covariates,
     require_near,
 )
-from soilmoist_ros.pipeline.earlier_runs import Target, find_runs, require_other
+from soilmoist_ros.pipeline.earlier_runs import EarlierTarget, find_runs, require_other
 from soilmoist_ros.pipeline.field_survey import (
     field_map_settings,
     input_file,
@@ -171,7 +171,7 @@ def map_logs(
     radius_m = values["merge_radius_m"]
     chosen = field_map_settings(values, site, max_exact_samples=settings.max_exact_samples)
     simulated = any(log.simulated for log in logs)
-    target = Target(survey.frame, _grid(field, survey, site, settings.cell_m), chosen, simulated=simulated)
+    target = EarlierTarget(survey.frame, _grid(field, survey, site, settings.cell_m), chosen, simulated=simulated)
     records, reference = survey.records, None
     if settings.reference is not None:
         reference = read_reference(settings.reference, site, records, survey.frame)

@@ -178,7 +178,7 @@ class PublishedMap:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class PropertyComparison:
     """Comparison of a replayed map with the last map that its mapper published.
 
     :param same: whether the maps are equal, bit for bit; ``None`` if they were not compared
@@ -226,7 +226,7 @@ def _last_cloud(topics: RunTopics, named: str, stamp_s: float | None = None) -> 
 
 def compare(
     field_map: FieldMap, states: Sequence[MapState], last: PublishedMap | None, several: bool = False
-) -> Comparison:
+) -> PropertyComparison:
     """Compare the replayed map with the last published map.
 
     Recorder and mapper begin and end at different times, so the replayed map uses the records up to the last
@@ -237,7 +237,7 @@ def compare(
     """
     if last is None or last.stamp_s == 0:
         why = "the bag has no map" if last is None else "the robot's last map is empty"
-        return Comparison(None, f"not compared: {why}")
+        return PropertyComparison(None, f"not compared: {why}")
     # Records of several robots may have the same stamp; the counts say how many of these are in the map.
     alike = [
         state
@@ -246,16 +246,18 @@ def compare(
     ]
     if not alike:
         why = "it was reset, or began before or went on after the recording"
-        return Comparison(None, f"not compared: the robot's last map is of other records than the bag: {why}")
+        return PropertyComparison(
+            None, f"not compared: the robot's last map is of other records than the bag: {why}"
+        )
     soil_map, cells = field_map.compute(alike[-1]), last.cells
     differs = "differs from the robot's last one: "
     known_bands = cells.dtype.names or ()
     if any(name not in known_bands for name in _OF_RATE):
-        return Comparison(False, f"{differs}that lacks bands")
+        return PropertyComparison(False, f"{differs}that lacks bands")
     shape = np.shape(cells) if soil_map is None else soil_map.rate.shape
     if shape != cells.shape:
         sizes = f"it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}"
-        return Comparison(False, f"{differs}{sizes}")
+        return PropertyComparison(False, f"{differs}{sizes}")
     largest = 0.0
     moisture = all(name in known_bands for name in _OF_MOISTURE)
     for name in (*_OF_RATE, *_OF_MOISTURE) if moisture else _OF_RATE:
@@ -263,19 +265,19 @@ def compare(
         here = np.full(shape, np.nan) if soil_map is None else np.asarray(getattr(soil_map, name))
         here = here.astype(there.dtype)
         if not np.array_equal(np.isnan(here), np.isnan(there)):
-            return Comparison(False, f"{differs}other cells have a {name}")
+            return PropertyComparison(False, f"{differs}other cells have a {name}")
         known = ~np.isnan(there)
         if known.any():
             error = np.abs(here[known].astype(float) - there[known])
             largest = max(largest, float(error.max()) / max(float(np.abs(there[known]).max()), 1e-30))
     if largest == 0:
-        return Comparison(True, "equals the robot's last one, bit for bit", 0.0)
+        return PropertyComparison(True, "equals the robot's last one, bit for bit", 0.0)
     why = ""
     if largest < _ROUNDING:
         why = ": rounding, as on another processor or with more threads"
     elif several:
         why = ": records of several robots reach mapper and recorder in different orders"
-    return Comparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}", largest)
+    return PropertyComparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}", largest)
 
 
 def _stamp_s(cloud: Any) -> float:
@@ -387,7 +389,7 @@ class ReplayedProperty:
         """True rate on the map's grid, shape (ny, nx) [counts/s]; ``None`` if unknown."""
         return None if self.truth is None else self.survey.map.grid.to_raster(self.true_rate)
 
-    def compared(self, several: bool = False) -> Comparison:
+    def compared(self, several: bool = False) -> PropertyComparison:
         """Comparison with the map that the mapper published."""
         return compare(self.survey.map, self.states, self.published, several)
 

@@ -31,28 +31,28 @@ Positive = Annotated[float, Field(gt=0, le=1e300)]
 Stamp = Annotated[float, Field(ge=FIRST_STAMP_S, le=LAST_STAMP_S)]
 
 
-class _Part(BaseModel):
+class _ResultPart(BaseModel):
     """Keys of a result that the package reads; others may hold anything."""
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False, defer_build=True)
 
 
-class _Datum(_Part):
+class _Datum(_ResultPart):
     latitude_deg: Annotated[float, Field(ge=-90, le=90)]
     longitude_deg: Annotated[float, Field(ge=-180, le=180)]
 
 
-class _Property(_Part):
+class _Property(_ResultPart):
     name: str = ""
     label: str | None = None
 
 
-class _Correction(_Part):
+class _Correction(_ResultPart):
     name: str
     parameters: dict[str, Any] | None = None
 
 
-class _Calibration(_Part):
+class _Calibration(_ResultPart):
     curve: str | None = None
     n0_cps: Positive | None = None
     bulk_density_gcm3: Positive | None = None
@@ -64,12 +64,12 @@ class _Calibration(_Part):
     parameter_set: str | None = None
 
 
-class _Irrigation(_Part):
+class _Irrigation(_ResultPart):
     root_depth_mm: Positive | None = None
     zone_limits_vwc: list[Number] | None = None
 
 
-class _Summary(_Part):
+class _Summary(_ResultPart):
     datum: _Datum | None = None
     cell_m: Positive | None = None
     first_stamp_s: Stamp | None = None
@@ -82,13 +82,13 @@ class _Summary(_Part):
     irrigation: _Irrigation | None = None
 
 
-class _Feature(_Part):
+class _ResultFeature(_ResultPart):
     geometry: dict[str, Any]
     properties: dict[str, Any]
 
 
-class _Features(_Part):
-    features: list[_Feature]
+class _Features(_ResultPart):
+    features: list[_ResultFeature]
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
@@ -154,7 +154,7 @@ def shape_of(feature: Mapping[str, Any], path: Path) -> BaseGeometry:
         raise InputError(f"has a damaged geometry: {error!s:.200}", REMEDY, path) from None
 
 
-def _read(path: Path, kind: type[_Part]) -> dict[str, Any]:
+def _read(path: Path, kind: type[_ResultPart]) -> dict[str, Any]:
     try:
         content = read_json(read_limited(path, "make the run again").decode("utf-8"))
         kind.model_validate(content)

@@ -21,7 +21,7 @@ from soilmoist_ros.foundation import InputError, LocalFrame, shown_text
 from soilmoist_ros.sensing import Consequence, CountRecord, SensedSoil
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping import Covariates, EarlierSurvey, Estimate, FieldChange, Persistence, SoilMap
+    from soilmoist_ros.mapping import Covariates, EarlierSurvey, FieldChange, Persistence, SoilMap, SurveysEstimate
     from soilmoist_ros.simulation import MissionResult
 
 
@@ -294,7 +294,7 @@ class RunChange:
     since: EarlierRun
     change: FieldChange
     persistence: Persistence
-    means: dict[str, Estimate]
+    means: dict[str, SurveysEstimate]
     sd: float
     sd_alone: float
     backwards: bool = False

@@ -46,7 +46,7 @@ class CellBand(NamedTuple):
     meaning: str
 
 
-class Target(NamedTuple):
+class ExportGrid(NamedTuple):
     """The cells of a raster in a reference system that cover a field, north up.
 
     :param crs: reference system
@@ -125,7 +125,7 @@ def write_cell_raster(
 
 
 def _write(
-    path: Path, target: Target, bands: Mapping[str, CellBand], tags: Mapping[str, str],
+    path: Path, target: ExportGrid, bands: Mapping[str, CellBand], tags: Mapping[str, str],
     band_tags: Mapping[str, str], overviews: str,
 ) -> Path:  # fmt: skip
     import rasterio
@@ -188,7 +188,7 @@ def _map_tags(soil_map: SoilMap, frame: LocalFrame) -> dict[str, str]:
     return tags
 
 
-def target_cells(soil_map: SoilMap, frame: LocalFrame, crs: CRS) -> Target:
+def target_cells(soil_map: SoilMap, frame: LocalFrame, crs: CRS) -> ExportGrid:
     """Cells of a raster in a reference system that cover the field, about as large as those of the map.
 
     :raises InputError: if the field has no place in ``crs``, or no raster of sensible size
@@ -215,7 +215,7 @@ def target_cells(soil_map: SoilMap, frame: LocalFrame, crs: CRS) -> Target:
         )
     x = (first[0] + np.arange(shape[0]) + 0.5) * step[0]
     y = (first[1] + shape[1] - np.arange(shape[1]) - 0.5) * step[1]
-    return Target(crs, x, y, (float(step[0]), float(step[1])), to_local)
+    return ExportGrid(crs, x, y, (float(step[0]), float(step[1])), to_local)
 
 
 def _cell_size(cell_m: float, centre: Array, to_local: Transformer, crs: CRS) -> Array:

@@ -28,7 +28,7 @@ from soilmoist_ros.pipeline import (
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
-from soilmoist_ros.reporting.exports.source import PropertyMap
+from soilmoist_ros.reporting.exports.source import ExportedProperty
 from soilmoist_ros.reporting.geotiff import CellBand, write_cell_raster, write_geotiff
 from soilmoist_ros.reporting.moisture_steps import at_one_place, write_moisture
 from soilmoist_ros.reporting.opened_run import OpenedRun
@@ -114,12 +114,12 @@ def property_names(name: str) -> tuple[str, str, str]:
     return f"map{end}.tif", f"samples{end}.geojson", f"records{end}.csv"
 
 
-def _maps(folder: Path, run: MapRun) -> list[PropertyMap]:
+def _maps(folder: Path, run: MapRun) -> list[ExportedProperty]:
     """The maps of a run as its GeoTIFFs in a folder have them."""
     opened = OpenedRun(folder)
     names = ("", *(other.name for other in run.others))
     return [
-        PropertyMap(name, one.label, *opened.raster(name), one.frame, {}, {})
+        ExportedProperty(name, one.label, *opened.raster(name), one.frame, {}, {})
         for name, one in zip(names, run.properties, strict=True)
     ]
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from soilmoist_ros.exploration import polyline_length_m
 from soilmoist_ros.foundation import __version__, shown_path
-from soilmoist_ros.mapping import Drift, Estimate, FieldChange
+from soilmoist_ros.mapping import Drift, FieldChange, SurveysEstimate
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, NoteCode, track_xy
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
@@ -304,7 +304,7 @@ def _change(run: MapRun) -> dict[str, Any] | None:
     }
 
 
-def _estimate(estimate: Estimate) -> dict[str, float]:
+def _estimate(estimate: SurveysEstimate) -> dict[str, float]:
     low, high = estimate.interval95
     return {"value": estimate.value, "sd": estimate.sd, "low95": low, "high95": high}
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import DAY_S, InputError, LocalFrame, resource
 from soilmoist_ros.mapping import (
     Bands,
-    Estimate,
     FieldChange,
     FieldGrid,
     FieldMapSettings,
@@ -25,6 +24,7 @@ from soilmoist_ros.mapping import (
     ModelName,
     Persistence,
     Samples,
+    SurveysEstimate,
     Variogram,
     estimate_variogram,
     field_change,
@@ -35,7 +35,7 @@ from soilmoist_ros.mapping import (
 )
 from soilmoist_ros.pipeline import (
     EarlierRun,
-    Target,
+    EarlierTarget,
     curve_of,
     date_text,
     earlier_doubts,
@@ -91,13 +91,13 @@ class SeasonSurvey:
 
     run: EarlierRun
     bands: Bands
-    mean_rate: Estimate
-    mean_vwc: Estimate | None
+    mean_rate: SurveysEstimate
+    mean_vwc: SurveysEstimate | None
     change: FieldChange | None
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class SeasonField:
     """Field of a season, and how its counts become moisture.
 
     :param property_name: name of the first property of the runs
@@ -116,7 +116,7 @@ class Ground:
 
 
 @dataclass(frozen=True, eq=False)
-class Season(Ground):
+class Season(SeasonField):
     """The surveys of a field over time.
 
     :param surveys: in order of time, at least two
@@ -163,7 +163,7 @@ def make_season(
     progress("reading the runs", 0.0)
     place = _ground(runs_at, settings)
     choices = FieldMapSettings(settings.model, curve=place.curve)
-    target = Target(place.frame, place.grid, choices, place.property_name, simulated=place.simulated)
+    target = EarlierTarget(place.frame, place.grid, choices, place.property_name, simulated=place.simulated)
     runs = read_earlier_runs(runs_at, target)
     progress("fitting the variogram", 0.0)
     variogram = _variogram(runs, settings.model, place.grid)
@@ -204,7 +204,7 @@ def _notes(runs: Sequence[EarlierRun], now: datetime, illustrative: bool) -> Ite
 
 
 def _mapped(
-    run: EarlierRun, kriging: JointKriging, ground: Ground, number: int, before: int | None
+    run: EarlierRun, kriging: JointKriging, ground: SeasonField, number: int, before: int | None
 ) -> SeasonSurvey:
     """Map a survey, and its change since the one before."""
     grid, curve = ground.grid, ground.curve
@@ -212,11 +212,13 @@ def _mapped(
     maps = {number: kriging.predict(cells, number)}
     rate, variance = maps[number]
     bands = make_bands(grid.to_raster(rate), grid.to_raster(variance), curve)
-    mean = Estimate(float(rate.mean()), math.sqrt(kriging.mean(places, {number: share})[1]))
+    mean = SurveysEstimate(float(rate.mean()), math.sqrt(kriging.mean(places, {number: share})[1]))
     mean_vwc = None
     if curve is not None:
         slopes = share * moisture_slope(curve, kriging.predict(places, number)[0])
-        mean_vwc = Estimate(float(np.nanmean(bands.vwc)), math.sqrt(kriging.mean(places, {number: slopes})[1]))
+        mean_vwc = SurveysEstimate(
+            float(np.nanmean(bands.vwc)), math.sqrt(kriging.mean(places, {number: slopes})[1])
+        )
     change = None
     if before is not None:
         if curve is not None:
@@ -250,7 +252,7 @@ def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) ->
     return fit.variogram
 
 
-def _ground(runs: Sequence[Path], settings: SeasonSettings) -> Ground:
+def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
     """Field and calibration: those of files, else those of the last run that has a folder, or of the last bag."""
     folders = [path for path in runs if (path / SUMMARY).is_file()]
     about, home = dict[str, Any](), runs[-1]
@@ -282,7 +284,7 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> Ground:
 
         grid = _sized(make, given_m, make(given_m or float(about.get("cell_m") or 1.0)))
     names = [str(one.get("name", "")) for one in about.get("properties") or ()]
-    return Ground(name, frame, grid, curve, names[0] if names else "", simulated, illustrative, time_zone)
+    return SeasonField(name, frame, grid, curve, names[0] if names else "", simulated, illustrative, time_zone)
 
 
 def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: FieldGrid) -> FieldGrid:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import __version__
-from soilmoist_ros.mapping import Estimate, FieldChange
+from soilmoist_ros.mapping import FieldChange, SurveysEstimate
 from soilmoist_ros.pipeline import EarlierRun, local_time
 from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
@@ -83,15 +83,15 @@ def estimate_text(survey: SeasonSurvey) -> str:
     )
 
 
-def _mean(survey: SeasonSurvey, moist: bool) -> Estimate:
+def _mean(survey: SeasonSurvey, moist: bool) -> SurveysEstimate:
     return survey.mean_vwc if moist and survey.mean_vwc is not None else survey.mean_rate
 
 
-def _changed(change: FieldChange, moist: bool) -> Estimate:
+def _changed(change: FieldChange, moist: bool) -> SurveysEstimate:
     return change.mean_vwc if moist and change.mean_vwc is not None else change.mean_rate
 
 
-def _interval(estimate: Estimate, moist: bool, sign: str = "") -> str:
+def _interval(estimate: SurveysEstimate, moist: bool, sign: str = "") -> str:
     factor, form = (100.0, f"{sign}.1f") if moist else (1.0, f"{sign}.3f")
     low, high = (factor * value for value in estimate.interval95)
     return f"{factor * estimate.value:{form}} ({low:{form}} to {high:{form}})".replace("-", "−")
@@ -163,7 +163,7 @@ def _row(label: str, survey: SeasonSurvey) -> dict[str, Any]:
     }
 
 
-def _columns(name: str, estimate: Estimate | None) -> dict[str, float | None]:
+def _columns(name: str, estimate: SurveysEstimate | None) -> dict[str, float | None]:
     if estimate is None:
         return dict.fromkeys((name, f"{name}_low95", f"{name}_high95"))
     low, high = estimate.interval95

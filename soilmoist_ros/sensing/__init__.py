@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.corrections.settings import CorrectionSettings as CorrectionSettings
     from soilmoist_ros.sensing.corrections.settings import IntensityCorrection as IntensityCorrection
     from soilmoist_ros.sensing.formats.draft import draft_format as draft_format
-    from soilmoist_ros.sensing.formats.log_layout import Header as Header
+    from soilmoist_ros.sensing.formats.log_layout import LogHeader as LogHeader
     from soilmoist_ros.sensing.formats.logger_format import LoggerFormat as LoggerFormat
     from soilmoist_ros.sensing.formats.logger_format import load_logger_format as load_logger_format
     from soilmoist_ros.sensing.formats.logger_format import logger_names as logger_names
@@ -138,7 +138,7 @@ __getattr__, __dir__, __all__ = open_door(
         "corrections.reference": "Reference fit_reference",
         "corrections.settings": "CorrectionSettings IntensityCorrection",
         "formats.draft": "draft_format",
-        "formats.log_layout": "Header",
+        "formats.log_layout": "LogHeader",
         "formats.logger_format": "LoggerFormat load_logger_format logger_names logger_path",
         "formats.logger_reader": "LogFile detect_format format_of_lines parse_log read_log",
         "formats.notation": "UndecidedOrderError matching_formats",

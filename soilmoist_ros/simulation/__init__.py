@@ -53,9 +53,9 @@ if TYPE_CHECKING:
     from soilmoist_ros.simulation.robot.simulated_time import read_start_time as read_start_time
     from soilmoist_ros.simulation.robot.virtual_navigation import NO_VALID_PATH as NO_VALID_PATH
     from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded as GoalEnded
+    from soilmoist_ros.simulation.robot.virtual_navigation import GoalOutcome as GoalOutcome
     from soilmoist_ros.simulation.robot.virtual_navigation import Localised as Localised
     from soilmoist_ros.simulation.robot.virtual_navigation import OnRoute as OnRoute
-    from soilmoist_ros.simulation.robot.virtual_navigation import Outcome as Outcome
     from soilmoist_ros.simulation.robot.virtual_navigation import Remaining as Remaining
     from soilmoist_ros.simulation.robot.virtual_navigation import ServerPresent as ServerPresent
     from soilmoist_ros.simulation.system import GNSS as GNSS
@@ -81,7 +81,7 @@ _open, __dir__, __all__ = open_door(
         "robot.scenario": "load_scenario",
         "robot.simulated_links": "LineServer Reachable Sent write_ports_file",
         "robot.simulated_time": "CLOCK_PART MAX_STEP_S RobotProgress SimulatedTime WAITS_FOR WaitingClock end_to_react_to read_start_time",
-        "robot.virtual_navigation": "GoalEnded Localised NO_VALID_PATH OnRoute Outcome Remaining ServerPresent",
+        "robot.virtual_navigation": "GoalEnded GoalOutcome Localised NO_VALID_PATH OnRoute Remaining ServerPresent",
         "system": "GNSS LOGGER Output PropertyCounted SimulatedRobot VirtualSystem robot_namespaces",
     },
 )

@@ -18,7 +18,7 @@ from soilmoist_ros.lab.comparisons import (
     LATTICE_DWELLS,
     LATTICES,
     QUANTITIES,
-    Outcome,
+    LatticeOutcome,
     against_best_lattice,
     difference_interval,
     hindsight_table,
@@ -83,7 +83,9 @@ def test_all_pairs_of_each_case_are_in_the_table_and_missing_values_are_left_out
 def lattices(seeds=(1, 2, 3)):
     """Lattices whose errors at a quarter rise with the dwell, and fall with it at the end."""
     return {
-        name: {seed: Outcome(10.0 * seed * (n + 1), 1.0 * seed / (n + 1), 100.0 * (n + 1)) for seed in seeds}
+        name: {
+            seed: LatticeOutcome(10.0 * seed * (n + 1), 1.0 * seed / (n + 1), 100.0 * (n + 1)) for seed in seeds
+        }
         for n, name in enumerate(LATTICES)
     }
 
@@ -103,7 +105,7 @@ def test_the_ratio_of_equal_shares_is_exact_and_its_error_is_that_of_a_bootstrap
 
 
 def test_the_best_lattices_at_a_quarter_and_at_the_end_may_differ():
-    gcb = {seed: Outcome(5.0 * seed, 0.2 * seed, 600.0) for seed in (1, 2, 3)}
+    gcb = {seed: LatticeOutcome(5.0 * seed, 0.2 * seed, 600.0) for seed in (1, 2, 3)}
     one = against_best_lattice({**lattices(), ("gcb", "optimal"): gcb})[-1]
     assert (one.strategy, one.dwell, one.pairs) == ("gcb", "optimal", 3)
     assert (one.quarter_best, one.end_best) == ("fmi:10", "fmi:60")
@@ -113,7 +115,7 @@ def test_the_best_lattices_at_a_quarter_and_at_the_end_may_differ():
 
 
 def test_only_paired_seeds_count_and_all_lattices_are_needed():
-    more = {seed: Outcome(5.0, 0.2 if seed < 4 else 99.0, 600.0) for seed in (2, 3, 4, 5)}
+    more = {seed: LatticeOutcome(5.0, 0.2 if seed < 4 else 99.0, 600.0) for seed in (2, 3, 4, 5)}
     one = against_best_lattice({**lattices(), ("gcb", "optimal"): more})[-1]
     assert (one.pairs, one.mse) == (2, pytest.approx(0.2))
     few = lattices()

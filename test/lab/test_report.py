@@ -23,7 +23,7 @@ from soilmoist_ros.lab.campaign_data import CampaignData
 from soilmoist_ros.lab.campaign_file import Campaign
 from soilmoist_ros.lab.figures import Picture, spaced
 from soilmoist_ros.lab.findings import findings
-from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.lab.mission_store import CampaignRun
 from soilmoist_ros.lab.report import mean_sd_text, render_campaign_report, write_campaign_report
 from soilmoist_ros.lab.table import mission_row
 from soilmoist_ros.reporting.page.frame import dwell_text, strategy_text
@@ -64,7 +64,7 @@ def crafted(mission, mse=None, distance=None, border=None):
     inner, outer = (10.0, 10.0), (1.0, 1.0)
     outside = round(20 * (border(s) if border else 0.5)) + s.seed % 2
     places = [outer] * outside + [inner] * (20 - outside)
-    return StoredMission(
+    return CampaignRun(
         settings=s, key=mission.key, version="v", field_title=f"The {s.field} field", ended="time is up",
         efficiency=0.7, series=series, visits=tuple(Visit("P", x, y, 0.0, 100.0, 300, "") for x, y in places),
         tracks=(np.array([(0.0, 0.0), (5.0, 5.0)]),), x_m=axis, y_m=axis, rate=np.ones((20, 20)),

@@ -31,7 +31,7 @@ from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.mapping.soil_map import map_cells
-from soilmoist_ros.nodes.command_nodes import Monitor, on_space
+from soilmoist_ros.nodes.command_nodes import NodeMonitor, on_space
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, published_qos
 from soilmoist_ros.pipeline import replay_bag
 from soilmoist_ros.pipeline.field_survey import open_survey
@@ -195,7 +195,7 @@ def live(ros):
     survey = open_survey("example")
     found = LiveMission("test", [LiveMap(), LiveMap("salt", np.full(survey.map.grid.mask.shape, 4.0))])
     executor = SingleThreadedExecutor(context=ros.context)
-    monitor = Monitor(found, survey.field.frame, ros.context)
+    monitor = NodeMonitor(found, survey.field.frame, ros.context)
     executor.add_node(monitor)
     found.spin = lambda condition: ros.wait_for(lambda: (executor.spin_once(timeout_sec=0.02), condition())[1])
     found.survey, found.monitor = survey, monitor

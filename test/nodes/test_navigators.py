@@ -24,7 +24,7 @@ from virtual_navigation import SPEED_MPS, STOPS, Nav2, VirtualNavigation, World
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
 from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.exploration.navigation.pose_client import PoseClient
-from soilmoist_ros.exploration.navigation.track import Track
+from soilmoist_ros.exploration.navigation.track import RobotTrack
 from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.action_navigator import action_class
@@ -108,7 +108,7 @@ def drive(ros, world):
     def start(limits=LIMITS):
         def make(node, report):
             client = GoalClient(2.0, limits)
-            track = tracks[report] = Track(SPEED_MPS, 2.0)
+            track = tracks[report] = RobotTrack(SPEED_MPS, 2.0)
             return GotoNodeNavigator(node, "topological_navigation", GotoNode, client, track, 2.0, report)
 
         drivers.append(Driver(ros, world, make))
@@ -302,7 +302,7 @@ def drive_poses(ros, world):
 
     def start(limits=LIMITS):
         def make(node, report):
-            client, track = GoalClient(2.0, limits), Track(SPEED_MPS, 2.0)
+            client, track = GoalClient(2.0, limits), RobotTrack(SPEED_MPS, 2.0)
             name = "navigate_to_pose"
             return NavigateToPoseNavigator(node, name, NavigateToPose, client, track, 0.5, report)
 

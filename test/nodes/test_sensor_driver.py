@@ -31,10 +31,10 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.nodes.sensor_driver import NAME, StoredHeader
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS, SENSOR, VISITS
 from soilmoist_ros.recording.map_sources import DRIVER, RecordTail
-from soilmoist_ros.sensing.formats.log_layout import Header
+from soilmoist_ros.sensing.formats.log_layout import LogHeader
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message
-from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
+from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences, sentences_without_fix
 from virtual_survey import write_survey
@@ -347,7 +347,7 @@ def test_fixes_come_by_topic_if_no_receiver_is_given(ros, start, outputs, logger
 def test_records_of_a_place_that_the_planner_doubts_are_quarantined(ros, start, outputs, logger, receiver):
     start(receiver)
     doubts = ros.node.create_publisher(String, DOUBTS, VISITS)
-    for doubt in (Doubt(T0 + 25.0), Doubt(T0 + 25.0, T0 + 45.0, Outcome.LOST)):
+    for doubt in (Doubt(T0 + 25.0), Doubt(T0 + 25.0, T0 + 45.0, DoubtOutcome.LOST)):
         doubts.publish(String(data=doubt.to_text()))
     doubts.publish(String(data="no doubt"))
     ros.wait_for(doubts.get_subscription_count)
@@ -462,7 +462,7 @@ def test_a_record_comes_back_from_its_message(x_m, counts, exposure_s, factor):
 # The last header of a logger, for a driver that starts again ----------------------------------------------------
 
 LOGGER = ("tcp://192.168.1.20:5000", "hydroinnova_rover")
-STORED = Header(("RecordNum", "Temp °C"), ("", "°C"), {"Recordperiod": "1 minutes."})
+STORED = LogHeader(("RecordNum", "Temp °C"), ("", "°C"), {"Recordperiod": "1 minutes."})
 
 
 def test_a_header_comes_back_for_the_same_logger_only_and_is_written_once(tmp_path):
@@ -477,8 +477,8 @@ def test_a_header_comes_back_for_the_same_logger_only_and_is_written_once(tmp_pa
     (tmp_path / NAME).unlink()
     stored.update(STORED)
     assert not (tmp_path / NAME).exists()
-    stored.update(Header(("RecordNum",)))
-    assert StoredHeader(tmp_path, *LOGGER).header == Header(("RecordNum",))
+    stored.update(LogHeader(("RecordNum",)))
+    assert StoredHeader(tmp_path, *LOGGER).header == LogHeader(("RecordNum",))
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"1", b"\xff", b"[" * 100_000])
@@ -495,7 +495,7 @@ def test_a_file_with_parts_of_another_type_is_ignored(tmp_path):
     StoredHeader(tmp_path, *LOGGER).update(STORED)
     path = tmp_path / NAME
     path.write_text(path.read_text().replace('"1 minutes."', "1").replace('"RecordNum"', "null"))
-    assert StoredHeader(tmp_path, *LOGGER).header == Header(
+    assert StoredHeader(tmp_path, *LOGGER).header == LogHeader(
         ("None", "Temp °C"), STORED.units, {"Recordperiod": "1"}
     )
     path.write_text(path.read_text().replace('"units": [', '"units": 5, "others": ['))

@@ -28,7 +28,7 @@ from virtual_navigation import SPEED_MPS, STOPS, Nav2, World, make_map
 
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient
 from soilmoist_ros.exploration.navigation.navigator import Outcome
-from soilmoist_ros.exploration.navigation.track import Track
+from soilmoist_ros.exploration.navigation.track import RobotTrack
 from soilmoist_ros.exploration.travel.stop import Way
 from soilmoist_ros.nodes.navigators import GotoNodeNavigator
 from soilmoist_ros.nodes.topics import LATCHED
@@ -87,7 +87,7 @@ def driver(ros, tmp_path):
         ros.start(str(script))
 
         def make(report):
-            client, track = GoalClient(2.0, LIMITS), Track(SPEED_MPS, 2.0)
+            client, track = GoalClient(2.0, LIMITS), RobotTrack(SPEED_MPS, 2.0)
             return GotoNodeNavigator(ros.node, "topological_navigation", GotoNode, client, track, 2.0, report)
 
         made = Driver(ros, world, make)

@@ -25,7 +25,7 @@ from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.pipeline import bag_map as no_map
 from soilmoist_ros.pipeline.bag_map import robot_survey
 from soilmoist_ros.pipeline.field_survey import open_survey
-from soilmoist_ros.pipeline.properties import Comparison, ReplayedProperty
+from soilmoist_ros.pipeline.properties import PropertyComparison, ReplayedProperty
 from soilmoist_ros.pipeline.run import FailedRun, NoMapError, NoteCode
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.scan import McapScan
@@ -34,7 +34,7 @@ from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.recording.stored_records import write_records
 from soilmoist_ros.reporting.outputs import write_failed
-from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
+from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import CountRecord
 from virtual_survey import write_survey
 
@@ -157,7 +157,7 @@ def test_a_reference_sensor_corrects_the_counts(tmp_path):
     chosen = ReplaySettings(reference=tmp_path / "survey.log")
     plain, replay = (replay_bag(GOLDEN / "raw_lines", its) for its in (ReplaySettings(), chosen))
     assert replay.run.corrections[-1].name == "reference sensor"
-    assert replay.comparisons == [Comparison(None, "not compared: corrected by a reference sensor")]
+    assert replay.comparisons == [PropertyComparison(None, "not compared: corrected by a reference sensor")]
     assert [one.raw_counts for one in replay.run.track] == [one.raw_counts for one in plain.run.track]
     change = replay.run.corrections[-1].parameters["change during the survey [%]"]
     sooner, later = (of.run.track[0].corrected_rate for of in (plain, replay))
@@ -169,7 +169,7 @@ def test_a_reference_sensor_corrects_the_counts(tmp_path):
 def test_the_map_is_the_one_made_on_line_bit_for_bit(makers, tmp_path, case):
     makers.CASES[case](tmp_path / case)
     replay = replay_bag(tmp_path / case)
-    assert replay.comparisons == [Comparison(True, "equals the robot's last one, bit for bit", 0.0)]
+    assert replay.comparisons == [PropertyComparison(True, "equals the robot's last one, bit for bit", 0.0)]
 
 
 @pytest.mark.slow
@@ -225,8 +225,13 @@ def test_doubts_about_the_place_give_the_map_of_the_mapper(tmp_path):
         records = reader.read_counts()
         topic = reader.find_topic("counts", "sensor_msgs/msg/PointCloud2").replace("counts", DOUBTS)
     first, middle, last = records[0].stamp_s, records[len(records) // 2].stamp_s, records[-1].stamp_s
-    stood = Doubt(middle - 35.0, middle, Outcome.RETURNED, 21.0, 22.0)
-    doubts = [Doubt(first - 100.0), Doubt(first - 100.0, first + 25.0, Outcome.LOST), stood, Doubt(last - 5.0)]
+    stood = Doubt(middle - 35.0, middle, DoubtOutcome.RETURNED, 21.0, 22.0)
+    doubts = [
+        Doubt(first - 100.0),
+        Doubt(first - 100.0, first + 25.0, DoubtOutcome.LOST),
+        stood,
+        Doubt(last - 5.0),
+    ]
     bag = copy_bag(
         GOLDEN / "one_stop" / "bag", tmp_path / "bag", texts=[(topic, doubt.to_text()) for doubt in doubts],
         storage_plugin=StoragePlugin.MCAP,

@@ -18,7 +18,7 @@ from soilmoist_ros.mapping import EarlierSurvey, Samples
 from soilmoist_ros.mapping.field_map import FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.pipeline.earlier_runs import (
-    Target,
+    EarlierTarget,
     earlier_doubts,
     find_runs,
     read_earlier_runs,
@@ -30,7 +30,7 @@ from soilmoist_ros.recording.stored_records import read_records, write_records
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=5.0)
-TARGET = Target(FRAME, GRID, FieldMapSettings(margin_m=5.0))
+TARGET = EarlierTarget(FRAME, GRID, FieldMapSettings(margin_m=5.0))
 
 
 def test_counts_and_exposures_are_kept_in_order_of_time(tmp_path):

@@ -22,7 +22,7 @@ from soilmoist_ros.recording.map_records import (
     MapRecords,
     RecordExchange,
 )
-from soilmoist_ros.sensing.position.place_doubt import Doubt, Outcome
+from soilmoist_ros.sensing.position.place_doubt import Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import CountRecord
 
 BEGIN_S = 1.78e9
@@ -150,14 +150,19 @@ def test_what_is_bad_void_or_of_an_earlier_survey_is_not_sent():
 @pytest.mark.parametrize("doubt_first", [True, False])
 @pytest.mark.parametrize(
     ("outcome", "doubted"),
-    [(Outcome.OPEN, True), (Outcome.LOST, True), (Outcome.RETURNED, True), (Outcome.CONFIRMED, False)],
+    [
+        (DoubtOutcome.OPEN, True),
+        (DoubtOutcome.LOST, True),
+        (DoubtOutcome.RETURNED, True),
+        (DoubtOutcome.CONFIRMED, False),
+    ],
 )
 def test_records_of_which_nobody_says_whose_they_are_are_doubted_with_any_robot(
     source, doubt_first, outcome, doubted
 ):
     """As those that a mapper has missed, and those of its log when it starts again."""
     records = Robot().records
-    there = (1.0, 15.0) if outcome is Outcome.CONFIRMED else (7.0, 7.0)
+    there = (1.0, 15.0) if outcome is DoubtOutcome.CONFIRMED else (7.0, 7.0)
     doubt = Doubt(BEGIN_S + 100.0, BEGIN_S + 200.0, outcome, *there)
     if doubt_first:
         records.doubt(doubt, "/robot_2")

@@ -39,10 +39,10 @@ from soilmoist_ros.exploration import (
     PoseClient,
     Request,
     RobotMotion,
+    RobotTrack,
     SendGoal,
     SendPose,
     Stop,
-    Track,
     Visit,
     Watch,
     WatchLimits,
@@ -125,7 +125,7 @@ class PlannerProcess:
             poses = PoseClient(radius_m, 5.0, SPEED_MPS)
             self.link = PoseNavigator(poses, world.listener, now_s, report, self._sent, self._stopped)
         else:
-            client, track = GoalClient(radius_m), Track(SPEED_MPS, radius_m)
+            client, track = GoalClient(radius_m), RobotTrack(SPEED_MPS, radius_m)
             there_m = radius_m if world.by_name else track.still_m
             self.link = ActionNavigator(
                 client, world.server, world.by_name, now_s, report, self._sent, track, there_m
@@ -225,7 +225,7 @@ class ActionNavigator:
         time_s: Callable[[], float],
         report: Callable[[Ended], None],
         sent: Sent,
-        track: Track,
+        track: RobotTrack,
         there_m: float,
     ) -> None:
         self._client, self._server, self._by_name = client, server, by_name

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.guard.failsafes import Cause
-from soilmoist_ros.exploration.guard.watch import NEAR_ROUTE_M, Doing, Surroundings, Watch
+from soilmoist_ros.exploration.guard.watch import NEAR_ROUTE_M, Doing, RobotSurroundings, Watch
 from soilmoist_ros.exploration.mission.events import ClockStepped, Event
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import MissionState
@@ -69,7 +69,7 @@ class Watching:
             return
         fence = self._access.fence
         outside_m, no_go_m = fence.beyond_border_m(place), fence.in_no_go_m(place)
-        around = Surroundings(outside_m=outside_m, no_go_m=no_go_m, sd_m=sd_m, leaving_m=fence.leaving_m)
+        around = RobotSurroundings(outside_m=outside_m, no_go_m=no_go_m, sd_m=sd_m, leaving_m=fence.leaving_m)
         if self._route is not None:
             off_m = float(self._route.distance(shapely.Point(place)))
             around = replace(around, off_route_m=off_m)

@@ -61,7 +61,7 @@ class _Mean:
 
 
 @dataclass(frozen=True, slots=True)
-class Shift:
+class PlaceShift:
     """Distance that the robot seems to have moved in a time."""
 
     east_m: float  # eastwards [m]
@@ -90,7 +90,7 @@ class Shift:
         return max(0.0, self.length_m - MOVED_SDS * self.noise_m)
 
 
-NO_SHIFT: Final = Shift(0.0, 0.0, 0.0, 1.0)
+NO_SHIFT: Final = PlaceShift(0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ class Motion:
             return Standing(0.0)
         return Standing(whole_s, shift.seen_mps if shift.seen_mps > SLOW_MPS else 0.0)
 
-    def moved(self, since_s: float) -> Shift:
+    def moved(self, since_s: float) -> PlaceShift:
         """The most certain motion since a time, over a short time or a long one.
 
         :param since_s: from when on the robot should have stood [s]; the place of then is remembered
@@ -161,7 +161,7 @@ class Motion:
         found.append(self._from_anchor(since_s))
         return max(filter(None, found), key=lambda shift: shift.certain_m, default=NO_SHIFT)
 
-    def shift(self, for_s: float, since_s: float = -math.inf, whole: bool = False) -> Shift | None:
+    def shift(self, for_s: float, since_s: float = -math.inf, whole: bool = False) -> PlaceShift | None:
         """Shift of the robot in the last time; ``None`` if there are too few places.
 
         :param since_s: only places after this time count [s]
@@ -181,7 +181,7 @@ class Motion:
         third = max(1, len(used) // 3)
         return self._between(used[-third:], used[:third])
 
-    def _from_anchor(self, since_s: float) -> Shift | None:
+    def _from_anchor(self, since_s: float) -> PlaceShift | None:
         if self._anchor[0] != since_s:
             self._anchor = since_s, []
         anchor = self._anchor[1]
@@ -190,14 +190,14 @@ class Motion:
         latest = list(self._means)[-3:]
         return self._between(anchor, latest) if anchor and anchor[-1].at_s < latest[0].at_s else None
 
-    def _between(self, first: list[_Mean], last: list[_Mean]) -> Shift:
+    def _between(self, first: list[_Mean], last: list[_Mean]) -> PlaceShift:
         """The shift from the mean of some means to that of others."""
         begin_s, west, south, sd_1 = _middle(first)
         end_s, east, north, sd_2 = _middle(last)
         alike = math.exp(-(end_s - begin_s) / WANDER_S) if self._scatter else 0.0
         wander = sd_1**2 + sd_2**2 - 2 * alike * sd_1 * sd_2
         noise_m = math.sqrt(wander + self._scatter * (sd_1**2 / len(first) + sd_2**2 / len(last)))
-        return Shift(east - west, north - south, noise_m, end_s - begin_s)
+        return PlaceShift(east - west, north - south, noise_m, end_s - begin_s)
 
     def _measure_scatter(self) -> None:
         """Compare the last mean but one with the line between its neighbours, which an even motion is on."""

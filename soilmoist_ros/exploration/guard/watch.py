@@ -64,7 +64,7 @@ class Doing:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surroundings:
+class RobotSurroundings:
     """Where the robot is in the field, and where it will be in three seconds if it drives on."""
 
     outside_m: float = 0.0  # distance outside the field [m]
@@ -132,7 +132,7 @@ class Watch:
         self._heard: dict[str, _Heard] = {}
         self._under_way = False
         self._fast, self._strayed = 0, False
-        self._around = Surroundings()
+        self._around = RobotSurroundings()
         self._allowed_outside_m = self._allowed_no_go_m = 0.0  # where the mission has begun
         self._seen = dict.fromkeys((Cause.IN_NO_GO, Cause.OUTSIDE, Cause.OFF_ROUTE, Cause.FAR_OFF_ROUTE), 0)
         self._still_since_s = math.inf
@@ -188,7 +188,7 @@ class Watch:
         )
         return fix.xy
 
-    def moved(self, around: Surroundings) -> None:
+    def moved(self, around: RobotSurroundings) -> None:
         """The robot is at a plausible place.
 
         A mission may begin outside, or at the edge of a no-go area. Only what is worse than its best place since

@@ -34,7 +34,7 @@ PROPERTY = "property"  # key by which the record of a further property is known:
 _log = logging.getLogger(__name__)
 
 
-class Journal(Protocol):
+class EventJournal(Protocol):
     """Where a mission is written down; :class:`Journal` is one."""
 
     def append(self, kind: str, payload: Mapping[str, Any], *, durable: bool = True) -> int:
@@ -61,7 +61,7 @@ class MissionJournal:
     :param journal: where to; nowhere if ``None``
     """
 
-    def __init__(self, journal: Journal | None) -> None:
+    def __init__(self, journal: EventJournal | None) -> None:
         self._journal = journal
         self._pending = self._doubtful = False
         self._kept: tuple[object, ...] = ()
@@ -113,7 +113,7 @@ class MissionJournal:
         if self._try(lambda journal: journal.append(kind, payload, durable=False)):
             self.problem = ""
 
-    def _try(self, write: Callable[[Journal], object]) -> bool:
+    def _try(self, write: Callable[[EventJournal], object]) -> bool:
         """Write, if there is a journal; whether the disk has taken it."""
         if self._journal is None:
             return False

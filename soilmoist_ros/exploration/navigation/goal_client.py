@@ -44,7 +44,7 @@ SUPERSEDED = "another client drives the robot: its goal has replaced that of the
 CANCELLED = "another client has cancelled the goal of the planner"
 
 
-class Status(IntEnum):
+class GoalStatus(IntEnum):
     """Final states of a goal, as action_msgs numbers them."""
 
     SUCCEEDED = 4
@@ -106,7 +106,7 @@ class GoalLimits:
     positions: int = 10  # as many positions that do not agree settle it sooner
 
 
-class _Step(Enum):
+class _GoalStep(Enum):
     WAITING = auto()  # not sent
     SENT = auto()  # neither accepted nor rejected
     ACTIVE = auto()
@@ -114,10 +114,10 @@ class _Step(Enum):
 
 
 @dataclass
-class _Goal:
+class _ActionGoal:
     goal_id: int
     ahead: tuple[WayPoint, ...]  # the next one first; empty for goals of another process
-    step: _Step
+    step: _GoalStep
     since_s: float
     cancel: bool = False
     asked_s: float = -math.inf
@@ -139,7 +139,7 @@ class GoalClient:
     def __init__(self, radius_m: float, limits: GoalLimits | None = None) -> None:
         self._radius_m = radius_m
         self._limits = limits or GoalLimits()
-        self._goals: dict[int, _Goal] = {}  # those that may still run, also when their end has been reported
+        self._goals: dict[int, _ActionGoal] = {}  # those that may still run, also when their end has been reported
         self._servers = 0
         self._server_seen_s = self._now_s = -math.inf
         self._listed = _NOTHING
@@ -155,7 +155,7 @@ class GoalClient:
         for goal in list(self._goals.values()):
             if not goal.reported:
                 self._give_up(goal, Outcome.CANCELED, "replaced by another goal", now_s)
-        goal = _Goal(goal_id, ahead, _Step.WAITING, now_s)
+        goal = _ActionGoal(goal_id, ahead, _GoalStep.WAITING, now_s)
         if there and not self._goals:
             self._report(goal, Outcome.SUCCEEDED, f"already at {ahead[-1].stop.name}")
         else:
@@ -166,11 +166,11 @@ class GoalClient:
         """Cancel a goal; its end is reported when the server reports it."""
         goal = self._goals.get(goal_id)
         if goal is None:
-            goal = self._goals[goal_id] = _Goal(goal_id, (), _Step.ACTIVE, now_s)
+            goal = self._goals[goal_id] = _ActionGoal(goal_id, (), _GoalStep.ACTIVE, now_s)
         goal.cancel = True
-        if goal.step is _Step.WAITING:
+        if goal.step is _GoalStep.WAITING:
             self._over(goal, Outcome.CANCELED, "cancelled before it was sent")
-        elif goal.step is _Step.CHECKING:
+        elif goal.step is _GoalStep.CHECKING:
             self._over(goal, Outcome.CANCELED, "cancelled after the navigation had ended")
         return self._go_on(now_s)
 
@@ -178,10 +178,10 @@ class GoalClient:
         """The server has accepted or rejected a goal."""
         goal = self._goals.get(goal_id)
         if goal is None:  # given up long ago; it must not run on unnoticed
-            goal = _Goal(goal_id, (), _Step.SENT, now_s, cancel=True, reported=True)
+            goal = _ActionGoal(goal_id, (), _GoalStep.SENT, now_s, cancel=True, reported=True)
             self._goals[goal_id] = goal
         if accepted:
-            goal.step, goal.since_s, goal.asked_s = _Step.ACTIVE, now_s, -math.inf
+            goal.step, goal.since_s, goal.asked_s = _GoalStep.ACTIVE, now_s, -math.inf
         else:
             self._over(goal, Outcome.FAILED, "the navigation rejected the goal")
         return self._go_on(now_s)
@@ -196,9 +196,9 @@ class GoalClient:
             return self._go_on(now_s)
         if goal.cancel:
             self._over(goal, Outcome.CANCELED, f"cancelled; the navigation {_said(status, success, '')}")
-        elif status == Status.SUCCEEDED and success:
-            goal.step, goal.since_s = _Step.CHECKING, now_s
-        elif status == Status.CANCELED:  # not by this client: somebody wants the robot to stand
+        elif status == GoalStatus.SUCCEEDED and success:
+            goal.step, goal.since_s = _GoalStep.CHECKING, now_s
+        elif status == GoalStatus.CANCELED:  # not by this client: somebody wants the robot to stand
             self._over(goal, Outcome.SUPERSEDED, CANCELLED)
         else:
             self._fail(goal, f"the navigation {_said(status, success, why)}")
@@ -217,15 +217,15 @@ class GoalClient:
         if accepted or not not_running:
             goal.heard = True
         # an answer to the goal itself may still be on its way, or have overtaken this one
-        given_up = goal.step is _Step.SENT and goal.reported
-        if not_running and (given_up or (goal.step is _Step.ACTIVE and accepted)):
+        given_up = goal.step is _GoalStep.SENT and goal.reported
+        if not_running and (given_up or (goal.step is _GoalStep.ACTIVE and accepted)):
             self._over(goal, Outcome.CANCELED, "cancelled; the navigation is not working on it any more")
         return self._go_on(now_s)
 
     def moved(self, place: tuple[float, float], now_s: float) -> tuple[Request, ...]:
         """The robot is here [m]."""
         for goal in list(self._goals.values()):
-            if goal.step is _Step.CHECKING and goal.ahead:
+            if goal.step is _GoalStep.CHECKING and goal.ahead:
                 stop = goal.ahead[0].stop
                 goal.away_m = math.dist(place, (stop.x_m, stop.y_m))
                 goal.positions += 1
@@ -260,11 +260,11 @@ class GoalClient:
 
     # What follows --------------------------------------------------------------------------------------------
 
-    def _arrived(self, goal: _Goal, stop: Stop, now_s: float) -> None:
+    def _arrived(self, goal: _ActionGoal, stop: Stop, now_s: float) -> None:
         if len(goal.ahead) == 1:
             self._over(goal, Outcome.SUCCEEDED, f"{goal.away_m:.1f} m from {stop.name}")
         else:
-            goal.ahead, goal.step, goal.since_s = goal.ahead[1:], _Step.WAITING, now_s
+            goal.ahead, goal.step, goal.since_s = goal.ahead[1:], _GoalStep.WAITING, now_s
             goal.away_m, goal.positions = math.nan, 0
 
     def _go_on(self, now_s: float) -> tuple[Request, ...]:
@@ -273,23 +273,23 @@ class GoalClient:
             self._read_list(goal, now_s)
             self._meet_limits(goal, now_s)
         for goal in self._goals.values():
-            on_server = goal.step in (_Step.SENT, _Step.ACTIVE)
+            on_server = goal.step in (_GoalStep.SENT, _GoalStep.ACTIVE)
             if goal.cancel and on_server and self._servers and now_s - goal.asked_s >= CANCEL_AGAIN_S:
                 goal.asked_s, goal.cancelled_s = now_s, min(goal.cancelled_s, now_s)
-                self._out.append(CancelSent(goal.goal_id, bool(goal.ahead), goal.step is _Step.ACTIVE))
+                self._out.append(CancelSent(goal.goal_id, bool(goal.ahead), goal.step is _GoalStep.ACTIVE))
         if self._servers == 1 and len(self._goals) == 1 and not self._listed.others:
             goal = next(iter(self._goals.values()))
-            if goal.step is _Step.WAITING:
-                goal.step, goal.since_s = _Step.SENT, now_s
+            if goal.step is _GoalStep.WAITING:
+                goal.step, goal.since_s = _GoalStep.SENT, now_s
                 goal.servers, goal.renewed_s = self._listed.servers, math.inf
                 self._out.append(SendGoal(goal.goal_id, goal.ahead[0]))
         out, self._out = tuple(self._out), []
         return out
 
-    def _read_list(self, goal: _Goal, now_s: float) -> None:
+    def _read_list(self, goal: _ActionGoal, now_s: float) -> None:
         """End a goal that the server lists as ended, or that another server cannot know."""
         listed, known = self._listed, goal.goal_id in self._listed.active
-        if goal.step not in (_Step.SENT, _Step.ACTIVE):
+        if goal.step not in (_GoalStep.SENT, _GoalStep.ACTIVE):
             return
         if goal.cancel and goal.goal_id in listed.ended:
             self._over(goal, Outcome.CANCELED, "cancelled; the navigation lists it as ended")
@@ -303,12 +303,12 @@ class GoalClient:
             else:
                 self._give_up(goal, Outcome.FAILED, "the navigation was started again", now_s)
 
-    def _meet_limits(self, goal: _Goal, now_s: float) -> None:
+    def _meet_limits(self, goal: _ActionGoal, now_s: float) -> None:
         if goal.reported:
             return
         limits, waited_s = self._limits, now_s - goal.since_s
-        on_server = goal.step in (_Step.SENT, _Step.ACTIVE)
-        if goal.step is _Step.WAITING and waited_s > limits.start_s:
+        on_server = goal.step in (_GoalStep.SENT, _GoalStep.ACTIVE)
+        if goal.step is _GoalStep.WAITING and waited_s > limits.start_s:
             why = "is not there"
             if self._servers:
                 why = "does not end the goal before: cancel it there, or start the navigation again"
@@ -316,34 +316,36 @@ class GoalClient:
             self._fail(goal, f"the navigation {why} (waited {limits.start_s:.0f} s)")
         elif on_server and now_s - max(self._server_seen_s, goal.since_s) > limits.lost_s:
             self._give_up(goal, Outcome.FAILED, "the navigation has gone away", now_s)
-        elif goal.step is _Step.SENT and waited_s > limits.answer_s:
+        elif goal.step is _GoalStep.SENT and waited_s > limits.answer_s:
             reason = f"the navigation neither accepts nor rejects the goal in {limits.answer_s:.0f} s"
             self._give_up(goal, Outcome.FAILED, reason, now_s)
-        elif goal.step is _Step.CHECKING and (waited_s > limits.position_s or goal.positions >= limits.positions):
+        elif goal.step is _GoalStep.CHECKING and (
+            waited_s > limits.position_s or goal.positions >= limits.positions
+        ):
             found = f"the robot is {goal.away_m:.1f} m away from it"
             if math.isnan(goal.away_m):
                 found = f"no position came in {limits.position_s:.0f} s"
             self._fail(goal, f"reported as reached, but {found}")
 
-    def _fail(self, goal: _Goal, reason: str) -> None:
+    def _fail(self, goal: _ActionGoal, reason: str) -> None:
         """It did not lead to its stop; that is no failure if another client's goal has replaced it."""
         replaced = self._listed.others
         self._over(goal, *((Outcome.SUPERSEDED, SUPERSEDED) if replaced else (Outcome.FAILED, reason)))
 
-    def _over(self, goal: _Goal, outcome: Outcome, reason: str) -> None:
+    def _over(self, goal: _ActionGoal, outcome: Outcome, reason: str) -> None:
         """The server does not work on it any more, or never did."""
         self._goals.pop(goal.goal_id, None)
         self._report(goal, outcome, reason)
 
-    def _give_up(self, goal: _Goal, outcome: Outcome, reason: str, now_s: float) -> None:
+    def _give_up(self, goal: _ActionGoal, outcome: Outcome, reason: str, now_s: float) -> None:
         """It has ended for the mission, but the server may still work on it."""
         self._report(goal, outcome, reason)
-        if goal.step in (_Step.SENT, _Step.ACTIVE):
+        if goal.step in (_GoalStep.SENT, _GoalStep.ACTIVE):
             goal.cancel, goal.since_s = True, now_s
         else:
             del self._goals[goal.goal_id]
 
-    def _report(self, goal: _Goal, outcome: Outcome, reason: str) -> None:
+    def _report(self, goal: _ActionGoal, outcome: Outcome, reason: str) -> None:
         if not goal.reported:
             goal.reported = True
             self._out.append(Ended(goal.goal_id, outcome, reason))
@@ -352,11 +354,11 @@ class GoalClient:
 def _said(status: int, success: bool, why: str) -> str:
     because = f": {why}" if why else ""
     match status:
-        case Status.SUCCEEDED:
+        case GoalStatus.SUCCEEDED:
             return "reported the arrival" if success else f"ended the goal without success{because}"
-        case Status.CANCELED:
+        case GoalStatus.CANCELED:
             return "cancelled the goal"
-        case Status.ABORTED:
+        case GoalStatus.ABORTED:
             return f"aborted the goal{because}"
         case _:
             return f"ended the goal with the unknown status {status}"

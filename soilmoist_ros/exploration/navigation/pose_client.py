@@ -16,7 +16,7 @@ from fnmatch import fnmatchcase
 
 from soilmoist_ros.exploration.mission.events import ANYBODYS
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
-from soilmoist_ros.exploration.navigation.track import Place, Track
+from soilmoist_ros.exploration.navigation.track import Place, RobotTrack
 from soilmoist_ros.exploration.travel.stop import WayPoint
 
 PASS_M = 0.3
@@ -71,7 +71,7 @@ class PoseClient:
     def __init__(self, radius_m: float, settle_s: float, speed_mps: float) -> None:
         self._radius_m = radius_m
         self._settle_s = settle_s
-        self._track = Track(speed_mps, radius_m)
+        self._track = RobotTrack(speed_mps, radius_m)
         self._goal: _Goal | None = None
         self._cancels = False
         self._asked_s = -math.inf

@@ -25,7 +25,7 @@ STILL_SHARE = 1 / 3  # a robot that stands within this share of the arrival radi
 Place = tuple[float, float]
 
 
-class Track:
+class RobotTrack:
     """Plausible places of the robot. Positions that it cannot have reached are left out.
 
     :param noise_m: positions may be this far off [m]

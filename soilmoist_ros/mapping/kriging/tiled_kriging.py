@@ -80,7 +80,7 @@ class _Square(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Model:
+class _TileModel:
     """Data that every tile needs; small enough to send to each worker."""
 
     variogram: Variogram
@@ -195,7 +195,7 @@ class TiledKriging:
         self._nearest = nearest
         self._compute = compute
         self._mean_rate = mean_rate
-        self._model: _Model | None = None
+        self._model: _TileModel | None = None
 
     @property
     def map_mean(self) -> float:
@@ -225,7 +225,7 @@ class TiledKriging:
         self.noise_mean_rate = noise_rate(places) if known is None or isinstance(known, LocalRate) else known
         rate = known if isinstance(known, LocalRate) else self.noise_mean_rate
         nearest = self._nearest or NEAREST[0]
-        model = _Model(self.variogram, self.keep_nugget, rate, places, cKDTree(places.xy), nearest)
+        model = _TileModel(self.variogram, self.keep_nugget, rate, places, cKDTree(places.xy), nearest)
         self._model, self.accuracy = self._with_mean(model), None
         if self._nearest is None:
             self._model, self.accuracy = _chosen(self._model)
@@ -275,12 +275,12 @@ class TiledKriging:
         rasters[:, wanted] = self.predict(np.column_stack([x[column], y[row]]), progress)
         return rasters[0], rasters[1]
 
-    def _fitted(self) -> _Model:
+    def _fitted(self) -> _TileModel:
         if self._model is None:
             raise RuntimeError("the kriging has no samples yet; call fit() first")
         return self._model
 
-    def _with_mean(self, model: _Model) -> _Model:
+    def _with_mean(self, model: _TileModel) -> _TileModel:
         blocks = spatial_blocks(model.places.xy, max(model.nearest, _BLOCK_PLACES), _BLOCK_PLACES)
         ends = np.cumsum([len(block) for block in blocks]).tolist()
         ordered = replace(model, places=model.some(np.concatenate(blocks)))
@@ -289,7 +289,7 @@ class TiledKriging:
         return replace(model, mean=float(towards / information), mean_variance=float(1 / information))
 
 
-def _mean_sums(model: _Model, block: tuple[int, int]) -> tuple[float, float]:
+def _mean_sums(model: _TileModel, block: tuple[int, int]) -> tuple[float, float]:
     """1'K^-1 1 and 1'K^-1 z of a block of places, given the nearest places of the blocks before it."""
     from scipy.linalg.blas import dtrsm
 
@@ -303,7 +303,7 @@ def _mean_sums(model: _Model, block: tuple[int, int]) -> tuple[float, float]:
     return float(ones @ ones), float(ones @ rate)
 
 
-def _chosen(model: _Model) -> tuple[_Model, Accuracy | None]:
+def _chosen(model: _TileModel) -> tuple[_TileModel, Accuracy | None]:
     """The model with the smallest sufficient number of neighbours, judged on tiles around some places."""
     xy = model.places.xy
     if len(xy) <= NEAREST[-1]:
@@ -323,7 +323,7 @@ def _chosen(model: _Model) -> tuple[_Model, Accuracy | None]:
     return tried, accuracy
 
 
-def _krige(model: _Model, task: tuple[_Square, Array]) -> Array:
+def _krige(model: _TileModel, task: tuple[_Square, Array]) -> Array:
     """Rate and variance of the targets of a square, in their order, shape (2, g)."""
     square, xy = task
     here, result = square._replace(target=np.arange(len(xy))), np.empty((2, len(xy)))

@@ -19,7 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError, LocalFrame, optional_module
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S
-from soilmoist_ros.reporting.exports.source import MOISTURE, ROOT_DEPTH_MM, ExportSettings, PropertyMap, RunSource
+from soilmoist_ros.reporting.exports.source import (
+    MOISTURE,
+    ROOT_DEPTH_MM,
+    ExportedProperty,
+    ExportSettings,
+    RunSource,
+)
 from soilmoist_ros.reporting.exports.zones import Zone, contour_lines, management_zones
 
 if TYPE_CHECKING:
@@ -197,7 +203,7 @@ def visits_layer(source: RunSource) -> Layer:
     return Layer("visits", "Point", _points(columns["x_m"], columns["y_m"]), columns, "Stops of the robot")
 
 
-def samples_layer(source: RunSource, one: PropertyMap) -> Layer:
+def samples_layer(source: RunSource, one: ExportedProperty) -> Layer:
     """Merged samples with counts, exposure, moisture and its interval; with times where the clock has a date."""
     columns = dict(one.samples)
     longitude, latitude = columns.pop("longitude_deg"), columns.pop("latitude_deg")
@@ -212,7 +218,7 @@ def samples_layer(source: RunSource, one: PropertyMap) -> Layer:
     return Layer(f"samples{one.suffix}", "Point", shapes, columns, f"Counts merged by place: {one.title}")
 
 
-def records_layers(one: PropertyMap) -> list[Layer]:
+def records_layers(one: ExportedProperty) -> list[Layer]:
     """Records in use, and those in quarantine with the reason; empty in folders without a table of records.
 
     Records without a place have an empty point.
@@ -243,7 +249,7 @@ def records_layers(one: PropertyMap) -> list[Layer]:
     return layers
 
 
-def contours_layer(source: RunSource, one: PropertyMap, settings: ExportSettings) -> Layer:
+def contours_layer(source: RunSource, one: ExportedProperty, settings: ExportSettings) -> Layer:
     """Contour lines at round values.
 
     :raises InputError: if the step is far too small
@@ -258,7 +264,7 @@ def contours_layer(source: RunSource, one: PropertyMap, settings: ExportSettings
     return Layer(f"contours{one.suffix}", "LineString", lines, columns, f"Contours: {one.title}")
 
 
-def zones_layer(source: RunSource, one: PropertyMap, settings: ExportSettings) -> Layer:
+def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettings) -> Layer:
     """Management zones as single polygons; zone 1 has the lowest values.
 
     Limits of the site file come before classes of equal area. A zone of the advice that has lost area, because its
@@ -303,7 +309,7 @@ def zones_layer(source: RunSource, one: PropertyMap, settings: ExportSettings) -
 
 
 def _lost(
-    one: PropertyMap, area_m2: float, zones: Sequence[Zone], limits: Sequence[float], names: Sequence[str]
+    one: ExportedProperty, area_m2: float, zones: Sequence[Zone], limits: Sequence[float], names: Sequence[str]
 ) -> Iterator[str]:
     """Zones of the advice whose parts are too small for a polygon, in sentences."""
     values = one.values[one.cells[0]]
@@ -325,7 +331,7 @@ def root_depth_mm(source: RunSource, settings: ExportSettings) -> float:
     return settings.root_depth_mm or float(known or ROOT_DEPTH_MM)
 
 
-def _origin(source: RunSource, one: PropertyMap, count: int) -> dict[str, NDArray[Any]]:
+def _origin(source: RunSource, one: ExportedProperty, count: int) -> dict[str, NDArray[Any]]:
     """Columns with what moisture rests on and, if it is known, the last day of the survey (UTC)."""
     columns: dict[str, NDArray[Any]] = {"CALIBRATED": texts([one.calibration] * count)}
     if source.survey:

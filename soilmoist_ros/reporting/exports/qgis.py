@@ -31,8 +31,8 @@ from soilmoist_ros.reporting.exports.layers import (
 from soilmoist_ros.reporting.exports.source import (
     MOISTURE,
     RATE,
+    ExportedProperty,
     ExportSettings,
-    PropertyMap,
     RunSource,
     transformed,
 )
@@ -67,7 +67,7 @@ _SYMBOLS: Final[dict[str, tuple[str, dict[str, str]]]] = {
 """Kind of the symbol of each kind of layer, and its options."""
 
 
-def map_look(one: PropertyMap, sd: bool = False) -> dict[str, Any]:
+def map_look(one: ExportedProperty, sd: bool = False) -> dict[str, Any]:
     """Colours of the first band or its standard deviation between the quantiles 0.02 and 0.98, interpolated."""
     quantity = one.quantity
     low, high = (edge / quantity.scale for edge in shown_range(one.sd if sd else one.values))
@@ -183,7 +183,7 @@ def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> lis
     return [*written, path]
 
 
-def write_run_project(path: Path, title: str, maps: Sequence[PropertyMap]) -> Path:
+def write_run_project(path: Path, title: str, maps: Sequence[ExportedProperty]) -> Path:
     """Write a project that shows the files of a run in its folder: GeoTIFFs, and layers of ``samples.geojson``.
 
     :param maps: maps of all properties; samples and records are not needed
@@ -200,7 +200,7 @@ def write_run_project(path: Path, title: str, maps: Sequence[PropertyMap]) -> Pa
     return path
 
 
-def _project(title: str, maps: Sequence[PropertyMap], layers: Sequence[tuple[Layer, str]], crs: Any) -> str:
+def _project(title: str, maps: Sequence[ExportedProperty], layers: Sequence[tuple[Layer, str]], crs: Any) -> str:
     """The project; its layers, the first at the bottom, lie above the maps."""
     first, shown = maps[0], []
     for layer, source in reversed(layers):

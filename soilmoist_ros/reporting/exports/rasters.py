@@ -19,7 +19,7 @@ from soilmoist_ros.pipeline import EARLIEST_STAMP_S
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import colour_ramp, coloured_png, palette_png
 from soilmoist_ros.reporting.exports.layers import to_crs
-from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource
+from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
 from soilmoist_ros.reporting.exports.zones import shown_range
 from soilmoist_ros.reporting.geotiff import BANDS, CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.page.frame import fill_template, round_step
@@ -41,7 +41,7 @@ def write_styled(source: RunSource, folder: Path, settings: ExportSettings) -> l
     return [_write_styled(one, folder / f"map_styled{one.suffix}.tif") for one in source.properties]
 
 
-def _write_styled(one: PropertyMap, path: Path) -> Path:
+def _write_styled(one: ExportedProperty, path: Path) -> Path:
     import rasterio
 
     pixels, scale, offset = _pixels(one)
@@ -65,7 +65,7 @@ def _write_styled(one: PropertyMap, path: Path) -> Path:
     return path
 
 
-def _pixels(one: PropertyMap) -> tuple[NDArray[np.uint8], float, float]:
+def _pixels(one: ExportedProperty) -> tuple[NDArray[np.uint8], float, float]:
     """Pixels with the value of one step and of pixel 0."""
     values = one.values
     inside = np.isfinite(values)
@@ -86,7 +86,7 @@ def write_netcdf(source: RunSource, folder: Path, settings: ExportSettings) -> l
     ]
 
 
-def _about_file(source: RunSource, one: PropertyMap) -> dict[str, str]:
+def _about_file(source: RunSource, one: ExportedProperty) -> dict[str, str]:
     about = source.run.summary
     kind = "simulation" if source.simulated else "surface observation"
     guessed = ", illustrative: its level is not real" if one.calibration == ILLUSTRATIVE else ""
@@ -102,7 +102,7 @@ def _about_file(source: RunSource, one: PropertyMap) -> dict[str, str]:
     }
 
 
-def _variables(source: RunSource, one: PropertyMap) -> Iterator[tuple[str, Variable]]:
+def _variables(source: RunSource, one: ExportedProperty) -> Iterator[tuple[str, Variable]]:
     """Axes, time of the survey with its bounds where the clock has a date, and bands."""
     height, width = one.values.shape
     x = one.transform.c + one.transform.a * (np.arange(width) + 0.5)
@@ -139,7 +139,7 @@ def write_kmz(source: RunSource, folder: Path, settings: ExportSettings) -> list
     return [_write_kmz(source, one, folder / f"map{one.suffix}.kmz") for one in source.properties]
 
 
-def _write_kmz(source: RunSource, one: PropertyMap, path: Path) -> Path:
+def _write_kmz(source: RunSource, one: ExportedProperty, path: Path) -> Path:
     from pyproj import CRS
 
     picture, box = _overlay(one)
@@ -172,7 +172,7 @@ def _write_kmz(source: RunSource, one: PropertyMap, path: Path) -> Path:
     return path
 
 
-def _in_words(source: RunSource, one: PropertyMap) -> str:
+def _in_words(source: RunSource, one: ExportedProperty) -> str:
     """Date and colours in words: programs on phones show no legend."""
     low, high = shown_range(one.values)
     sentences = ["Simulated counts."] if source.simulated else []
@@ -185,7 +185,7 @@ def _in_words(source: RunSource, one: PropertyMap) -> str:
     return " ".join([*sentences, "Made by soilmoist_ros."])
 
 
-def _overlay(one: PropertyMap) -> tuple[bytes, dict[str, float]]:
+def _overlay(one: ExportedProperty) -> tuple[bytes, dict[str, float]]:
     """The map as a picture on even longitudes and latitudes, and its box [deg]."""
     from rasterio import Affine
     from rasterio.crs import CRS
@@ -214,13 +214,13 @@ def _overlay(one: PropertyMap) -> tuple[bytes, dict[str, float]]:
     return picture, {"north": north, "south": south, "east": centre + east, "west": centre + west}
 
 
-def _shares(one: PropertyMap, values: ArrayLike) -> NDArray[np.float64]:
+def _shares(one: ExportedProperty, values: ArrayLike) -> NDArray[np.float64]:
     """Place of values on the colour scale, 0..1."""
     low, high = shown_range(one.values)
     return np.asarray(np.clip((np.asarray(values, float) - low) / (high - low), 0, 1))
 
 
-def _legend(source: RunSource, one: PropertyMap) -> bytes:
+def _legend(source: RunSource, one: ExportedProperty) -> bytes:
     """Colour scale with the title and the date."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import ListedColormap, Normalize
@@ -242,7 +242,7 @@ def _legend(source: RunSource, one: PropertyMap) -> bytes:
     return content.getvalue()
 
 
-def _sample_marks(one: PropertyMap) -> Iterator[tuple[str, str, str, str, str]]:
+def _sample_marks(one: ExportedProperty) -> Iterator[tuple[str, str, str, str, str]]:
     """Name, description, time, colour and place of each sample, coloured like the map."""
     samples, quantity = one.samples, one.quantity
     values = samples.get("vwc" if quantity is MOISTURE else "rate_cps", np.empty(0)) * quantity.scale

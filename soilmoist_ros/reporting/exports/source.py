@@ -72,7 +72,7 @@ RATE = Quantity("rate", "Neutron count rate", "counts/s", 1.0, "RATE_CPS", "YlOr
 
 
 @dataclass(frozen=True, eq=False)
-class PropertyMap:
+class ExportedProperty:
     """Map and points of one property of a run.
 
     :param name: name of the property, empty for the first; ``label`` is for readers
@@ -191,7 +191,7 @@ class RunSource:
     """
 
     run: OpenedRun
-    properties: Sequence[PropertyMap]
+    properties: Sequence[ExportedProperty]
     frame: LocalFrame
     boundary: BaseGeometry
     no_go: Sequence[BaseGeometry]
@@ -247,7 +247,7 @@ def open_source(run: OpenedRun) -> RunSource:
         tags = {CALIBRATION_TAG: state, **tags}  # older GeoTIFFs do not say it
         curve = None if name else curve_of(about, run.folder)
         maps.append(
-            PropertyMap(name, label, bands, transform, crs, tags, frame, run.samples(name), records, curve)
+            ExportedProperty(name, label, bands, transform, crs, tags, frame, run.samples(name), records, curve)
         )
     return RunSource(run, maps, frame, boundary, no_go, tracks, notes)
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, install
 from soilmoist_ros.reporting.certainty import Certainty, certainty
-from soilmoist_ros.reporting.exports.source import PropertyMap
+from soilmoist_ros.reporting.exports.source import ExportedProperty
 from soilmoist_ros.reporting.page.frame import round_step
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def continued(values: Array) -> Array:
     return np.asarray(wide[tuple(nearest)], float)
 
 
-def level_lines(the_map: PropertyMap, raster: Array, level: float) -> list[BaseGeometry]:
+def level_lines(the_map: ExportedProperty, raster: Array, level: float) -> list[BaseGeometry]:
     """Lines on which a continued raster has a value, in the plane of the field [m], beyond its boundary too."""
     from contourpy import contour_generator
     from shapely.geometry import LineString
@@ -99,7 +99,7 @@ def level_lines(the_map: PropertyMap, raster: Array, level: float) -> list[BaseG
 
 
 def contour_lines(
-    the_map: PropertyMap, boundary: BaseGeometry, step: float | None = None
+    the_map: ExportedProperty, boundary: BaseGeometry, step: float | None = None
 ) -> tuple[list[BaseGeometry], Array]:
     """Contour lines inside the field, and the value of each in the unit for readers.
 
@@ -157,7 +157,7 @@ class Zone:
 
 
 def management_zones(
-    the_map: PropertyMap,
+    the_map: ExportedProperty,
     boundary: BaseGeometry,
     classes: int = 3,
     min_area_m2: float | None = None,
@@ -193,14 +193,14 @@ def management_zones(
     return _described(the_map, _simplified(shapes, the_map.cell_m / 2), number, edges, limits is None, full)
 
 
-def _smoothed(the_map: PropertyMap, smallest_m2: float) -> Array:
+def _smoothed(the_map: ExportedProperty, smallest_m2: float) -> Array:
     from scipy.ndimage import gaussian_filter
 
     sigma = SMOOTHING * np.sqrt(smallest_m2) / the_map.cell_m
     return np.asarray(gaussian_filter(continued(the_map.values), sigma, mode="nearest"), float)
 
 
-def _faces(the_map: PropertyMap, boundary: BaseGeometry, raster: Array, edges: Array) -> list[BaseGeometry]:
+def _faces(the_map: ExportedProperty, boundary: BaseGeometry, raster: Array, edges: Array) -> list[BaseGeometry]:
     """Parts into which contour lines divide the field. Neighbours have the same corners on their border."""
     from shapely import contains, get_parts, point_on_surface, polygonize, prepare, union_all
 
@@ -210,7 +210,9 @@ def _faces(the_map: PropertyMap, boundary: BaseGeometry, raster: Array, edges: A
     return list(parts[contains(boundary, point_on_surface(parts))])
 
 
-def _classes(the_map: PropertyMap, raster: Array, edges: Array, faces: Sequence[BaseGeometry]) -> NDArray[np.intp]:
+def _classes(
+    the_map: ExportedProperty, raster: Array, edges: Array, faces: Sequence[BaseGeometry]
+) -> NDArray[np.intp]:
     """Class of each face, from 1, by the raster at a point inside."""
     from scipy.ndimage import map_coordinates
     from shapely import get_coordinates, point_on_surface
@@ -281,8 +283,8 @@ def _simplified(shapes: list[BaseGeometry], tolerance_m: float) -> list[BaseGeom
 
 
 def _described(
-    the_map: PropertyMap, shapes: Sequence[BaseGeometry], number: NDArray[np.intp], edges: Array, relative: bool,
-    full: float | None,
+    the_map: ExportedProperty, shapes: Sequence[BaseGeometry], number: NDArray[np.intp], edges: Array,
+    relative: bool, full: float | None,
 ) -> list[Zone]:  # fmt: skip
     from shapely import contains_xy, get_coordinates, point_on_surface, prepare
 

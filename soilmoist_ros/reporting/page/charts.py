@@ -89,7 +89,7 @@ class Path:
 
 
 @dataclass(frozen=True)
-class Tick:
+class AxisTick:
     """A label of an axis at a position along it [%]; a minor one is hidden on narrow screens."""
 
     percent: float
@@ -135,26 +135,26 @@ class Chart:
         return [(_key_class(mark), mark.name) for mark in self.marks if mark.name]
 
     @property
-    def across(self) -> list[Tick]:
+    def across(self) -> list[AxisTick]:
         """Labels of the horizontal axis; every second one is minor where there are many."""
         ticks = self._ticks(self.x_ticks, self.x, 6)
-        return [Tick(t.percent, t.text, len(ticks) > 5 and i % 2 == 1) for i, t in enumerate(ticks)]
+        return [AxisTick(t.percent, t.text, len(ticks) > 5 and i % 2 == 1) for i, t in enumerate(ticks)]
 
     @property
-    def up(self) -> list[Tick]:
+    def up(self) -> list[AxisTick]:
         """Labels of the vertical axis."""
         return self._ticks(self.y_ticks, self.y, 5)
 
     @property
-    def top(self) -> list[Tick]:
+    def top(self) -> list[AxisTick]:
         """Labels above the plot; two of three are minor where there are many."""
         ticks = self._ticks(self.top_ticks, self.x, 0)
-        return [Tick(t.percent, t.text, len(ticks) > 6 and i % 3 > 0) for i, t in enumerate(ticks)]
+        return [AxisTick(t.percent, t.text, len(ticks) > 6 and i % 3 > 0) for i, t in enumerate(ticks)]
 
-    def _ticks(self, given: Sequence[tuple[float, str]] | None, limits: Limits, count: int) -> list[Tick]:
+    def _ticks(self, given: Sequence[tuple[float, str]] | None, limits: Limits, count: int) -> list[AxisTick]:
         low, high = limits
         return [
-            Tick(round(100 * (value - low) / (high - low), 2), text)
+            AxisTick(round(100 * (value - low) / (high - low), 2), text)
             for value, text in (round_ticks(low, high, count) if given is None else given)
             if low <= value <= high
         ]

@@ -29,7 +29,7 @@ FEW_PLACES = 10
 
 
 @dataclass(frozen=True)
-class Zone:
+class IrrigationZone:
     """A class of the field's area.
 
     :param limits: its range in words, with the unit
@@ -72,7 +72,7 @@ class Zone:
 
 
 @dataclass(frozen=True, eq=False)
-class Irrigation:
+class IrrigationAdvice:
     """What the map means for irrigation.
 
     :param zones: from dry to moist
@@ -87,7 +87,7 @@ class Irrigation:
     :param steps: what to do, a sentence or two each, the most important first
     """
 
-    zones: tuple[Zone, ...]
+    zones: tuple[IrrigationZone, ...]
     number: Array
     sure: NDArray[np.bool_]
     not_dry: NDArray[np.bool_]
@@ -110,7 +110,7 @@ class Irrigation:
         return float(self.sure[inside].mean()) if inside.any() else math.nan
 
 
-def irrigation(run: MapRun) -> Irrigation:
+def irrigation(run: MapRun) -> IrrigationAdvice:
     """Zones, water and advice of a map; of its count rate if there is no calibration."""
     values = _values(run)
     names, edges, basis = _edges(run, values)
@@ -123,7 +123,7 @@ def irrigation(run: MapRun) -> Irrigation:
     not_dry = (number > 0) & (1 - dry >= CERTAIN)
     by_calibration = (np.abs(dry - 0.5) < CERTAIN - 0.5) & (np.abs(by_counts - 0.5) >= CERTAIN - 0.5)
     water, level, sure = _water(run), _level(run), probability >= CERTAIN
-    found = Irrigation(zones, number, sure, not_dry, by_calibration, relative, basis, water, level)
+    found = IrrigationAdvice(zones, number, sure, not_dry, by_calibration, relative, basis, water, level)
     return replace(found, steps=tuple(_steps(run, found)))
 
 
@@ -195,7 +195,7 @@ def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
 
 def _zone(
     run: MapRun, index: int, name: str, edges: Array, values: Array, number: Array, probability: Array
-) -> Zone:
+) -> IrrigationZone:
     chosen, soil_map = number == index, run.soil_map
     share = np.count_nonzero(chosen) / np.count_nonzero(soil_map.grid.mask)
     depth, full = run.irrigation.root_depth_mm, run.irrigation.field_capacity
@@ -206,7 +206,7 @@ def _zone(
             bands = {"missing_mm": values, "missing_mm_p05": soil_map.vwc_p95, "missing_mm_p95": soil_map.vwc_p05}
             known |= {key: missing_mm(band[chosen], full, depth) for key, band in bands.items()}
     size_m2, text = share * float(field_polygon(soil_map).area), _range_text(run, index, edges)
-    return Zone(name, text, COLOURS[index], size_m2, share, certainty(probability[chosen]), **known)
+    return IrrigationZone(name, text, COLOURS[index], size_m2, share, certainty(probability[chosen]), **known)
 
 
 def missing_mm(vwc: Array, field_capacity: float, root_depth_mm: float) -> float:
@@ -272,7 +272,7 @@ def _level(run: MapRun) -> str:
     return f"Calibrated{source}: the percentages and millimetres are meant as they stand, with their intervals."
 
 
-def _steps(run: MapRun, found: Irrigation) -> Iterator[str]:
+def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
     """The next steps that help most. They never rest on a zone that is not certain."""
     samples = len(run.soil_map.samples)
     if not run.calibrated:
@@ -305,7 +305,7 @@ def _steps(run: MapRun, found: Irrigation) -> Iterator[str]:
         yield "Next: compare the zones with what you see in the field, and measure again after rain or irrigation."
 
 
-def _on_place(run: MapRun, found: Irrigation) -> Iterator[str]:
+def _on_place(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
     """True if a probe that stays at one place asks for water, by the last step of its series."""
     bands, edges = moisture_series(run.track, run.soil_map.curve).bands, np.array(absolute_limits(run))
     dry = float(class_probability(bands.rate[-1:], bands.rate_sd[-1:], 0, edges, run.soil_map.curve, False)[0])
@@ -319,7 +319,7 @@ def _on_place(run: MapRun, found: Irrigation) -> Iterator[str]:
         yield f"No irrigation needed now: at the end it was not {name} here."
 
 
-def _on_dry(run: MapRun, found: Irrigation) -> Iterator[str]:
+def _on_dry(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
     """Where to irrigate, where not to, and where the map cannot tell."""
     dry, as_well = found.zones[0], ""
     if dry.share > 0:
@@ -347,7 +347,7 @@ def _on_dry(run: MapRun, found: Irrigation) -> Iterator[str]:
         yield f"The other {unclear} may be {dry.name}{as_well}: {_remedy(run, found, open_cells)}."
 
 
-def _remedy(run: MapRun, found: Irrigation, chosen: NDArray[np.bool_]) -> str:
+def _remedy(run: MapRun, found: IrrigationAdvice, chosen: NDArray[np.bool_]) -> str:
     """What makes cells certain: more counts, or a better calibration where the counts alone would do."""
     if 2 * np.count_nonzero(chosen & found.by_calibration) > np.count_nonzero(chosen):
         return "take more soil cores first, since the calibration, not the counts, leaves it open"
@@ -360,7 +360,7 @@ def _area(run: MapRun, chosen: NDArray[np.bool_]) -> str:
     return part_of_area(whole_m2 * np.count_nonzero(chosen) / np.count_nonzero(run.soil_map.grid.mask), whole_m2)
 
 
-def _on_wet(found: Irrigation) -> Iterator[str]:
+def _on_wet(found: IrrigationAdvice) -> Iterator[str]:
     """Where there is more water than wanted."""
     wet = found.zones[2]
     if wet.certainty.certain:

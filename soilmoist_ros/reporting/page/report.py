@@ -13,7 +13,7 @@ import numpy as np
 
 from soilmoist_ros.exploration import polyline_length_m
 from soilmoist_ros.foundation import __version__
-from soilmoist_ros.mapping import Estimate, FieldChange, possible_moisture
+from soilmoist_ros.mapping import FieldChange, SurveysEstimate, possible_moisture
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, RunChange, track_xy
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
@@ -315,7 +315,7 @@ def _since(run: MapRun, name: str) -> str:
     return f"{value:+.1f} % by volume ({low:+.1f} to {high:+.1f}) [{change.value:+.3f} counts/s]"
 
 
-def _rate(change: Estimate) -> str:
+def _rate(change: SurveysEstimate) -> str:
     low, high = change.interval95
     return f"{change.value:+.3f} counts/s ({low:+.3f} to {high:+.3f})"
 

@@ -29,7 +29,7 @@ from soilmoist_ros.reporting.colours import (
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts import round_ticks
 from soilmoist_ros.reporting.page.frame import percent, plain, round_step
-from soilmoist_ros.reporting.page.irrigation import Irrigation, has_level
+from soilmoist_ros.reporting.page.irrigation import IrrigationAdvice, has_level
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def rounded(xy: Array, digits: int = 1) -> list[list[float]]:
 # Data of the map viewer: rasters with their meaning, and what lies on top of them, all in local metres ----------
 
 
-def viewer_data(run: MapRun, found: Irrigation) -> dict[str, Any]:
+def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
     """Everything that the page's script draws, as plain JSON values."""
     west, east, south, north = view(run)
     one = run.soil_map.samples
@@ -159,7 +159,7 @@ def grid_data(grid: FieldGrid) -> dict[str, Any]:
     return {**place, "nx": nx, "ny": ny}
 
 
-def _layers(run: MapRun, found: Irrigation) -> Iterator[dict[str, Any]]:
+def _layers(run: MapRun, found: IrrigationAdvice) -> Iterator[dict[str, Any]]:
     """The layers in the order of the choice; those without a title are only read."""
     for index, one in enumerate(run.properties):
         first, *more = _of_property(one, index, f"{one.label or one.name}: " if index else "")
@@ -173,7 +173,7 @@ def _layers(run: MapRun, found: Irrigation) -> Iterator[dict[str, Any]]:
             yield from _truth(one, np.asarray(one.truth_rate, float), index)
 
 
-def _zones(run: MapRun, found: Irrigation) -> dict[str, Any]:
+def _zones(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
     unsure = np.isfinite(found.number) & ~found.sure
     return {
         **_raster(run, 0, "zone", found.number), "title": "Irrigation zones", "kind": "zones",

@@ -260,7 +260,7 @@ def _find_live(columns: _Columns, logger: LoggerFormat, tubes: Sequence[int]) ->
 
 
 @dataclass(frozen=True)
-class Header:
+class LogHeader:
     """What the lines of a log need of its header: names, units, and serial number and record period as written.
 
     :param stored_s: when an earlier header was stored [s since 1970 UTC], NaN if unknown
@@ -295,13 +295,13 @@ class HeaderReader:
         return self._values.get(plain_name(key), "") if key else ""
 
     @property
-    def content(self) -> Header:
+    def content(self) -> LogHeader:
         """The header so far."""
         keys = (self._format.serial_key, self._format.record_period.header_key)
         values = {key: value for key in keys if (value := self.value_of(key))}
-        return Header(tuple(self.names), tuple(self.units), values)
+        return LogHeader(tuple(self.names), tuple(self.units), values)
 
-    def take_values(self, header: Header) -> None:
+    def take_values(self, header: LogHeader) -> None:
         """Use the values of an earlier header until others come."""
         for key, value in header.values.items():
             self._set(key, value)

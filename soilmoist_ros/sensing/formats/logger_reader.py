@@ -15,9 +15,9 @@ from soilmoist_ros.foundation import InputError, Mistake
 from soilmoist_ros.sensing.clock_drift import ClockDrift
 from soilmoist_ros.sensing.formats import log_values as units
 from soilmoist_ros.sensing.formats.log_layout import (
-    Header,
     HeaderReader,
     Layout,
+    LogHeader,
     MissingColumnsError,
     build_layout,
     split_fields,
@@ -124,7 +124,7 @@ class RecordParser:
         self.line_number = 0
         self.clock = ClockDrift()
         """Logger's clock against the GNSS time in the lines."""
-        self.earlier_header: Header | None = None
+        self.earlier_header: LogHeader | None = None
         """The header of :meth:`use_header`, while lines are read by it."""
         if longitude not in ("signed", "east", "west"):
             raise InputError(f"longitude {longitude!r} is unknown", "use signed, east or west", path)
@@ -186,12 +186,12 @@ class RecordParser:
         return self._bad_header.columns if self._bad_header else ()
 
     @property
-    def header(self) -> Header | None:
+    def header(self) -> LogHeader | None:
         """The header by which lines are read, if the logger has sent it; ``None`` before."""
         used = self._reader is not None and not self._header.is_new and not self.format.header.columns
         return self._header.content if used and self._header.names else None
 
-    def use_header(self, header: Header) -> None:
+    def use_header(self, header: LogHeader) -> None:
         """Use an earlier header of this logger until it sends one: some send it only when they are switched on."""
         if self.layout is not None:
             return

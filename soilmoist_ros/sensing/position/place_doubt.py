@@ -23,7 +23,7 @@ _NUMBERS: Final = ("since_s", "until_s", "x_m", "y_m", "before_x_m", "before_y_m
 _OF_PLACE: Final = frozenset((Kind.PLACE_JUMP.value, Kind.PLACE_DOUBT.value))
 
 
-class Outcome(StrEnum):
+class DoubtOutcome(StrEnum):
     """End of a doubt."""
 
     OPEN = "open"
@@ -49,7 +49,7 @@ class Doubt:
 
     since_s: float
     until_s: float = math.inf
-    outcome: Outcome = Outcome.OPEN
+    outcome: DoubtOutcome = DoubtOutcome.OPEN
     x_m: float = math.nan
     y_m: float = math.nan
     before_x_m: float = math.nan
@@ -75,14 +75,14 @@ class Doubt:
         try:
             content = json.loads(text)
             numbers = {name: float(content[name]) for name in _NUMBERS if name in content}
-            return cls(outcome=Outcome(content["outcome"]), **numbers)
+            return cls(outcome=DoubtOutcome(content["outcome"]), **numbers)
         except (LookupError, TypeError) as error:
             raise ValueError(f"this is no doubt about a place: {text[:80]}") from error
 
 
 def none_since(stamp_s: float) -> Doubt:
     """A doubt that covers nothing: a planner trusts its first place, so doubts of a planner before it are over."""
-    return Doubt(stamp_s, 0.0, Outcome.LOST)
+    return Doubt(stamp_s, 0.0, DoubtOutcome.LOST)
 
 
 def placed(record: CountRecord, doubts: Iterable[Doubt]) -> CountRecord:
@@ -98,12 +98,12 @@ def placed(record: CountRecord, doubts: Iterable[Doubt]) -> CountRecord:
     for doubt in doubts:
         if not doubt.covers(record):
             continue
-        if doubt.outcome in (Outcome.OPEN, Outcome.LOST):
+        if doubt.outcome in (DoubtOutcome.OPEN, DoubtOutcome.LOST):
             return record if record.quarantine else replace(record, quarantine=Kind.PLACE_DOUBT.value)
         ended = doubt
     if ended is None or (record.quarantine and record.quarantine not in _OF_PLACE):
         return record
-    if ended.outcome is Outcome.CONFIRMED:  # nobody has confirmed where a receiver jumped to meanwhile
+    if ended.outcome is DoubtOutcome.CONFIRMED:  # nobody has confirmed where a receiver jumped to meanwhile
         here, places = (record.x_m, record.y_m), ((ended.x_m, ended.y_m), (ended.before_x_m, ended.before_y_m))
         elsewhere = min(math.dist(here, place) for place in places) > CONFIRMED_M
         return replace(record, quarantine=Kind.PLACE_DOUBT.value if elsewhere else "")
@@ -127,8 +127,8 @@ class Doubts:
         """Add a doubt, or its end, and return whether it is new; those open before it end where it begins."""
         new = self._doubts.get(doubt.since_s) != doubt
         for since_s, other in self._doubts.items():
-            if other.outcome is Outcome.OPEN and since_s < doubt.since_s:
-                self._doubts[since_s] = replace(other, until_s=doubt.since_s, outcome=Outcome.LOST)
+            if other.outcome is DoubtOutcome.OPEN and since_s < doubt.since_s:
+                self._doubts[since_s] = replace(other, until_s=doubt.since_s, outcome=DoubtOutcome.LOST)
         self._doubts[doubt.since_s] = doubt
         return new
 

@@ -19,7 +19,7 @@ from enum import Enum, StrEnum
 from statistics import median
 from typing import Final
 
-from soilmoist_ros.sensing.position.place_doubt import CLOCKS_S, Doubt, Outcome
+from soilmoist_ros.sensing.position.place_doubt import CLOCKS_S, Doubt, DoubtOutcome
 
 WINDOW_S: Final = 5.0  # time over which places are compared and the speed is measured [s]
 SPACING_S: Final = 0.05
@@ -200,7 +200,7 @@ class PlaceJudge:
         if expected is not Expected.STANDING:
             self._stood = None
             if self.doubt is not None and not self.rejected:  # somebody has decided to drive from there
-                self._end_doubt(Outcome.LOST)
+                self._end_doubt(DoubtOutcome.LOST)
 
     def stood(self, xy: tuple[float, float], sd_m: float, now_s: float) -> None:
         """The robot stood here [m] when an earlier process ended; it should not have moved since."""
@@ -212,7 +212,7 @@ class PlaceJudge:
         """Stamps of records are the times of fixes and this [s]; an open doubt is lost so far, and goes on."""
         before_s, self._offset_s = self._offset_s, offset_s
         if self.doubt is not None and abs(offset_s - before_s) > CLOCKS_S:
-            so_far = replace(self.doubt, until_s=now_s + before_s, outcome=Outcome.LOST)
+            so_far = replace(self.doubt, until_s=now_s + before_s, outcome=DoubtOutcome.LOST)
             self.doubt = Doubt(now_s + offset_s)
             self._news += [so_far, self.doubt]
 
@@ -225,7 +225,7 @@ class PlaceJudge:
             self._accept(newest)
             self.relocated_m = 0.0
         self._stand = None
-        self._end_doubt(Outcome.CONFIRMED)
+        self._end_doubt(DoubtOutcome.CONFIRMED)
 
     def distrust(self, for_s: float) -> None:
         """The receiver has repeated its newest place for this time, in which the robot has driven [s]."""
@@ -329,11 +329,11 @@ class PlaceJudge:
         reach_m = limits.max_jump_m + (0.0 if stands else STOPPING_S * limits.max_speed_mps)
         self._stand = None
         if explained or away_m <= reach_m:
-            self._end_doubt(Outcome.LOST, fix)
+            self._end_doubt(DoubtOutcome.LOST, fix)
         else:
             self.relocated_m, self._relocated = away_m, True
             if self._expected is Expected.ANYTHING:
-                self._end_doubt(Outcome.LOST, fix)
+                self._end_doubt(DoubtOutcome.LOST, fix)
 
     def _is_explained(self, fix: PlaceFix) -> bool:
         """True if the stated error of either place explains the distance between them.
@@ -431,7 +431,7 @@ class PlaceJudge:
         if fix.now_s - self._back.now_s >= BACK_S:
             self._stand = self._stood or self._stand
             returned = self._sudden and self._stood is not None
-            self._end_doubt(Outcome.RETURNED if returned else Outcome.LOST, self._back)
+            self._end_doubt(DoubtOutcome.RETURNED if returned else DoubtOutcome.LOST, self._back)
 
     def _is_back(self, fix: PlaceFix) -> bool:
         """True if a plausible place is explained again while a doubt is open; otherwise people must look."""
@@ -473,16 +473,16 @@ class PlaceJudge:
         self.doubt = Doubt(since_s + self._offset_s)
         self._news.append(self.doubt)
 
-    def _end_doubt(self, outcome: Outcome, fix: PlaceFix | None = None) -> None:
+    def _end_doubt(self, outcome: DoubtOutcome, fix: PlaceFix | None = None) -> None:
         if self.doubt is None:
             return
         until = fix or self.fix
         x_m, y_m = (math.nan, math.nan)
-        if outcome is Outcome.RETURNED and self._stood is not None:
+        if outcome is DoubtOutcome.RETURNED and self._stood is not None:
             x_m, y_m = self._stood.xy
         assert until is not None  # there is no doubt before the first place
         ended = replace(self.doubt, until_s=until.time_s + self._offset_s, outcome=outcome, x_m=x_m, y_m=y_m)
-        if outcome is Outcome.CONFIRMED:
+        if outcome is DoubtOutcome.CONFIRMED:
             (x_m, y_m), (before_x_m, before_y_m) = until.xy, self._before
             ended = replace(ended, x_m=x_m, y_m=y_m, before_x_m=before_x_m, before_y_m=before_y_m)
         self._news.append(ended)

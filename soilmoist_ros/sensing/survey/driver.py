@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 
 from soilmoist_ros.foundation import Health, Level, LocalFrame
 from soilmoist_ros.sensing.connections import MAX_SILENT_PERIODS, Retry, open_source
-from soilmoist_ros.sensing.formats.log_layout import Header
+from soilmoist_ros.sensing.formats.log_layout import LogHeader
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.gnss import EARLIEST_DATE_S, SIMULATED, Fix, FixStatus, clock_words, utc_text
 from soilmoist_ros.sensing.lines import LineReader, LineSource, LinkState, LinkStatus, PlaybackClock
@@ -79,7 +79,7 @@ class Batch:
     readings: Sequence[LoggerRecord]
     records: Sequence[CountRecord]
     more: bool
-    header: Header | None = None
+    header: LogHeader | None = None
 
 
 class Driver:

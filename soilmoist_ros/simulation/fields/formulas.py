@@ -21,7 +21,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from soilmoist_ros.foundation import Section, did_you_mean
 from soilmoist_ros.mapping import ModelName, correlation_model
-from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
+from soilmoist_ros.simulation.fields.rate_grid import GridExtent, RateGrid
 
 Array = NDArray[np.float64]
 Truth = Callable[[Array], Array]
@@ -102,7 +102,7 @@ class RateFormula(Section):
                 raise ValueError(f"{name!r} is a moisture in m3/m3 and at most {MAX_VWC}, not a percentage")
         return self
 
-    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+    def function(self, extent: GridExtent, rng: np.random.Generator | None = None) -> Truth:
         """Function of positions, shape (n, 2) [m], that returns values, shape (n,); ``rng`` replaces the seed."""
         raise NotImplementedError
 
@@ -134,7 +134,7 @@ class RandomField(RateFormula):
         """Correlation model."""
         return "gaussian" if self.family == "gaussian_field" else self.family
 
-    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+    def function(self, extent: GridExtent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
         x, y = extent.axes()
         noise = random_field(x, y, self.model, self.range_m, rng or np.random.default_rng(self.seed))
@@ -167,7 +167,7 @@ class UnevenField(RateFormula):
             raise ValueError(f"'flat_sd' must be at most 'sd' ({self.sd:g}), the variation of the rough ground")
         return self
 
-    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+    def function(self, extent: GridExtent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
         rng = rng or np.random.default_rng(self.seed)
         x, y = extent.axes()
@@ -180,7 +180,7 @@ class UnevenField(RateFormula):
         values = self.mean + share * self.sd * rough + (1 - share) * self.flat_sd * flat
         return RateGrid(x, y, np.maximum(values, FLOOR * self.mean))
 
-    def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
+    def rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
         """Share of rough ground at places of shape (n, 2) [m]: from 0, flat, to 1, rough; shape (n,)."""
         raise NotImplementedError
 
@@ -191,7 +191,7 @@ class Halves(UnevenField):
     family: Literal["halves"] = "halves"
     angle_deg: float | None = None  # direction from the flat to the rough half [deg]; by default from the seed
 
-    def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
+    def rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
         """See the base class."""
         across = direction(_angle(self.angle_deg, rng))
         return smooth_step((xy - extent.centre) @ across, self.transition_m)
@@ -203,7 +203,7 @@ class RoughPatch(UnevenField):
     family: Literal["rough_patch"] = "rough_patch"
     area: Annotated[float, Field(gt=0, le=0.5)] = 0.1  # share of the field's bounding box [-]
 
-    def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
+    def rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
         """See the base class."""
         size = extent.high - extent.low
         radius = np.sqrt(self.area * size.prod() / np.pi)
@@ -219,7 +219,7 @@ class Strips(UnevenField):
     width_m: Positive = 12.0  # width of a strip [m]
     angle_deg: float | None = None  # direction in which the strips run [deg]; by default from the seed
 
-    def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
+    def rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
         """See the base class."""
         across = direction(_angle(self.angle_deg, rng) - 90)
         first = rng.uniform(0, 2 * self.width_m)
@@ -255,7 +255,7 @@ class Texture(RateFormula):
             raise ValueError(f"'low' must be below 'high' ({self.high:g})")
         return self
 
-    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+    def function(self, extent: GridExtent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
         from scipy.special import ndtr
 
@@ -271,13 +271,13 @@ class Texture(RateFormula):
 class Shape(RateFormula):
     """Base class of fields that lie between two values by a smooth share; ``values`` names them."""
 
-    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+    def function(self, extent: GridExtent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
         zero, one = (getattr(self, name) for name in self.values)
         share = self.share(extent, rng)
         return lambda xy: np.asarray(zero + (one - zero) * share(xy))
 
-    def share(self, extent: Extent, rng: np.random.Generator | None) -> Truth:
+    def share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
         """Function that returns the share of the second value, 0..1, shape (n,)."""
         raise NotImplementedError
 
@@ -295,7 +295,7 @@ class Patches(Shape):
     edge_m: Positive = 4.0  # width of the edge of a patch [m]
     seed: Seed = 1  # seed of positions and radii
 
-    def share(self, extent: Extent, rng: np.random.Generator | None) -> Truth:
+    def share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
         """See the base class."""
         rng = rng or np.random.default_rng(self.seed)
         centres = rng.uniform(extent.low, extent.high, (self.count, 2))
@@ -320,7 +320,7 @@ class Ridge(Shape):
     angle_deg: float = 90.0  # direction in which the ridge runs [deg]
     offset_m: float = 0.0  # distance of the ridge from the field's middle, to the right of its direction [m]
 
-    def share(self, extent: Extent, rng: np.random.Generator | None) -> Truth:
+    def share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
         """See the base class."""
         across, middle = direction(self.angle_deg - 90), extent.centre
         return lambda xy: np.exp(-0.5 * (((xy - middle) @ across - self.offset_m) / self.width_m) ** 2)
@@ -336,7 +336,7 @@ class Gradient(Shape):
     high: Positive  # value at the end of the slope and beyond it
     angle_deg: float = 0.0  # direction from 'low' to 'high' [deg]
 
-    def share(self, extent: Extent, rng: np.random.Generator | None) -> Truth:
+    def share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
         """See the base class."""
         along, middle = direction(self.angle_deg), extent.centre
         half_width = float(np.abs(along) @ (extent.high - extent.low)) / 2
@@ -355,7 +355,7 @@ class Half(Shape):
     angle_deg: float = 0.0  # direction from 'low' to 'high', across the border [deg]
     offset_m: float = 0.0  # distance of the border from the middle of the field, along ``angle_deg`` [m]
 
-    def share(self, extent: Extent, rng: np.random.Generator | None) -> Truth:
+    def share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
         """See the base class."""
         along, middle = direction(self.angle_deg), extent.centre
         return lambda xy: smooth_step((xy - middle) @ along - self.offset_m, self.transition_m)

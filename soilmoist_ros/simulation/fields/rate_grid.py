@@ -22,7 +22,7 @@ MAX_POINTS = 1000  # maximum number of points; with more, the dense kriging syst
 NUMBERS_AT_ONCE = 4_000_000
 
 
-class Extent(NamedTuple):
+class GridExtent(NamedTuple):
     """The box of a field and the resolution of its truth."""
 
     low: Array  # south-west corner [m], shape (2,)
@@ -30,7 +30,7 @@ class Extent(NamedTuple):
     step_m: float  # distance between nodes [m], > 0
 
     @classmethod
-    def of(cls, polygon: Array, cell_m: float) -> Extent:
+    def of(cls, polygon: Array, cell_m: float) -> GridExtent:
         """Box of a polygon of shape (k, 2) [m], with nodes at half cells: every cell centre is a node."""
         low, high = polygon.min(axis=0), polygon.max(axis=0)
         step = cell_m / 2

@@ -36,7 +36,7 @@ from soilmoist_ros.mapping import (
 )
 from soilmoist_ros.sensing import Calibration, MoistureCurve, Soil
 from soilmoist_ros.simulation.fields.formulas import MAX_VWC, Formula, Quantity, RandomField, Truth
-from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid, kriged_grid
+from soilmoist_ros.simulation.fields.rate_grid import GridExtent, RateGrid, kriged_grid
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 
 Array = NDArray[np.float64]
@@ -147,7 +147,7 @@ def load_surrogate(path: Path, rng: np.random.Generator | None = None) -> Surrog
         grid = field.grid()
     except InputError as error:
         raise InputError([Mistake(error.mistakes[0].message, "", path, 0, "cell_m")]) from None
-    extent, curve = Extent.of(field.polygon, grid.cell_m), section.curve
+    extent, curve = GridExtent.of(field.polygon, grid.cell_m), section.curve
     xy = rate = None
     truth: Truth
     if section.points is not None:
@@ -235,7 +235,7 @@ def _read_grid(path: Path, cells: Array) -> tuple[RateGrid, Quantity]:
 
 
 def _read_geotiff(
-    path: Path, band: str | None, field: Field, extent: Extent, cells: Array
+    path: Path, band: str | None, field: Field, extent: GridExtent, cells: Array
 ) -> tuple[RateGrid, Quantity]:
     """Read one band of a GeoTIFF at the nodes of an extent."""
     x_m, y_m = extent.axes()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration import DwellRule, RobotMotion, Strategy
     from soilmoist_ros.mapping import DriftModel, FitMethod, LocalModel, ModelName, NoiseModel
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-    from soilmoist_ros.simulation.robot.scenario import Drift
+    from soilmoist_ros.simulation.robot.scenario import RateDrift
 
 Preset = Literal["recommended", "paper", "authors"]
 
@@ -430,13 +430,13 @@ class MissionSettings:
         return replace(self.motion, speed_mps=self.real_speed_mps or self.speed_mps)
 
     @property
-    def rate_drift(self) -> Drift:
+    def rate_drift(self) -> RateDrift:
         """Change of the true rate with time."""
-        from soilmoist_ros.simulation.robot.scenario import RAIN_S, Drift
+        from soilmoist_ros.simulation.robot.scenario import RAIN_S, RateDrift
 
         if self.drift_hour is None:
-            return Drift(self.drift, 0.0, 3600 * self.hours)
-        return Drift(self.drift, 3600 * self.drift_hour, 3600 * self.drift_hour + RAIN_S)
+            return RateDrift(self.drift, 0.0, 3600 * self.hours)
+        return RateDrift(self.drift, 3600 * self.drift_hour, 3600 * self.drift_hour + RAIN_S)
 
     @property
     def field_name(self) -> str:

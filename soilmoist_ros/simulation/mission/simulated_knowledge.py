@@ -22,7 +22,7 @@ from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.mapping import Covariates, EarlierSurvey, Field, FieldGrid, Variogram, survey_samples
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation.fields.formulas import FLOOR, random_field
-from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
+from soilmoist_ros.simulation.fields.rate_grid import GridExtent, RateGrid
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.streams import covariate_stream, series_stream
@@ -65,7 +65,7 @@ def earlier_series(
     present = field.rate_at(grid.cells)
     mean, spread = float(present.mean()), math.sqrt(pattern.structured_sill)
     lower = np.linalg.cholesky(_correlations(settings))
-    extent = Extent.of(field.field.polygon, grid.cell_m)
+    extent = GridExtent.of(field.field.polygon, grid.cell_m)
     x_m, y_m = extent.axes()
     nodes = np.stack(np.meshgrid(x_m, y_m), axis=-1).reshape(-1, 2)
     persistent = field.rate_at(nodes).reshape(len(y_m), len(x_m)) - mean

@@ -110,7 +110,7 @@ class LinkFaults(Section):
     damages: tuple[Damage, ...] = ()  # damages of single messages
 
 
-class Shift(Span):
+class FixShift(Span):
     """A period in which the receiver reports a wrong place without a word."""
 
     east_m: float = 0.0  # distance from the true place to the east [m]
@@ -121,7 +121,7 @@ class GnssFaults(LinkFaults):
     """Faults of the GNSS receiver and its connection."""
 
     no_fix: tuple[Span, ...] = ()  # periods without a position fix
-    shifts: tuple[Shift, ...] = ()  # periods with wrong places
+    shifts: tuple[FixShift, ...] = ()  # periods with wrong places
 
 
 class TubeFault(Span):
@@ -164,9 +164,9 @@ class RateChange(Span):
     """Change, as a share of the rate before: -0.1 for rain that lowers it by 10 % [-]."""
 
     @property
-    def drift(self) -> Drift:
+    def drift(self) -> RateDrift:
         """As the sensors know it."""
-        return Drift(self.share, *self.ends)
+        return RateDrift(self.share, *self.ends)
 
 
 class Scenario(Section):
@@ -190,7 +190,7 @@ def load_scenario(name: str) -> Scenario:
 
 
 @dataclass(frozen=True)
-class Drift:
+class RateDrift:
     """A change of the true rate, by the same share everywhere, evenly in time.
 
     >>> drying = Drift(0.1, 0.0, 7200.0)
@@ -208,4 +208,4 @@ class Drift:
         return 1.0 + self.share * done
 
 
-STEADY = Drift()  # no change
+STEADY = RateDrift()  # no change

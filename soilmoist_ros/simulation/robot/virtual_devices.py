@@ -26,7 +26,7 @@ from soilmoist_ros.sensing import (
     format_record,
 )
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.robot.scenario import STEADY, Drift, SensorFaults, TubeFault
+from soilmoist_ros.simulation.robot.scenario import STEADY, RateDrift, SensorFaults, TubeFault
 
 Array = NDArray[np.float64]
 RINGS, PLACES_PER_RING = 12, 8
@@ -85,7 +85,7 @@ class VirtualSensor:
         cadence_s: float = 10.0,
         footprint_m: float = 0.0,
         weather: bool = True,
-        drift: Drift = STEADY,
+        drift: RateDrift = STEADY,
     ) -> None:
         self.field = field
         self.rng = rng

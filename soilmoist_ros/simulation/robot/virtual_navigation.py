@@ -34,7 +34,7 @@ NO_VALID_PATH = 208
 """Error code of Nav2 for a pose to which no path leads."""
 
 
-class Outcome(enum.Enum):
+class GoalOutcome(enum.Enum):
     """Final status of a goal, numbered as in action_msgs/GoalStatus."""
 
     SUCCEEDED = 4
@@ -47,7 +47,7 @@ class GoalEnded:
     """End of a goal."""
 
     goal_id: int
-    outcome: Outcome  # status in the result for the client
+    outcome: GoalOutcome  # status in the result for the client
     success: bool  # success flag in the result; it may contradict the status
     error_code: int = 0  # error code of Nav2, for poses
     untrue: bool = False  # whether an arrival is reported without motion
@@ -133,7 +133,7 @@ class VirtualNavigation:
             goal = Stop(target, *self._graph.xy[self._graph.index(target)].tolist())
             self._set_out(now_s, self._travel.route(here, goal), nodes)
         else:
-            self._end_at(now_s + REACTION_S, Outcome.ABORTED)
+            self._end_at(now_s + REACTION_S, GoalOutcome.ABORTED)
         return self._goal_id
 
     def accept_pose(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> int | None:
@@ -143,7 +143,7 @@ class VirtualNavigation:
         try:
             way = travel.route(self._robot.at(now_s), Stop("goal pose", *xy))
         except ValueError:
-            self._end_at(now_s + REACTION_S, Outcome.ABORTED, NO_VALID_PATH)
+            self._end_at(now_s + REACTION_S, GoalOutcome.ABORTED, NO_VALID_PATH)
         else:
             self._set_out(now_s, way, pose=xy)
         return self._goal_id
@@ -159,7 +159,7 @@ class VirtualNavigation:
         if self._stops_s <= now_s:
             self._robot.stop(now_s)
         accepted = self._faults.cancel == "accepted"
-        self._end_now(now_s, Outcome.CANCELED if accepted else Outcome.ABORTED, success=False)
+        self._end_now(now_s, GoalOutcome.CANCELED if accepted else GoalOutcome.ABORTED, success=False)
         return accepted
 
     def drive(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> float | None:
@@ -206,7 +206,7 @@ class VirtualNavigation:
             event = self._ahead.pop(0)[1]
             if isinstance(event, GoalEnded) and event.goal_id == self._goal_id:
                 self._goal_id = None
-                if event.outcome is Outcome.ABORTED:
+                if event.outcome is GoalOutcome.ABORTED:
                     self._robot.stop(now_s)
             events.append(event)
         while self._sightings and self._sightings[0][0] <= now_s:
@@ -234,7 +234,7 @@ class VirtualNavigation:
         """Drive to a goal, or up to the first fault."""
         fault = self._fault
         if fault is not None and fault.kind == "no_motion":
-            self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED, untrue=True)
+            self._end_at(now_s + REACTION_S, GoalOutcome.SUCCEEDED, untrue=True)
         if fault is not None and fault.kind != "fails":
             return
         assert self._goal_id is not None
@@ -250,9 +250,9 @@ class VirtualNavigation:
                 self._plan(passed_s, OnRoute(self._goal_id, node))
         if ends:
             error_code = fault.error_code if fault is not None and pose is not None else 0
-            self._end_at(min(ends), Outcome.ABORTED, error_code)
+            self._end_at(min(ends), GoalOutcome.ABORTED, error_code)
         else:
-            self._end_at(arrival_s, Outcome.SUCCEEDED)
+            self._end_at(arrival_s, GoalOutcome.SUCCEEDED)
 
     def _supersede(self, now_s: float) -> None:
         """Stop the robot and end the active goal in favour of a newer request."""
@@ -260,18 +260,18 @@ class VirtualNavigation:
         self._stops_s = math.inf
         if self._goal_id is not None:
             success = self._faults.superseded == "success"
-            self._end_now(now_s, Outcome.SUCCEEDED if success else Outcome.ABORTED, success)
+            self._end_now(now_s, GoalOutcome.SUCCEEDED if success else GoalOutcome.ABORTED, success)
 
-    def _end_now(self, now_s: float, outcome: Outcome, success: bool) -> None:
+    def _end_now(self, now_s: float, outcome: GoalOutcome, success: bool) -> None:
         assert self._goal_id is not None
         goal_id, self._goal_id = self._goal_id, None
         # Drop the events of this goal only: ends of earlier goals stay scheduled.
         self._ahead = [(due_s, event) for due_s, event in self._ahead if getattr(event, "goal_id", 0) != goal_id]
         self._plan(now_s, GoalEnded(goal_id, outcome, success))
 
-    def _end_at(self, end_s: float, outcome: Outcome, error_code: int = 0, untrue: bool = False) -> None:
+    def _end_at(self, end_s: float, outcome: GoalOutcome, error_code: int = 0, untrue: bool = False) -> None:
         assert self._goal_id is not None
-        success = outcome is Outcome.SUCCEEDED
+        success = outcome is GoalOutcome.SUCCEEDED
         self._plan(end_s, GoalEnded(self._goal_id, outcome, success, error_code, untrue))
 
     def _plan(self, due_s: float, event: NavigationEvent) -> None:

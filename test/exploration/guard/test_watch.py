@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause, WatchLimits
-from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, Surroundings, Watch
+from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, RobotSurroundings, Watch
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation.errors import Level
@@ -104,7 +104,7 @@ def test_a_wrong_place_does_not_end_a_mission_for_want_of_time():
     observed = Observed(doing=Doing(under_way=True, time_left_s=600.0, way_home_s=20.0)).run(20)
     observed.place = (-2000.0, 0.0)
     for _ in range(2):
-        observed.watch.moved(Surroundings(outside_m=2000.0))
+        observed.watch.moved(RobotSurroundings(outside_m=2000.0))
     observed.doing = replace(observed.doing, way_home_s=2000.0)
     observed.run(20)
     assert observed.on() == {Cause.OUTSIDE}
@@ -113,7 +113,7 @@ def test_a_wrong_place_does_not_end_a_mission_for_want_of_time():
 def around(observed, times=2, sd_m=0.02, **where):
     """Let so many fixes show where the robot is, one a second."""
     for _ in range(times):
-        observed.watch.moved(Surroundings(sd_m=sd_m, leaving_m=1.0, **where))
+        observed.watch.moved(RobotSurroundings(sd_m=sd_m, leaving_m=1.0, **where))
         observed.run(1)
     return observed.on() - {Cause.FIX_OLD}
 

@@ -4,12 +4,12 @@
 
 import math
 
-from soilmoist_ros.exploration.navigation.track import KEPT_S, MAX_AGE_S, SPACING_S, Track
+from soilmoist_ros.exploration.navigation.track import KEPT_S, MAX_AGE_S, SPACING_S, RobotTrack
 from soilmoist_ros.exploration.travel.stop import Stop
 
 
 def track(*places, start_s=0.0):
-    made = Track(0.6, 3.0)
+    made = RobotTrack(0.6, 3.0)
     for number, place in enumerate(places):
         made.moved(place, start_s + number, 0.01)
     return made
@@ -62,7 +62,7 @@ def test_standing_and_heading():
 
 
 def test_a_fast_receiver_gives_the_same_place_and_is_kept_thinned():
-    made = Track(0.6, 3.0)
+    made = RobotTrack(0.6, 3.0)
     for number in range(1200):
         assert made.moved((0.06 * number, 0.0), 0.1 * number) is (number >= 2)
     assert made.place == (0.06 * 1199, 0.0)

@@ -18,7 +18,7 @@ from soilmoist_ros.mapping.variogram.local import MAX_POOLS, MIN_EVIDENCE, MIN_P
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.reml import Prior, RestrictedLikelihood
 from soilmoist_ros.simulation.fields.formulas import formula
-from soilmoist_ros.simulation.fields.rate_grid import Extent
+from soilmoist_ros.simulation.fields.rate_grid import GridExtent
 
 VARIOGRAM = Variogram("matern32", 0.01, 15.0, 1.0)
 TURNED = Variogram("exponential", 0.0, 20.0, 0.8, 4.0, 30.0)
@@ -64,7 +64,7 @@ def test_nothing_counted_leaves_the_noise_of_half_a_count():
 
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 2.0)
-EXTENT = Extent.of(np.array([[0.0, 0.0], [60.0, 50.0]]), 2.0)
+EXTENT = GridExtent.of(np.array([[0.0, 0.0], [60.0, 50.0]]), 2.0)
 MODE = Variogram("matern32", 0.02, 11.0, 0.35, 2.0, 40.0)
 UNEVEN = {"family": "halves", "mean": 4.0, "sd": 0.9, "flat_sd": 0.12, "range_m": 8.0, "angle_deg": 0.0}
 EVEN = {"family": "exponential", "mean": 4.0, "sd": 0.6, "range_m": 12.0}

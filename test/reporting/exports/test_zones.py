@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.reporting.exports.source import PropertyMap
+from soilmoist_ros.reporting.exports.source import ExportedProperty
 from soilmoist_ros.reporting.exports.zones import (
     contour_lines,
     levels,
@@ -30,13 +30,13 @@ def a_map(vwc, boundary, sd=0.01):
     """A map in the plane of the field itself, masked by the boundary."""
     side = CELL_M * SIZE / 2
     transform = Affine(CELL_M, 0, -side, 0, -CELL_M, side)
-    one = PropertyMap("", "", {}, transform, FRAME.crs, {}, FRAME, {}, {})
+    one = ExportedProperty("", "", {}, transform, FRAME.crs, {}, FRAME, {}, {})
     row, column = np.indices(vwc.shape)
     xy = one.to_local(np.column_stack([column.ravel(), row.ravel()]))
     inside = shapely.contains_xy(boundary, xy[:, 0], xy[:, 1]).reshape(vwc.shape)
     bands = {"vwc": np.where(inside, vwc, np.nan), "vwc_sd": np.where(inside, sd, np.nan)}
     bands["rate"] = np.where(inside, 5.0, np.nan)
-    return PropertyMap("", "", bands, transform, FRAME.crs, {}, FRAME, {}, {})
+    return ExportedProperty("", "", bands, transform, FRAME.crs, {}, FRAME, {}, {})
 
 
 def star(radii):

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.sensing.position.place_doubt import Doubt, Doubts, Outcome, none_since, placed
+from soilmoist_ros.sensing.position.place_doubt import Doubt, DoubtOutcome, Doubts, none_since, placed
 from soilmoist_ros.sensing.position.place_judge import (
     COMPARED,
     STAYS_S,
@@ -224,8 +224,8 @@ class Survey:
         self.verdict = self.judge.take(PlaceFix(self.time_s, *fix.tolist(), self.stated_m, self.time_s))
         for doubt in self.judge.news():
             self.doubts.take(doubt)
-            self.begun += doubt.outcome is Outcome.OPEN
-            self.ended += [doubt.outcome] if doubt.outcome is not Outcome.OPEN else []
+            self.begun += doubt.outcome is DoubtOutcome.OPEN
+            self.ended += [doubt.outcome] if doubt.outcome is not DoubtOutcome.OPEN else []
         if self.time_s % 10 == 5:
             record = CountRecord(self.time_s + 5.0, *fix.tolist(), 0.0, 5, 10.0, 10.0)
             self.records.append((record, self.place.copy()))
@@ -262,7 +262,7 @@ def test_receivers_that_work_are_never_doubted(kind):
 @pytest.mark.parametrize("lasts_s", [5, 50, 200])
 def test_a_jump_of_a_standing_robot_that_ends_costs_no_record(kind, away_m, lasts_s):
     survey = Survey(kind).drive().stand(400, lambda s: (away_m, 0.0) if 100 <= s < 100 + lasts_s else (0.0, 0.0))
-    assert set(survey.ended) == {Outcome.RETURNED}
+    assert set(survey.ended) == {DoubtOutcome.RETURNED}
     assert len(survey.errors_m) == len(survey.records)
     assert max(survey.errors_m) < 1.5
 
@@ -277,7 +277,7 @@ def test_a_robot_that_was_carried_waits_for_people_and_its_records_do(kind, away
     survey.judge.confirm()
     survey.place = survey.place + np.array([away_m, 0.0])
     survey.stand(60)
-    assert survey.ended == [Outcome.CONFIRMED]
+    assert survey.ended == [DoubtOutcome.CONFIRMED]
     assert len(survey.errors_m) == len(survey.records)
 
 
@@ -285,7 +285,7 @@ def test_people_confirm_the_place_of_now_and_not_a_jump_before_it():
     survey = Survey("rtk").drive().stand(120, lambda s: (14.0, 0.0) if 2 <= s < 40 else (0.0, 0.0))
     survey.judge.confirm()
     survey.stand(60)
-    assert Outcome.CONFIRMED in survey.ended
+    assert DoubtOutcome.CONFIRMED in survey.ended
     assert max(survey.errors_m) < 1.5
     assert 3 <= len(survey.records) - len(survey.errors_m) <= 5
 
@@ -304,7 +304,7 @@ def test_a_drift_of_a_standing_robot_is_mapped_up_to_three_metres(kind, speed_mp
 
 def test_a_place_that_comes_back_after_it_was_believed_for_driving_is_the_first_one():
     survey = Survey("rtk").drive().stand(400, lambda s: (8.0, 0.0) if 100 <= s < 100 + 2 * STAYS_S else (0.0, 0.0))
-    assert survey.ended == [Outcome.RETURNED]
+    assert survey.ended == [DoubtOutcome.RETURNED]
     assert survey.judge.counts[Verdict.JUMP] == STAYS_S
     assert len(survey.errors_m) == len(survey.records)
 
@@ -317,7 +317,7 @@ def test_a_correction_that_the_stated_error_explains_is_believed():
     verdicts = [judge.take(PlaceFix(61.0 + second, 4.5, 0.0, 0.02)) for second in range(12)]
     assert verdicts == [Verdict.JUMP] * 9 + [Verdict.PLAUSIBLE] * 3
     assert judge.relocated_m == 0.0
-    assert [doubt.outcome for doubt in judge.news()] == [Outcome.OPEN, Outcome.LOST]
+    assert [doubt.outcome for doubt in judge.news()] == [DoubtOutcome.OPEN, DoubtOutcome.LOST]
 
 
 def test_a_jump_of_a_driving_robot_is_lost_and_then_waits_for_people():
@@ -328,7 +328,7 @@ def test_a_jump_of_a_driving_robot_is_lost_and_then_waits_for_people():
     assert max(survey.errors_m) < 1.0
     survey.judge.expect(Expected.STANDING, survey.time_s)
     survey.judge.expect(Expected.DRIVING, survey.time_s)
-    assert [doubt.outcome for doubt in survey.judge.news()] == [Outcome.LOST], "somebody drives on from there"
+    assert [doubt.outcome for doubt in survey.judge.news()] == [DoubtOutcome.LOST], "somebody drives on from there"
 
 
 def test_messages_that_were_held_up_while_it_drove_are_no_drift():
@@ -352,12 +352,12 @@ RECORD = CountRecord(100.0, 9.0, 8.0, 0.0, 5, 10.0, 10.0)
     [
         (Doubt(103.0), "", (9.0, "")),  # it ended before
         (Doubt(101.0), "", (9.0, "place_doubt")),  # clocks differ
-        (Doubt(50.0, 80.0, Outcome.LOST), "", (9.0, "")),
-        (Doubt(50.0, 95.0, Outcome.LOST), "", (9.0, "place_doubt")),
-        (Doubt(50.0, 95.0, Outcome.RETURNED, 1.0, 2.0), "place_jump", (1.0, "")),
-        (Doubt(50.0, 95.0, Outcome.RETURNED, 1.0, 2.0), "", (1.0, "")),
-        (Doubt(50.0, 95.0, Outcome.RETURNED, 1.0, 2.0), "noisy_tube", (9.0, "noisy_tube")),
-        (Doubt(50.0, 95.0, Outcome.CONFIRMED), "place_doubt", (9.0, "")),
+        (Doubt(50.0, 80.0, DoubtOutcome.LOST), "", (9.0, "")),
+        (Doubt(50.0, 95.0, DoubtOutcome.LOST), "", (9.0, "place_doubt")),
+        (Doubt(50.0, 95.0, DoubtOutcome.RETURNED, 1.0, 2.0), "place_jump", (1.0, "")),
+        (Doubt(50.0, 95.0, DoubtOutcome.RETURNED, 1.0, 2.0), "", (1.0, "")),
+        (Doubt(50.0, 95.0, DoubtOutcome.RETURNED, 1.0, 2.0), "noisy_tube", (9.0, "noisy_tube")),
+        (Doubt(50.0, 95.0, DoubtOutcome.CONFIRMED), "place_doubt", (9.0, "")),
     ],
 )
 def test_records_of_a_doubt(doubt, reason, result):

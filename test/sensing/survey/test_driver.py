@@ -14,7 +14,7 @@ import pytest
 from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
-from soilmoist_ros.sensing.formats.log_layout import Header
+from soilmoist_ros.sensing.formats.log_layout import LogHeader
 from soilmoist_ros.sensing.formats.robot_logger import format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, utc_text
 from soilmoist_ros.sensing.moisture.site import Site, load_site
@@ -177,7 +177,7 @@ def test_an_intensity_that_does_not_come_or_is_old_is_a_warning_with_its_age():
 def test_columns_of_a_stored_header_are_a_warning_until_the_logger_sends_its_own(stored_s, date):
     survey = SensorStream(Site(corrections={"pressure": None, "humidity": None}), LocalFrame(50.0, 10.0), "toa5")
     names = ("TIMESTAMP", "RECORD", "N1Cts_Tot", "N1ET_Tot")
-    survey.parser.use_header(Header(names, stored_s=stored_s))
+    survey.parser.use_header(LogHeader(names, stored_s=stored_s))
     survey.take_logger_line(b'"2026-05-28 20:26:40",1,50,10', 0.0)
     part = records_health(survey, T0)
     assert part.level is Level.WARN

@@ -8,11 +8,11 @@ import pytest
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 from soilmoist_ros.simulation.fields.formulas import FAMILIES, formula, random_field
-from soilmoist_ros.simulation.fields.rate_grid import Extent
+from soilmoist_ros.simulation.fields.rate_grid import GridExtent
 
 SQUARE = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 30.0], [0.0, 30.0]])
-EXTENT = Extent.of(SQUARE, 2.0)
-LARGE = Extent.of(np.array([(0, 0), (400, 0), (400, 400), (0, 400)]), 4.0)
+EXTENT = GridExtent.of(SQUARE, 2.0)
+LARGE = GridExtent.of(np.array([(0, 0), (400, 0), (400, 400), (0, 400)]), 4.0)
 PLACES = np.random.default_rng(1).uniform(0, 400, (4000, 2))
 PARAMETERS = {
     "gaussian_field": {"mean": 4.0, "sd": 0.8},
@@ -117,7 +117,7 @@ def test_values_lie_evenly_between_the_limits():
     np.testing.assert_allclose(np.quantile(values, [0.25, 0.5, 0.75]), [0.15, 0.2, 0.25], atol=0.02)
 
 
-BOX = Extent.of(np.array([[0.0, 0.0], [60.0, 0.0], [60.0, 50.0], [0.0, 50.0]]), 2.0)
+BOX = GridExtent.of(np.array([[0.0, 0.0], [60.0, 0.0], [60.0, 50.0], [0.0, 50.0]]), 2.0)
 NODES = np.stack(np.meshgrid(np.arange(0.5, 60), np.arange(0.5, 50)), -1).reshape(-1, 2)
 ROUGH = {"mean": 4.0, "sd": 0.9, "flat_sd": 0.15, "range_m": 5.0}
 ROUGH_AREA = {"halves": 0.5, "rough_patch": 0.1, "strips": 0.5}

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid, kriged_grid
+from soilmoist_ros.simulation.fields.rate_grid import GridExtent, RateGrid, kriged_grid
 
 SQUARE = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 30.0], [0.0, 30.0]])
-EXTENT = Extent.of(SQUARE, 2.0)
+EXTENT = GridExtent.of(SQUARE, 2.0)
 
 
 def test_kriging_agrees_with_the_equations_solved_directly():

@@ -16,9 +16,9 @@ from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 from soilmoist_ros.simulation.robot.scenario import (
     RAIN_S,
-    Drift,
     Occasion,
     RateChange,
+    RateDrift,
     Scenario,
     load_scenario,
 )
@@ -64,7 +64,7 @@ SHORT = MissionSettings(field="synthetic-low", hours=0.25, cell_m=5.0, strategy=
 @pytest.mark.slow
 @given(st.floats(-0.9, 2.0), st.floats(0, 1e4), st.floats(1, 1e4), st.floats(-1e4, 3e4))
 def test_the_rate_goes_evenly_from_before_to_after(share, begin_s, over_s, time_s):
-    factor = Drift(share, begin_s, begin_s + over_s).factor(time_s)
+    factor = RateDrift(share, begin_s, begin_s + over_s).factor(time_s)
     assert min(1, 1 + share) <= factor <= max(1, 1 + share)
     if time_s <= begin_s:
         assert factor == 1
@@ -73,13 +73,13 @@ def test_the_rate_goes_evenly_from_before_to_after(share, begin_s, over_s, time_
 
 
 def test_drying_takes_the_whole_mission_and_rain_five_minutes():
-    assert replace(SHORT, hours=2, drift=0.1).rate_drift == Drift(0.1, 0, 7200)
-    assert replace(SHORT, drift=-0.1, drift_hour=0.1).rate_drift == Drift(-0.1, 360, 360 + RAIN_S)
-    assert RateChange(at_s=360, for_s=300, share=-0.1).drift == Drift(-0.1, 360, 660)
+    assert replace(SHORT, hours=2, drift=0.1).rate_drift == RateDrift(0.1, 0, 7200)
+    assert replace(SHORT, drift=-0.1, drift_hour=0.1).rate_drift == RateDrift(-0.1, 360, 360 + RAIN_S)
+    assert RateChange(at_s=360, for_s=300, share=-0.1).drift == RateDrift(-0.1, 360, 660)
 
 
 def test_counts_follow_the_drift():
-    field, drift = surrogate_field("synthetic-low"), Drift(0.5, 0.0, 1e5)
+    field, drift = surrogate_field("synthetic-low"), RateDrift(0.5, 0.0, 1e5)
     here = np.array([[30.0, 25.0]])
     sensor = VirtualSensor(field, np.random.default_rng(1), 100.0, weather=False, drift=drift)
     counts = [sensor.record(100.0 * (1 + number), here, (30.0, 25.0)).raw_counts for number in range(1000)]

@@ -14,8 +14,8 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.simulation.robot.scenario import NavigationFaults
 from soilmoist_ros.simulation.robot.virtual_navigation import (
     GoalEnded,
+    GoalOutcome,
     OnRoute,
-    Outcome,
     Remaining,
     ServerPresent,
     VirtualNavigation,
@@ -79,13 +79,13 @@ def test_a_goal_ends_after_the_travel_time_at_its_target():
     drive = Drive(at=(0.0, 3.0))
     goal = drive.go("D")
     drive.until(100)
-    assert drive.ends == [(3 + 30 + 5, GoalEnded(goal, Outcome.SUCCEEDED, True))]
+    assert drive.ends == [(3 + 30 + 5, GoalEnded(goal, GoalOutcome.SUCCEEDED, True))]
     assert drive.place == (30.0, 0.0)
     assert drive.of(OnRoute) == [(3.0 + 10 * n, OnRoute(goal, name)) for n, name in enumerate("ABCD")]
 
 
 @pytest.mark.parametrize(
-    ("cancel", "outcome"), [("accepted", Outcome.CANCELED), ("looks_rejected", Outcome.ABORTED)]
+    ("cancel", "outcome"), [("accepted", GoalOutcome.CANCELED), ("looks_rejected", GoalOutcome.ABORTED)]
 )
 def test_cancelling_stops_the_robot(cancel, outcome):
     drive = Drive(cancel=cancel)
@@ -98,7 +98,7 @@ def test_cancelling_stops_the_robot(cancel, outcome):
 
 
 @pytest.mark.parametrize(
-    ("superseded", "end"), [("aborted", (Outcome.ABORTED, False)), ("success", (Outcome.SUCCEEDED, True))]
+    ("superseded", "end"), [("aborted", (GoalOutcome.ABORTED, False)), ("success", (GoalOutcome.SUCCEEDED, True))]
 )
 def test_a_new_goal_replaces_the_old_one(superseded, end):
     drive = Drive(superseded=superseded)
@@ -107,7 +107,10 @@ def test_a_new_goal_replaces_the_old_one(superseded, end):
     second = drive.go("A")
     drive.until(100)
     # from 12 m back to the nearest node B, and on to A
-    assert drive.ends == [(12, GoalEnded(first, *end)), (12 + 12 + 5, GoalEnded(second, Outcome.SUCCEEDED, True))]
+    assert drive.ends == [
+        (12, GoalEnded(first, *end)),
+        (12 + 12 + 5, GoalEnded(second, GoalOutcome.SUCCEEDED, True)),
+    ]
     assert drive.place == (0.0, 0.0)
     assert not drive.cancel(first)
 
@@ -118,14 +121,14 @@ def test_success_without_motion():
     drive.until(50)
     goal = drive.go("E")
     drive.until(100)
-    assert drive.ends[1:] == [(51.0, GoalEnded(goal, Outcome.SUCCEEDED, True, untrue=True))]
+    assert drive.ends[1:] == [(51.0, GoalEnded(goal, GoalOutcome.SUCCEEDED, True, untrue=True))]
     assert drive.place == (10.0, 0.0)
 
 
 def test_a_failing_goal_ends_on_the_way():
     drive = Drive(goals=[{"kind": "fails", "nth": 1, "share_of_way": 0.3}])
     goal = drive.go("E")
-    assert drive.until(100).ends == [(12.0, GoalEnded(goal, Outcome.ABORTED, False))]
+    assert drive.until(100).ends == [(12.0, GoalEnded(goal, GoalOutcome.ABORTED, False))]
     assert drive.place == (12.0, 0.0)
 
 
@@ -135,13 +138,13 @@ def test_a_hanging_goal_ends_when_it_is_cancelled():
     assert drive.until(10_000).ends == []
     assert drive.place == (0.0, 0.0)
     drive.cancel(goal)
-    assert drive.until(10_001).ends == [(10_000, GoalEnded(goal, Outcome.CANCELED, False))]
+    assert drive.until(10_001).ends == [(10_000, GoalEnded(goal, GoalOutcome.CANCELED, False))]
 
 
 def test_a_blocked_edge_stops_the_robot_at_its_first_node():
     drive = Drive(failing_edges=[["B", "C"]])
     goal = drive.go("E")
-    assert drive.until(100).ends == [(10.0, GoalEnded(goal, Outcome.ABORTED, False))]
+    assert drive.until(100).ends == [(10.0, GoalEnded(goal, GoalOutcome.ABORTED, False))]
     assert drive.place == (10.0, 0.0)
     assert [event.node for _, event in drive.of(OnRoute)] == ["A", "B"]
     drive.go("A")
@@ -172,7 +175,7 @@ def test_the_robot_can_drive_to_a_position_off_the_graph():
     drive.until(10)
     assert drive.navigation.drive(10, (10.0, 4.0), field) == 10 + 4 + 5
     assert drive.navigation.drive(10, (10.0, 99.0), field) is None
-    assert drive.until(100).ends == [(10, GoalEnded(first, Outcome.ABORTED, False))]
+    assert drive.until(100).ends == [(10, GoalEnded(first, GoalOutcome.ABORTED, False))]
     assert drive.place == (10.0, 4.0)
 
 
@@ -217,7 +220,7 @@ def test_a_pose_is_a_goal_with_the_distance_that_remains():
     drive = Drive()
     goal = pose(drive)
     drive.until(100, look_every_s=10.0)
-    assert drive.ends == [(25.0, GoalEnded(goal, Outcome.SUCCEEDED, True))]
+    assert drive.ends == [(25.0, GoalEnded(goal, GoalOutcome.SUCCEEDED, True))]
     assert drive.of(Remaining)[:3] == [(10.0 * n, Remaining(goal, 20.0 - 10 * n)) for n in range(3)]
 
 
@@ -225,7 +228,7 @@ def test_poses_fail_with_an_error_code_and_are_rejected():
     drive = Drive(goals=[{"nth": 1, "kind": "fails", "error_code": 106}, {"nth": 2, "kind": "rejects"}])
     first = pose(drive)
     drive.until(50)
-    assert drive.ends == [(10.0, GoalEnded(first, Outcome.ABORTED, False, 106))]
+    assert drive.ends == [(10.0, GoalEnded(first, GoalOutcome.ABORTED, False, 106))]
     assert drive.place == (10.0, 0.0)
     assert pose(drive) is None
     assert pose(drive) is not None
@@ -236,7 +239,7 @@ def test_a_rejected_node_does_not_replace_the_active_goal():
     goal = drive.go("E")
     drive.until(10)
     assert drive.go("A") is None
-    assert drive.until(100).ends == [(45.0, GoalEnded(goal, Outcome.SUCCEEDED, True))]
+    assert drive.until(100).ends == [(45.0, GoalEnded(goal, GoalOutcome.SUCCEEDED, True))]
 
 
 def test_a_cancellation_that_is_ignored_for_a_while():
@@ -248,7 +251,7 @@ def test_a_cancellation_that_is_ignored_for_a_while():
     assert not drive.cancel(goal)
     drive.until(7)
     assert drive.cancel(goal)
-    assert drive.until(50).ends == [(7, GoalEnded(goal, Outcome.CANCELED, False))]
+    assert drive.until(50).ends == [(7, GoalEnded(goal, GoalOutcome.CANCELED, False))]
     assert drive.place == (7.0, 0.0)
 
 
@@ -258,7 +261,7 @@ def test_a_robot_that_drives_on_after_the_end_of_a_cancelled_goal():
     drive.until(4)
     assert drive.cancel(goal)
     drive.until(6)
-    assert drive.ends == [(4, GoalEnded(goal, Outcome.CANCELED, False))]
+    assert drive.ends == [(4, GoalEnded(goal, GoalOutcome.CANCELED, False))]
     assert drive.place == (6.0, 0.0)
     drive.until(30)
     assert drive.place == (7.0, 0.0)
