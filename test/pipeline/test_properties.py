@@ -154,6 +154,6 @@ def test_visits_are_converted_with_their_stops():
 def test_a_field_on_the_other_side_of_the_earth_is_refused(tmp_path):
     path = field_file(tmp_path, LocalFrame(-53.268, -0.5245), FIELD.polygon)
     with pytest.raises(
-        InputError, match=r"all 14 records lie 11,788 km north .* correct the sign of the latitude"
+        InputError, match=r"all 14 records lie 11,809 km north .* correct the sign of the latitude"
     ):
         replay_bag(RECORDED, ReplaySettings(field=str(path)))
