@@ -31,12 +31,7 @@ from launch_ros.actions import Node
 
 from soilmoist_ros.console.visitors import PORT
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.demo import (
-    DemoSettings,
-    node_name,
-    shared_mapper,
-    write_configuration,
-)
+from soilmoist_ros.nodes.demo import DemoSettings, node_name, shared_mapper, write_configuration
 from soilmoist_ros.nodes.launching import (
     LastWords,
     enclave,
@@ -86,10 +81,7 @@ MISSION = {
         "prefix of the nodes' security enclaves, /soilmoist with a keystore of scripts/keystore --rehearsal; "
         "empty: none",
     ),
-    "foxglove": (
-        "false",
-        "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove",
-    ),
+    "foxglove": ("false", "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove"),
     "foxglove_host": ("127.0.0.1", "address on which foxglove_bridge listens"),
     "foxglove_port": ("8765", "TCP port for Foxglove"),
 }

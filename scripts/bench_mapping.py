@@ -365,12 +365,7 @@ def table(rows: list[dict[str, object]], peers: list[str]) -> Iterator[list[obje
     for task in dict.fromkeys((row["model"], row["n"]) for row in rows):
         of = {row["package"]: row for row in rows if (row["model"], row["n"]) == task}
         own = of["soilmoist_ros"]
-        yield [
-            *task,
-            own["seconds"],
-            own["memory_mb"],
-            *(of.get(peer, {}).get("ratio", "") for peer in peers),
-        ]
+        yield [*task, own["seconds"], own["memory_mb"], *(of.get(peer, {}).get("ratio", "") for peer in peers)]
 
 
 # -- growth and fits ----------------------------------------------------------------------------------------

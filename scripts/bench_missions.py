@@ -53,13 +53,7 @@ from scipy.ndimage import uniform_filter
 
 import soilmoist_ros
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.lab.comparisons import (
-    LATTICE_DWELLS,
-    QUARTER,
-    Against,
-    LatticeOutcome,
-    against_best_lattice,
-)
+from soilmoist_ros.lab.comparisons import LATTICE_DWELLS, QUARTER, Against, LatticeOutcome, against_best_lattice
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.formulas import formula

@@ -257,10 +257,7 @@ class Setting:
     fix_hz: float = 10.0
 
 
-LOADS = (
-    Setting("simulated time"),
-    Setting("real time", simulated_time=False),
-)
+LOADS = (Setting("simulated time"), Setting("real time", simulated_time=False))
 BIG_FIELD = """name: Big
 datum: {latitude_deg: 53.0, longitude_deg: 0.0}
 polygon: [[0, 0], [280, 0], [280, 250], [0, 250]]
@@ -324,10 +321,7 @@ def robot(setting: Setting, folder: Path, autostart: bool = True) -> Iterator[Ro
                 group.start(name, files[name])
             status: list[Any] = []
             observer.node.create_subscription(
-                DiagnosticStatus,
-                "mission",
-                lambda message: status.append(mission_from_message(message)),
-                LATCHED,
+                DiagnosticStatus, "mission", lambda message: status.append(mission_from_message(message)), LATCHED
             )
 
             def nodes() -> dict[str, psutil.Process]:
@@ -437,12 +431,7 @@ def aborts(folder: Path, tries: int) -> list[Row]:
             wait_for(lambda: ask("start")[0], "the mission to start again")
     both = [delay for delays in delays_ms.values() for delay in delays]
     return [
-        {
-            "asked": what,
-            "tries": len(delays),
-            "median_ms": statistics.median(delays),
-            "longest_ms": max(delays),
-        }
+        {"asked": what, "tries": len(delays), "median_ms": statistics.median(delays), "longest_ms": max(delays)}
         for what, delays in (("while planning", delays_ms[True]), ("else", delays_ms[False]), ("all", both))
         if delays
     ]

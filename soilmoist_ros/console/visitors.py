@@ -68,10 +68,7 @@ class Access:
     """
 
     def __init__(
-        self,
-        names: tuple[str, ...] = (),
-        renewed: Callable[[str], None] = lambda token: None,
-        public: str = "",
+        self, names: tuple[str, ...] = (), renewed: Callable[[str], None] = lambda token: None, public: str = ""
     ) -> None:
         self._public = _page_address(public)
         self.is_proxied = bool(self._public.netloc)

@@ -503,12 +503,7 @@ class JointModel:
         return Supports(places.xy, places.spread).average_rows(self._covariates.at)
 
     def _conditioned(
-        self,
-        past: tuple[_Past, ...],
-        variogram: Variogram,
-        features: PatternFeatures,
-        unit: Array,
-        stamp_s: float,
+        self, past: tuple[_Past, ...], variogram: Variogram, features: PatternFeatures, unit: Array, stamp_s: float
     ) -> PatternState:
         """What earlier surveys say of the coefficients at a time."""
         views = (self._view(one.places, variogram, features, unit) for one in past)

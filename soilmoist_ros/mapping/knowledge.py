@@ -57,12 +57,7 @@ def samples_at_end(
         merger.add_record(record, path)
     timed, one = TimedSamples(merger.samples, merger.time_s), merger.samples
     fit = estimate_variogram(
-        samples.xy,
-        samples.counts,
-        samples.exposure_s,
-        extent_m=extent_m,
-        spread=samples.spread,
-        local_noise=True,
+        samples.xy, samples.counts, samples.exposure_s, extent_m=extent_m, spread=samples.spread, local_noise=True
     )
     end_s = records[-1].stamp_s
     drift = find_change(timed, end_s, fit.variogram, fit.noise_rate, places=samples).drift

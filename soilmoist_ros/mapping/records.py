@@ -172,10 +172,7 @@ def driven_spreads(records: Sequence[CountRecord]) -> Array:
 
 
 def survey_samples(
-    records: Sequence[CountRecord],
-    radius_m: float,
-    footprint_radius_m: float = 0.0,
-    spread: Array | None = None,
+    records: Sequence[CountRecord], radius_m: float, footprint_radius_m: float = 0.0, spread: Array | None = None
 ) -> Samples:
     """Samples of a whole survey, merged as :func:`merge_records` does: they do not depend on the order of visits.
 

@@ -284,11 +284,7 @@ def _mean_spread(samples: Samples, group: NDArray[np.intp]) -> Array:
 
 
 def merge_records(
-    xy: ArrayLike,
-    counts: ArrayLike,
-    exposure_s: ArrayLike,
-    radius_m: float = 0.0,
-    spread: ArrayLike | None = None,
+    xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, radius_m: float = 0.0, spread: ArrayLike | None = None
 ) -> Samples:
     """Merge records into samples; the total counts and the total exposure are conserved.
 

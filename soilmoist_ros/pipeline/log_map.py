@@ -53,15 +53,7 @@ from soilmoist_ros.pipeline.logs import (
     with_position_doubts,
     within,
 )
-from soilmoist_ros.pipeline.run import (
-    REFERENCE,
-    CorrectionRow,
-    InputFile,
-    LossRow,
-    MapRun,
-    Note,
-    NoteCode,
-)
+from soilmoist_ros.pipeline.run import REFERENCE, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.recording import message_files
 from soilmoist_ros.sensing import (
     Consequence,

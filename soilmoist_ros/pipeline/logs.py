@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, distance_text, listing
-from soilmoist_ros.mapping import (
-    PositionSource,
-)
+from soilmoist_ros.mapping import PositionSource
 from soilmoist_ros.pipeline.earlier_runs import same_survey
 from soilmoist_ros.recording import is_bag
 from soilmoist_ros.sensing import (

@@ -65,9 +65,7 @@ class OpenedRun:
                     columns[key].shape = (len(found),)
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise InputError(
-                f"has a damaged sample: {error!s:.200}",
-                REMEDY,
-                self._file("samples", name, "geojson"),
+                f"has a damaged sample: {error!s:.200}", REMEDY, self._file("samples", name, "geojson")
             ) from None
         return columns
 

@@ -16,15 +16,7 @@ import numpy as np
 from soilmoist_ros.exploration import property_name
 from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import FieldChange, FieldMap, FieldMapSettings
-from soilmoist_ros.pipeline import (
-    EARLIER,
-    EarlierRun,
-    FailedRun,
-    LossRow,
-    MapRun,
-    run_change,
-    simulated_runs,
-)
+from soilmoist_ros.pipeline import EARLIER, EarlierRun, FailedRun, LossRow, MapRun, run_change, simulated_runs
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
@@ -42,11 +34,7 @@ from soilmoist_ros.reporting.output_folder import (
 )
 from soilmoist_ros.reporting.page.report import render_failed, write_report
 from soilmoist_ros.reporting.page.statistics import resolution_m
-from soilmoist_ros.reporting.run_summary import (
-    failed_summary,
-    settings_summary,
-    write_summary,
-)
+from soilmoist_ros.reporting.run_summary import failed_summary, settings_summary, write_summary
 from soilmoist_ros.reporting.text_files import write_json, write_samples, write_series, write_visits
 from soilmoist_ros.simulation import MissionResult
 

@@ -12,16 +12,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from soilmoist_ros.cli.answer import (
-    answering,
-    json_lines,
-    progress_bar,
-    put,
-    reporting_errors,
-    say,
-    warn,
-    wrote,
-)
+from soilmoist_ros.cli.answer import answering, json_lines, progress_bar, put, reporting_errors, say, warn, wrote
 from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
 from soilmoist_ros.reporting.live_view import LiveMission
 

@@ -12,12 +12,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.console.board import MAX_TRAIL, MAX_VISITS, Board, RobotHistory, VisitHistory, changes
-from soilmoist_ros.console.views import (
-    headline,
-    mission_view,
-    node_views,
-    place_views,
-)
+from soilmoist_ros.console.views import headline, mission_view, node_views, place_views
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 

@@ -38,11 +38,7 @@ ROUNDING_S = 1e-6
 """How much later than it was a time that was heard may seem [s]: seconds since 1970 are known to 1.2e-7."""
 LEFT_BYTES = 3000
 """What a disk that is nearly full still takes."""
-PLAIN = {
-    Fault.PAUSE: Verb.PAUSE,
-    Fault.ABORT: Verb.ABORT,
-    Fault.SKIP: Verb.SKIP,
-}
+PLAIN = {Fault.PAUSE: Verb.PAUSE, Fault.ABORT: Verb.ABORT, Fault.SKIP: Verb.SKIP}
 KILLED = {
     Fault.KILL_PLANNER: "planner",
     Fault.KILL_MAPPER: "mapper",

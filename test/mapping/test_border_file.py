@@ -28,11 +28,7 @@ NEIGHBOUR = [(100, 0), (150, 0), (150, 60), (100, 60)]
 
 
 def feature(kind, coordinates, **properties):
-    return {
-        "type": "Feature",
-        "properties": properties,
-        "geometry": {"type": kind, "coordinates": coordinates},
-    }
+    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
 
 
 def collection(*features, crs=None):

@@ -18,12 +18,7 @@ from rasterio.transform import Affine
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.covariate_files import OTHER, indicators
-from soilmoist_ros.mapping.covariates import (
-    Covariates,
-    CovariateSource,
-    read_covariates,
-    require_covariates,
-)
+from soilmoist_ros.mapping.covariates import Covariates, CovariateSource, read_covariates, require_covariates
 from soilmoist_ros.mapping.grid import FieldGrid
 
 FRAME = LocalFrame(53.268, -0.5245)

@@ -8,21 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping import (
-    FieldGrid,
-    PoissonKriging,
-    Variogram,
-    empirical_semivariogram,
-    fit_variogram,
-)
-from soilmoist_ros.mapping.samples import (
-    Samples,
-    merge_exactly,
-    merge_records,
-    noise_rate,
-    path_spread,
-    pooled,
-)
+from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Variogram, empirical_semivariogram, fit_variogram
+from soilmoist_ros.mapping.samples import Samples, merge_exactly, merge_records, noise_rate, path_spread, pooled
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 COORDINATE = st.integers(-20, 20).map(float)

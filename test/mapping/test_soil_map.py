@@ -12,11 +12,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Samples, SoilMap, Variogram, make_soil_map
-from soilmoist_ros.mapping.soil_map import (
-    make_bands,
-    moisture_terms,
-    possible_moisture,
-)
+from soilmoist_ros.mapping.soil_map import make_bands, moisture_terms, possible_moisture
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, soil_limits
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 

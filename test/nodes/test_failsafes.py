@@ -33,10 +33,7 @@ from soilmoist_ros.exploration.mission.types import MissionEnd, Phase
 from soilmoist_ros.nodes.topics import RECORDS, SENSOR, VISITS
 from soilmoist_ros.sensing.records import CountRecord
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")]
 LIMIT_S = 120.0
 RATE = 10.0
 

@@ -26,12 +26,7 @@ from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import Position
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
-from virtual_survey import (
-    half_wet_field,
-    simulate_log,
-    stop_and_go,
-    write_survey,
-)
+from virtual_survey import half_wet_field, simulate_log, stop_and_go, write_survey
 
 
 @pytest.fixture(scope="module")

@@ -81,10 +81,7 @@ def team(*names):
 
 @settings(max_examples=60, deadline=None)
 @given(
-    robots=st.integers(2, 4),
-    records=st.integers(1, 700),
-    lost=st.floats(0.0, 0.9),
-    seed=st.integers(0, 10_000),
+    robots=st.integers(2, 4), records=st.integers(1, 700), lost=st.floats(0.0, 0.9), seed=st.integers(0, 10_000)
 )
 def test_all_maps_have_all_records_once_whatever_the_network_has_lost(robots, records, lost, seed):
     rng = random.Random(seed)

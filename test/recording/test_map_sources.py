@@ -33,14 +33,7 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.recording import map_sources
 from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
-from soilmoist_ros.recording.map_sources import (
-    DRIVER,
-    SESSION,
-    MapSources,
-    RecordLog,
-    RecordTail,
-    open_session,
-)
+from soilmoist_ros.recording.map_sources import DRIVER, SESSION, MapSources, RecordLog, RecordTail, open_session
 from soilmoist_ros.recording.stored_records import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
 

@@ -25,11 +25,7 @@ from soilmoist_ros.sensing.moisture.site import load_site
 
 TEXTS = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=20)
 VALUES = st.one_of(
-    st.booleans(),
-    st.integers(-(2**63), 2**63 - 1),
-    st.floats(),
-    TEXTS,
-    st.lists(TEXTS, min_size=1, max_size=3),
+    st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(), TEXTS, st.lists(TEXTS, min_size=1, max_size=3)
 )
 NAMES = st.text(string.ascii_lowercase + "_", min_size=1, max_size=8).filter(lambda name: name.strip("_"))
 

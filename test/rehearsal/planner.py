@@ -99,10 +99,7 @@ class PlannerProcess:
         frozen_s = POSES_FROZEN_S if case.navigator == "goal_pose" else WatchLimits().fix_frozen_s
         self.control = MissionControl(
             MissionSetup(
-                field=case.ground.field,
-                settings=settings,
-                rules=rules,
-                home=self.home.name if self.home else "",
+                field=case.ground.field, settings=settings, rules=rules, home=self.home.name if self.home else ""
             ),
             self._navigator,
             self,

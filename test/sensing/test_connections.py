@@ -15,12 +15,7 @@ from hypothesis import strategies as st
 from scripted_server import LIMIT_S, ScriptedServer, opened, read, read_until, sends
 
 from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.sensing.connections import (
-    Retry,
-    Senders,
-    open_source,
-    parse_networks,
-)
+from soilmoist_ros.sensing.connections import Retry, Senders, open_source, parse_networks
 from soilmoist_ros.sensing.lines import LinkState
 from soilmoist_ros.sensing.survey.driver import link_health
 

@@ -445,11 +445,7 @@ def first_forecast(grid: FieldGrid, settings: ExplorerSettings, budget_s: float)
 
 @lru_cache(maxsize=4)
 def _first_forecast(
-    grid: FieldGrid,
-    rate_cps: float,
-    budget_s: float,
-    slope: float | None,
-    expected: VariogramFit | None,
+    grid: FieldGrid, rate_cps: float, budget_s: float, slope: float | None, expected: VariogramFit | None
 ) -> Forecast:
     cells_xy = grid.cells[spread_cells(grid.mask, FORECAST_CELLS)[grid.mask]]
     return prior_forecast(cells_xy, grid.extent_m, rate_cps, budget_s, slope, expected)

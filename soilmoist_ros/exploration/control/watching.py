@@ -77,9 +77,7 @@ class Watching:
                 factor = AHEAD_S / shift.span_s
                 ahead = place[0] + factor * shift.east_m, place[1] + factor * shift.north_m
                 around = replace(
-                    around,
-                    ahead_outside_m=fence.beyond_border_m(ahead),
-                    ahead_no_go_m=fence.in_no_go_m(ahead),
+                    around, ahead_outside_m=fence.beyond_border_m(ahead), ahead_no_go_m=fence.in_no_go_m(ahead)
                 )
         self._watch.moved(around)
 

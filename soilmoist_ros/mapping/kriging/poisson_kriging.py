@@ -33,14 +33,7 @@ from soilmoist_ros.mapping.kriging.system import (
     sample_correlation,
     target_variance,
 )
-from soilmoist_ros.mapping.samples import (
-    NO_SAMPLES,
-    Samples,
-    as_samples,
-    check_xy,
-    merge_exactly,
-    noise_rate,
-)
+from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples, as_samples, check_xy, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram

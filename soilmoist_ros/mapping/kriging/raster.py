@@ -32,13 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import floats
-from soilmoist_ros.mapping.kriging.system import (
-    KrigingSystem,
-    Points,
-    Progress,
-    SamplePoints,
-    target_variance,
-)
+from soilmoist_ros.mapping.kriging.system import KrigingSystem, Points, Progress, SamplePoints, target_variance
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 
 Array = NDArray[np.float64]

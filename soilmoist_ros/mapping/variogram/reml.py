@@ -523,11 +523,7 @@ class _Peak:
 
 
 def _expansion(
-    surveys: Surveys,
-    model: ModelName,
-    prior: Prior,
-    direction: tuple[float, float],
-    whole: bool = False,
+    surveys: Surveys, model: ModelName, prior: Prior, direction: tuple[float, float], whole: bool = False
 ) -> Callable[[Array], tuple[float, Array, Array]]:
     """Minus the log posterior, its gradient and its curvature, at a position in prior standard deviations."""
     plane = None if direction == ISOTROPIC else isotropic_plane(*direction)

@@ -16,14 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field as Setting
 from pydantic import model_validator
 
-from soilmoist_ros.foundation import (
-    InputError,
-    Mistake,
-    Section,
-    load_model,
-    read_limited,
-    read_yaml,
-)
+from soilmoist_ros.foundation import InputError, Mistake, Section, load_model, read_limited, read_yaml
 from soilmoist_ros.mapping import (
     Field,
     FieldFile,

@@ -223,13 +223,7 @@ class Recorder(StandIn):
 
     def __init__(self, graph, place, home="", rules=RADIUS, strategy="random"):
         self.sent, self.time_s, self.reasons = [], 1000.0, []
-        chosen = ExplorerSettings(
-            strategy=strategy,
-            preset="paper",
-            seed=1,
-            motion=RobotMotion(),
-            access=rules,
-        )
+        chosen = ExplorerSettings(strategy=strategy, preset="paper", seed=1, motion=RobotMotion(), access=rules)
         mission = MissionRules(
             budget_s=3600.0, dwell=parse_dwell("fmi:60"), warm_up_stops=1, backoff_s=0.0, standstill_s=0.0,
             arrival_radius_m=3.0, failures_to_pause=100,

@@ -167,10 +167,7 @@ def test_no_way_home_leads_through_a_no_go_area():
     [
         ({"p": (0.0001, 53.0001), "q": (0.0002, 53.0002)}, "places of its nodes are degrees"),
         ({"p": (53.0001, 0.0001), "q": (53.0002, 0.0002)}, "places of its nodes are degrees"),
-        (
-            {"p": (-10, 50), "q": (-10, 55)},
-            "14 m away -> the map's places",
-        ),
+        ({"p": (-10, 50), "q": (-10, 55)}, "14 m away -> the map's places"),
         ({"p": (190, 130), "q": (170, 130)}, "142 m away -> .* read as feet, nodes are in the field"),
         ({"p": (35, 59), "q": (35, 58)}, "18 m away -> with x and y swapped nodes are in the field"),
         (

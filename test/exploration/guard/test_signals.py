@@ -8,13 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.signals import (
-    QUIET_S,
-    Battery,
-    BatteryLimit,
-    CountTrust,
-    EmergencyTopic,
-)
+from soilmoist_ros.exploration.guard.signals import QUIET_S, Battery, BatteryLimit, CountTrust, EmergencyTopic
 
 
 def faults(messages):

@@ -9,11 +9,7 @@ from dataclasses import replace
 import pytest
 
 from soilmoist_ros.exploration.mission.events import Command, GoalReached, Moved, Planned, RecordArrived
-from soilmoist_ros.exploration.mission.journal import (
-    MissionJournal,
-    interrupted_mission,
-    interrupted_records,
-)
+from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission, interrupted_records
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb

@@ -289,11 +289,7 @@ def test_a_mission_has_a_code_for_its_end(end, rules, act):
     [
         (VisitEnd.ENOUGH, {"dwell": parse_dwell("fmi:20")}, lambda driver: driver.record()),
         (VisitEnd.MAX_DWELL, {"dwell": parse_dwell("ami:3%", 20.0)}, lambda driver: driver.record()),
-        (
-            VisitEnd.MAX_DWELL,
-            {"dwell": parse_dwell("ami:3%", 40.0)},
-            lambda driver: driver.send(Tick, after=30.0),
-        ),
+        (VisitEnd.MAX_DWELL, {"dwell": parse_dwell("ami:3%", 40.0)}, lambda driver: driver.send(Tick, after=30.0)),
         (VisitEnd.TIME_UP, {"budget_s": 400.0}, lambda driver: driver.send(Tick, after=400.0)),
         (
             VisitEnd.TIME_UP,
@@ -540,8 +536,7 @@ def test_settings_change_while_it_runs():
 
 
 @pytest.mark.parametrize(
-    "changes",
-    [None, Changes(), Changes(budget_s=1.0), Changes(budget_s=math.nan), Changes(dwell="often")],
+    "changes", [None, Changes(), Changes(budget_s=1.0), Changes(budget_s=math.nan), Changes(dwell="often")]
 )
 def test_settings_that_cannot_be_used_change_nothing(changes):
     driver = Driver().counting().record()

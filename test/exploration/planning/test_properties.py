@@ -67,10 +67,7 @@ def plan(strategy, properties=(), first=None, dwell="optimal", seed=0, place=(20
     seed=st.integers(0, 99),
 )
 def test_a_property_without_weight_or_map_changes_nothing(strategy, dwell, seed):
-    for unimportant in (
-        Property(field_map(seed=seed), 0.0),
-        Property(FieldMap(GRID, PLANNING), 1.0),
-    ):
+    for unimportant in (Property(field_map(seed=seed), 0.0), Property(FieldMap(GRID, PLANNING), 1.0)):
         assert plan(strategy, [unimportant], dwell=dwell, seed=seed) == plan(strategy, dwell=dwell, seed=seed)
 
 
@@ -149,9 +146,7 @@ terms = st.tuples(st.one_of(st.just(0.0), positive), st.one_of(st.just(0.0), pos
 @pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(
-    of_each=st.lists(terms, min_size=1, max_size=4),
-    travel_s=st.floats(1.0, 1e3),
-    longest_s=st.floats(0.0, 4e3),
+    of_each=st.lists(terms, min_size=1, max_size=4), travel_s=st.floats(1.0, 1e3), longest_s=st.floats(0.0, 4e3)
 )
 def test_no_dwell_is_worth_more_than_the_best_for_all(of_each, travel_s, longest_s):
     on_way, gain, variance, noise = (np.array(values)[:, None] for values in zip(*of_each, strict=True))

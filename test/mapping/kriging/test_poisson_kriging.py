@@ -169,11 +169,7 @@ def test_the_unit_of_time_does_not_matter(seconds):
 def test_a_record_split_in_two_is_the_same_record(index, share, counts_share):
     xy, counts, exposure_s = survey()
     part = round(counts_share * counts[index])
-    split = (
-        np.vstack([xy, xy[index]]),
-        np.append(counts, part),
-        np.append(exposure_s, share * exposure_s[index]),
-    )
+    split = (np.vstack([xy, xy[index]]), np.append(counts, part), np.append(exposure_s, share * exposure_s[index]))
     split[1][index] -= part
     split[2][index] *= 1 - share
     whole, halves = (PoissonKriging(MODEL).fit(*data) for data in ((xy, counts, exposure_s), split))

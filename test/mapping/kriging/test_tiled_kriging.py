@@ -48,11 +48,7 @@ def test_a_tile_that_holds_all_samples_is_exact(keep_nugget, spread):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "range_m", "nugget", "bound"),
-    [
-        ("matern32", 30.0, 0.03, 0.02),
-        ("exponential", 60.0, 0.0, 0.06),
-        ("gaussian", 30.0, 0.03, 0.2),
-    ],
+    [("matern32", 30.0, 0.03, 0.02), ("exponential", 60.0, 0.0, 0.06), ("gaussian", 30.0, 0.03, 0.2)],
 )
 def test_the_error_against_exact_kriging_is_a_small_share_of_the_standard_deviation(name, range_m, nugget, bound):
     model = Variogram(name, nugget, range_m, 0.3)

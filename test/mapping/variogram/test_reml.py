@@ -14,13 +14,7 @@ from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
 from soilmoist_ros.mapping.samples import spatial_blocks
 from soilmoist_ros.mapping.variogram import reml
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
-from soilmoist_ros.mapping.variogram.reml import (
-    Packed,
-    Prior,
-    RestrictedLikelihood,
-    maximise_reml,
-    minimise,
-)
+from soilmoist_ros.mapping.variogram.reml import Packed, Prior, RestrictedLikelihood, maximise_reml, minimise
 
 
 def some_samples(n=40, seed=0):

@@ -37,10 +37,7 @@ def test_inputs_are_what_the_nodes_take_in_whatever_their_namespace():
     assert not any(choice.wanted(name) for name in ("/samples", "/model", "/r1/mission", "/discounts", "/rosout"))
 
 
-@given(
-    speed=st.floats(0.01, 200),
-    steps=st.lists(st.tuples(st.floats(0, 10), st.booleans()), max_size=30),
-)
+@given(speed=st.floats(0.01, 200), steps=st.lists(st.tuples(st.floats(0, 10), st.booleans()), max_size=30))
 def test_time_passes_at_its_speed_but_not_in_a_pause_nor_to_make_up_for_lost_time(speed, steps):
     pacer, passed_s = Pacer(START_NS, speed), 0.0
     for elapsed_s, paused in steps:

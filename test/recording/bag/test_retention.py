@@ -8,12 +8,7 @@ import pytest
 from bags import NOTES, START_NS, text_message
 
 from soilmoist_ros.recording.bag.recorder import next_bag
-from soilmoist_ros.recording.bag.retention import (
-    Excess,
-    delete_bags,
-    excess_text,
-    find_excess,
-)
+from soilmoist_ros.recording.bag.retention import Excess, delete_bags, excess_text, find_excess
 from soilmoist_ros.recording.bag.verify import recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
 

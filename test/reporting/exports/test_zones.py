@@ -15,11 +15,7 @@ from scipy.ndimage import gaussian_filter
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.reporting.exports.source import ExportedProperty
-from soilmoist_ros.reporting.exports.zones import (
-    contour_lines,
-    levels,
-    management_zones,
-)
+from soilmoist_ros.reporting.exports.zones import contour_lines, levels, management_zones
 
 FRAME = LocalFrame(53.27, -0.52)
 CELL_M = 2.0

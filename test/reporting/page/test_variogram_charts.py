@@ -9,18 +9,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping import (
-    FieldGrid,
-    PoissonKriging,
-    Samples,
-    Variogram,
-    make_soil_map,
-)
-from soilmoist_ros.reporting.page.variogram_charts import (
-    _sample_covariance,
-    model_curve,
-    sample_variogram,
-)
+from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, make_soil_map
+from soilmoist_ros.reporting.page.variogram_charts import _sample_covariance, model_curve, sample_variogram
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 60), (0, 60)], 10.0)
 ISOTROPIC = Variogram("matern32", 0.02, 8.0, 0.5)

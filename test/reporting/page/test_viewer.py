@@ -13,12 +13,7 @@ from matplotlib.image import imread
 
 from reporting.packed import unpack, unpack_bits
 from soilmoist_ros.reporting.page.irrigation import irrigation
-from soilmoist_ros.reporting.page.viewer import (
-    colour_limits,
-    pack,
-    pictures,
-    viewer_data,
-)
+from soilmoist_ros.reporting.page.viewer import colour_limits, pack, pictures, viewer_data
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e9])

@@ -13,12 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
-from soilmoist_ros.sensing.moisture.curve import (
-    MAX_HUMIDITY_GM3,
-    PARAMETER_SETS,
-    CalibrationCurve,
-    UniversalCurve,
-)
+from soilmoist_ros.sensing.moisture.curve import MAX_HUMIDITY_GM3, PARAMETER_SETS, CalibrationCurve, UniversalCurve
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.records import LoggerRecord
 from soilmoist_ros.sensing.survey.correction import correct_record
