@@ -48,7 +48,7 @@ REMOVED: Final = {
     "goal_time_factor": "a trip may take 3 times the expected time, and 60 s more",
     "goal_time_margin_s": "a trip may take 3 times the expected time, and 60 s more",
     "keep_apart_m": "robots keep 2 m apart, or 1 m more than twice robot_radius_m",
-    "keepout_resolution_m": "a cell of the mask is 0.2 m, or half of robot_radius_m if that is less",
+    "keepout_resolution_m": "a cell is 0.2 m, or half of robot_radius_m if that is less; more in fields of 16 ha",
     "learn_travel": "travel times are learned from the legs driven",
     "keep_days": "keep_gb limits the recordings by their size; delete old ones by hand",
     "longest_dwell_s": "the longest time at a stop is 3600 s; fmi:SECONDS sets the time itself",

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -27,7 +28,7 @@ from msg_adapters import (
     plan_to_path,
 )
 from soilmoist_ros.exploration import Fence, Finish, MissionStatus, Polygons, Stop, Visit, keepout_mask
-from soilmoist_ros.foundation import Health, InputError, PlaneMove, foreign_text
+from soilmoist_ros.foundation import Health, PlaneMove, foreign_text
 from soilmoist_ros.nodes.aside import Soon
 from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, VISITS, interface_class
@@ -195,11 +196,13 @@ class PlannerKeepout:
             self._work.shutdown(wait=True, cancel_futures=True)
 
     def _publish(self, fence: Fence, move: PlaneMove) -> None:
-        try:
-            mask = keepout_mask(fence, self._cell_m, move)
-        except InputError as error:
-            self._node.get_logger().error(f"{self._topic} is not published: {error}")
-            return
+        mask = keepout_mask(fence, self._cell_m, move)
+        beyond_m = mask.resolution_m * math.sqrt(2) - fence.margin_m
+        if mask.resolution_m > self._cell_m and beyond_m > 0:
+            self._node.get_logger().warning(
+                f"{self._topic} has cells of {mask.resolution_m:.2f} m, as the field is large: free ones reach up "
+                f"to {beyond_m:.2f} m into no-go areas"
+            )
         now_s = self._node.get_clock().now().nanoseconds * 1e-9
         self._masks.publish(mask_to_message(mask, now_s, self._frame))
         if self._infos is not None:

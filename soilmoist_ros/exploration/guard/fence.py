@@ -267,7 +267,7 @@ def unreachable(field: Field, margin_m: float) -> str:
 
 # The fence as a raster: where a costmap keeps the robot's centre out, whatever route the navigation plans -------
 
-MAX_CELLS: Final = 4_000_000  # cells of a mask beyond which its resolution counts as a mistake
+MAX_CELLS: Final = 4_000_000  # a mask has no more cells, however large the field is
 RIM_M: Final = 5.0
 """Width of the rim around the fence that is kept out, because a costmap is free where there is no mask [m]."""
 FREE, KEPT_OUT = 0, 100
@@ -290,22 +290,18 @@ def keepout_mask(fence: Fence, resolution_m: float, move: PlaneMove = _HERE) -> 
     of a cell beyond the fence: with a resolution of half the robot's radius they stay out of the no-go areas.
 
     :param fence: where the robot's centre may be; its margin is in the mask, as filters of a costmap inflate none
-    :param resolution_m: side of a cell [m], > 0
+    :param resolution_m: side of a cell [m], > 0; larger ones are taken if there would be too many
     :param move: from the plane of the field to that of the mask, whose rows and columns follow its axes
-    :raises InputError: if the mask would have more than :data:`MAX_CELLS` cells
     """
     import shapely
 
     if not (math.isfinite(resolution_m) and resolution_m > 0):
         raise ValueError(f"resolution_m must be > 0 and finite, got {resolution_m}")
     shape = shapely.transform(fence.area.shape, move.places)
+    extent_m = np.subtract(shape.bounds[2:], shape.bounds[:2]) + 2 * RIM_M
+    resolution_m = max(resolution_m, 1.01 * math.sqrt(extent_m.prod() / MAX_CELLS))
     low = np.floor((np.array(shape.bounds[:2]) - RIM_M) / resolution_m)
     size = np.ceil((np.array(shape.bounds[2:]) + RIM_M) / resolution_m) - low
-    if size.prod() > MAX_CELLS:
-        raise InputError(
-            f"a mask of {resolution_m:g} m has {size.prod():.2g} cells (at most {MAX_CELLS:,})",
-            "map a smaller field, or check robot_radius_m",
-        )
     x, y = ((low[axis] + 0.5 + np.arange(int(size[axis]))) * resolution_m for axis in (0, 1))
     touched = shape.buffer(resolution_m * math.sqrt(0.5))
     shapely.prepare(touched)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.guard.fence import FREE, KEPT_OUT, RIM_M, Fence, keepout_mask
+from soilmoist_ros.exploration.guard.fence import FREE, KEPT_OUT, MAX_CELLS, RIM_M, Fence, keepout_mask
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove
 from soilmoist_ros.mapping.field import Field
@@ -132,6 +132,9 @@ def test_rows_run_along_y_and_a_rim_is_kept_out():
     assert value(mask, 7, 6.5) == KEPT_OUT
 
 
-def test_cells_too_fine():
-    with pytest.raises(InputError, match=r"a mask of 0.01 m has 1.2e.07 cells"):
-        keepout_mask(Fence(MASKED), 0.01)
+@pytest.mark.parametrize("side_m", [900.0, 1e5])
+def test_a_large_field_has_a_mask_of_larger_cells(side_m):
+    corners = side_m * np.array([[0, 0], [1, 0], [1, 0.5], [0, 0.5]])
+    mask = keepout_mask(Fence(Field("large", LocalFrame(53.0, 0.0), corners)), 0.2)
+    assert 0.9 * MAX_CELLS < mask.values.size <= MAX_CELLS
+    assert value(mask, side_m / 2, side_m / 4) == FREE
