@@ -70,7 +70,8 @@ class TransformTree:
         """Take in transforms at a time [s]; impossible ones, and those older than the last of a frame, are not."""
         for new in transforms:
             numbers = (*new.translation_m, *new.rotation)
-            if not all(map(math.isfinite, numbers)) or not any(new.rotation) or new.parent == new.child:
+            turns = 0 < sum(value * value for value in new.rotation) < math.inf  # scipy refuses others
+            if not all(map(math.isfinite, numbers)) or not turns or new.parent == new.child:
                 continue
             last = self._above.get(new.child)
             if last is None or new.static or not 0 < last[0].stamp_s - new.stamp_s < CLOCK_JUMP_S:

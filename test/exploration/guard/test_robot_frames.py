@@ -263,6 +263,8 @@ def test_the_newest_counts_and_an_older_one_is_ignored_unless_the_clock_was_set_
     [
         Transform("map", "base_link", (NAN, 0.0, 0.0)),
         Transform("map", "base_link", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)),
+        Transform("map", "base_link", (0.0, 0.0, 0.0), (1e-200, 0.0, 0.0, 0.0)),
+        Transform("map", "base_link", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1e200)),
         Transform("base_link", "base_link", (0.0, 0.0, 0.0)),
     ],
 )
