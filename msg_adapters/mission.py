@@ -94,7 +94,9 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
             queue=_names(values.get("queue", "[]")),
             forecast=forecast_from_text(values.get("forecast_data", "")),
             place=None if math.isnan(robot[0]) else robot,
-            yields=phase is Phase.PAUSED and OTHER_ROBOT in (read_json(values.get("alarms", "{}")) or ()),
+            yields=phase is Phase.PAUSED
+            and isinstance(alarms := read_json(values.get("alarms", "{}")), dict)
+            and OTHER_ROBOT in alarms,
         )
     except KeyError as error:
         raise ValueError(f"the mission's status has no value {error.args[0]!r}") from None

@@ -337,7 +337,7 @@ def action_class(name: str, field: str) -> Any:
     """Class of an action; imported only here, so that the package installs without it."""
     remedy = "source the workspace of the navigation, built for this ROS and Python, or set another navigator"
     package, _, rest = name.partition("/")
-    if not package or not rest.startswith("action/"):
+    if not package or not rest.startswith("action/") or name.count("/") > 2:
         raise InputError(f"{name!r} is not the type of an action", "write PACKAGE/action/NAME")
     try:
         found = interface_class(name)

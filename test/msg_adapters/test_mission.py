@@ -73,6 +73,12 @@ def test_what_people_read():
     assert values["forecast"] == "±3.0 % of the rate now, ±2.0 % (1.7 to 2.4) in 10 min"
 
 
+@pytest.mark.parametrize("alarms", ["5", '"other_robot"', "null", '["other_robot"]'])
+def test_alarms_of_another_form_say_nothing(alarms):
+    paused = mission_to_message(replace(QUIET, phase=Phase.PAUSED), {"alarms": alarms})
+    assert not mission_from_message(paused).yields
+
+
 def test_control_characters_of_other_robots_do_not_come_in():
     odd = "no\x1b[31mrth\r\n\u202e5\x07"
     found = mission_from_message(

@@ -283,6 +283,7 @@ def test_the_action_type_must_exist():
         ("topological_navigation_msgs/action/GotoNod", "has no action 'GotoNod'"),
         ("no_such_package/action/GotoNode", "another navigator"),
         ("GotoNode", "PACKAGE/action/NAME"),
+        ("topological_navigation_msgs/action/GotoNode/1", "PACKAGE/action/NAME"),
     ]:
         with pytest.raises(InputError, match=said):
             action_class(name, "target")

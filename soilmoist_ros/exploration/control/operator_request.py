@@ -255,11 +255,11 @@ class Requests:
         used = f"{used_h:.2f} h are used already: give the time from the start, or use return_home or abort"
         for name, value, above, remedy in (
             ("hours", request.hours, 0.0, "give a number of hours above 0"),
-            ("hours", request.hours or math.inf, math.nextafter(used_h, math.inf), used),
+            ("hours", request.hours or None, math.nextafter(used_h, math.inf), used),
             ("until_sd", request.until_sd, 0.0, "give a number above 0, or 0 for no such end"),
             ("until_gain", request.until_gain, 0.0, "give a number above 0, or 0 for no such end"),
         ):
-            if value is not None and not above <= value:
+            if value is not None and not above <= value < math.inf:
                 raise RequestError(ReplyCode.BAD_SETTING, f"{name} is {value:g}", remedy)
         if request.until_sd is not None and request.until_sd > MAX_UNTIL_SD:
             remedy = f"it is not in percent: write {request.until_sd / 100:g}"

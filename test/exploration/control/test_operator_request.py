@@ -143,6 +143,8 @@ def test_an_order_of_stops_that_are_not_in_the_queue(stops):
         (ReplyCode.BAD_SETTING, {}, "nothing to change"),
         (ReplyCode.BAD_SETTING, {"hours": -1.0}, "above 0"),
         (ReplyCode.BAD_SETTING, {"hours": math.nan}, "above 0"),
+        (ReplyCode.BAD_SETTING, {"hours": math.inf}, "above 0"),
+        (ReplyCode.BAD_SETTING, {"until_gain": math.inf}, "above 0"),
         (ReplyCode.BAD_SETTING, {"until_sd": 5.0}, "not in percent: write 0.05"),
         (ReplyCode.BAD_SETTING, {"hours": 0.1}, "0.10 h are used"),
         (ReplyCode.BAD_SETTING, {"strategy": "gredy"}, "did you mean 'greedy'"),
