@@ -107,7 +107,8 @@ PARAMETERS: Final = (
     row("return_margin_s", 60.0, "reserve kept for the way home", "s", 0.0),
     row("min_dwell_s", 10.0, "shortest time at a stop, whatever the dwell rule says, by default one record; "
         "stops that leave less are skipped", "s", 0.0),
-    row("on_silence", "wait", "what to do in silence", choices=tuple(OnSilence)),
+    row("on_silence", "wait", "what to do when no record of a stop has come for records_old_s",
+        choices=tuple(OnSilence)),
     row("autostart", False, "start the mission as soon as position, map and navigation are there"),
     row("journal_dir", "", "folder of the mission's journal, to survive a crash; no journal if empty"),
     row("resume", "ask", "what to do with an interrupted mission: wait for resume or abort, resume it, or "
