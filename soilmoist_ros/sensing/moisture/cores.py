@@ -43,7 +43,7 @@ _OTHER_UNITS = {
 }
 """Columns in another unit: the column that they stand for, and the factor to its unit."""
 _NAMES = (*_LIMITS, "profile", "date")
-_DATES = ("date", "datum", "day", "sampling_date", "date_time", "datetime")
+_DATE = re.compile(r"(\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.](\d\d){1,2})(?!\d)")
 _SITES = ("site", "site_id", "site_name", "station", "station_id", "field", "field_id")
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---")
 _INTERVAL = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:-|–|—|to|bis)\s*(\d+(?:[.,]\d+)?)\s*(?:cm)?", re.IGNORECASE)
@@ -151,9 +151,11 @@ def _read_rows(path: Path) -> tuple[list[_Row], list[str]]:
     ]
     header = [cell.lower() for cell in table[0]] if table else []
     names = [_OTHER_UNITS[name][0] if name in _OTHER_UNITS else name for name in header]
-    if "date" not in names and (dated := next((name for name in names if name in _DATES), "")):
-        names[names.index(dated)] = "date"
     rows = [(line, cells) for (line, _), cells in list(zip(numbered, table, strict=False))[1:] if any(cells)]
+    for at, name in enumerate(names):  # the first column of dates is that of the days, whatever its name
+        days = [cells[at] for _, cells in rows if len(cells) > at and cells[at]]
+        if "date" not in names and name not in _NAMES and days and all(map(_DATE.match, days)):
+            names[at] = "date"
     mistakes = []
     for name, times in Counter(names).items():
         if times > 1 and name in _NAMES:
@@ -222,8 +224,8 @@ def _day(text: str) -> str:
     day = re.sub(r"[T ]+\d\d?:\d\d.*$", "", text.strip())
     if match := re.fullmatch(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)", day):
         return f"{match[1]}-{match[2]:0>2}-{match[3]:0>2}"
-    match = re.fullmatch(r"(\d\d?)\.(\d\d?)\.(\d{4})", day)
-    return f"{match[3]}-{match[2]:0>2}-{match[1]:0>2}" if match else day
+    match = re.fullmatch(r"(\d\d?)\.(\d\d?)\.(\d{4}|\d\d)", day)
+    return f"{('20' + match[3])[-4:]}-{match[2]:0>2}-{match[1]:0>2}" if match else day
 
 
 def possible_days(day: str) -> list[date]:
@@ -340,9 +342,8 @@ def _differences(cores: Sequence[SoilCore], rows: Sequence[_Row], path: Path) ->
 def _doubts(rows: Sequence[_Row], cores: Sequence[SoilCore], density: float | None) -> Iterator[str]:
     """Doubts about cores that can be read."""
     lacking = sum(math.isnan(core.bulk_density_gcm3) for core in cores)
-    both = sum(
-        not math.isnan(_number(row, "vwc")) and not math.isnan(_number(row, "gravimetric_water")) for row in rows
-    )
+    moist = [[row.cells.get(name, "").casefold() for name in ("vwc", "gravimetric_water")] for row in rows]
+    both = sum(not set(texts) & set(_MISSING) for texts in moist)
     by_mass = "gravimetric_water" in rows[0].names and both < len(rows)
     if density is not None and (0 < lacking < len(cores) or (lacking and by_mass)):
         yield f"{lacking} of {len(cores)} cores have no bulk density: {density:g} g/cm3 of the site file counts"

@@ -176,3 +176,14 @@ def test_what_decides_the_moisture_is_said(tmp_path):
     table = notes_of(tmp_path, "vwc,vwc_note,soil_moisture,Datum\n0.2,x,21,2023-11-01\n")
     assert table.days == ("2023-11-01",)
     assert table.notes == ("columns that are not used: vwc_note, soil_moisture",)
+    unread = notes_of(tmp_path, "vwc,gravimetric_water\n0.2,-99\n0.2,n/a\n")
+    assert unread.notes == ("gravimetric_water is not used for 1 cores: they have vwc",)
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "second"),
+    [("Sampling Date", "2015-07-04", "2016-02-08"), ("sampled", "04.07.15 9:30", "8.2.2016")],
+)
+def test_days_are_known_by_their_dates_whatever_the_column_is_called(tmp_path, name, first, second):
+    with pytest.raises(InputError, match=r"of 2 days: 2015-07-04 \(1 cores\), 2016-02-08 \(1 cores\)"):
+        notes_of(tmp_path, f"{name},vwc,id\n{first},0.2,1.5-2\n{second},0.4,3-4\n")
