@@ -27,7 +27,7 @@ _COUNTS = re.compile(
     r"neutron|count|cts|(^|_)imp(_|/|$)|(^|_)n\d*(_?c)?$|cps|cph|moderated|(^|_)mod(_|$)|puls|crns"
 )
 _NO_COUNTS = re.compile(
-    r"std|err|unc|flag|muon|gamma|volt|record|rain|prec|number|corr|smooth|filtered|norm|bare|thermal"
+    r"std|err|unc|flag|muon|gamma|volt|record|rain|prec|number|corr|smooth|filtered|norm|bare|unmo|(?<!epi)thermal"
 )
 _LIVE = re.compile(r"integration|et_?sec|n\d+et|live|exposure|duration|counting|messzeit|period")
 _NUMBER = re.compile(r"record|^rn$|^no$|^nr$|cycle|index")
@@ -227,7 +227,7 @@ def _counts(
         remedy = f"say which has them: --neutrons NAME, repeatable; columns of numbers, with the first: {firsts}"
         raise InputError("has no column that is by its name one of raw counts of neutrons", remedy, path)
     pattern = _pattern(found, free)
-    found = found if pattern else found[:1]
+    found, others = (found, []) if pattern else (found[:1], found[1:])
     unit = units.rate_of(found[0].unit) or units.rate_of(found[0].name)
     whole = all(value == int(value) for one in found for value in one.numbers)
     doubt = "  # QUESTION: the header says so, or it is no whole number; or raw counts?"
@@ -236,6 +236,8 @@ def _counts(
         f"  columns: [{_quoted(pattern or found[0].name)}]  # {listing(one.name for one in found)}",
     ]
     draft.append("  unit: counts" if whole and not unit else f"  unit: {unit or 'counts_per_hour'}{doubt}")
+    if others:
+        draft.append(f"  # QUESTION: only {found[0].name} is read, not {listing(one.name for one in others)}?")
     draft.append("  # QUESTION: raw counts of moderated detectors? Leave others out, such as: left_out: [2]")
     means = listing(
         f"{one.name} {sum(one.numbers) / len(one.numbers):.4g}" for one in numeric if one in (*named, *found)
@@ -270,6 +272,9 @@ def _live_time(draft: list[str], free: Sequence[_Column], step_s: float, **_: ob
         unit = min(units.DURATIONS, key=lambda name: abs(typical * units.DURATIONS[name] - 0.97 * step_s))
         draft += ["live_time:", f"  columns: [{_quoted(stem if len(live) > 1 else live[0].name)}]"]
         draft.append(f"  unit: {unit}  # {typical:g}, and {step_s:g} s from record to record")
+        tubes = [int(number[0]) for one in live if (number := re.search(r"\d+", one.name))]
+        if len(tubes) > 1 and tubes[1] - tubes[0] > 1:
+            draft.append(f"  covers: {tubes[1] - tubes[0]}  # neighbouring tubes share a column")
     draft.append(f"record_period: {{default_s: {step_s:g}, minimal_live_fraction: 0}}{doubt}")
     return [*numbers, *live]
 

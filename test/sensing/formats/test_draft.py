@@ -75,6 +75,17 @@ def test_either_order_of_day_and_month_stays_a_question(tmp_path):
     assert "QUESTION: day_first or month_first?" in (tmp_path / "draft.yaml").read_text()
 
 
+def test_tubes_that_share_live_times_and_detectors_that_are_left_out(tmp_path):
+    names = ("time", "n1", "n2", "n3", "n4", "n1et_sec", "n3et_sec")
+    stamp = "2024-05-{day:02d} {hour:02d}:00:00"
+    _, log = read(tmp_path, table(names, f"{stamp},{{count}},800,{{count}},800,3500,3400"))
+    assert log.records[0].tube_live_s == (3500, 3500, 3400, 3400)
+    names = ("time", "unmoderated_counts", "thermal_counts", "epithermal_counts", "top_counts")
+    draft, log = read(tmp_path, table(names, f"{stamp},700,800,{{count}},900"))
+    assert log.records[0].tube_counts == (1600,)
+    assert "QUESTION: only epithermal_counts is read, not top_counts?" in draft
+
+
 def test_what_must_be_answered_first(tmp_path):
     text = table((), "2024-05-{day:02d} {hour:02d}:00,983.{n},{count},700")
     with pytest.raises(InputError, match=r"no column that is .* raw counts .* --neutrons NAME.*column3 \(1600\)"):
