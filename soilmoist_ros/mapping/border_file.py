@@ -562,7 +562,7 @@ def _isoxml(source: BorderSource) -> _Content:
         raise InputError(what, "convert it to GeoJSON in a GIS", path)
     features = []
     for partfield in root.iter("PFD"):
-        border, name = list[dict[str, Any]](), partfield.get("C", "")
+        border, obstacles, name = list[dict[str, Any]](), list[_Feature](), partfield.get("C", "")
         for polygon in partfield.findall("PLN"):
             lines = sorted(polygon.findall("LSG"), key=lambda one: one.get("A", "") != "1")
             shape, kind = _polygon(_places(one.iter("PNT"), "D", "C") for one in lines), polygon.get("A", "")
@@ -570,8 +570,9 @@ def _isoxml(source: BorderSource) -> _Content:
                 border.append(shape)
             elif kind in _NO_GO_OF_ISOXML:
                 about = {"name": f"{name} {polygon.get('B') or _NO_GO_OF_ISOXML[kind]}"}
-                features.append(_feature(about, shape, path=path, is_no_go=True))
-        features.append(_feature({"name": name, "id": partfield.get("A", "")}, *border, path=path))
+                obstacles.append(_feature(about, shape, path=path, is_no_go=True))
+        about = {"name": name, "id": partfield.get("A", "")}
+        features += [_feature(about, *border, path=path), *obstacles]  # 'feature' may name a number
     return _Content(features, WGS84)
 
 

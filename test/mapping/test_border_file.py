@@ -221,6 +221,10 @@ def test_other_formats(tmp_path, name, content, no_go):
     assert_is_field(tmp_path / "all.zip", no_go)
 
 
+def test_a_partfield_comes_before_its_obstacles(tmp_path):
+    assert_is_field(written(tmp_path, isoxml(), "TASKDATA.XML"), 1, feature="1")
+
+
 def test_shapefiles_and_geopackages(tmp_path):
     pyogrio, shapely = pytest.importorskip("pyogrio"), pytest.importorskip("shapely")
     pyproj = pytest.importorskip("pyproj")
