@@ -181,7 +181,7 @@ def distance_and_bearing(start: LatLon, end: LatLon) -> tuple[float, float]:
     mean, half = (lat_1 + lat_2) / 2, (lat_2 - lat_1) / 2
     chord2 = math.sin(half) ** 2 + math.cos(lat_1) * math.cos(lat_2) * math.sin(apart / 2) ** 2
     sigma = 2 * math.asin(math.sqrt(min(chord2, 1.0)))
-    if not 1e-12 < chord2 < 1 - 1e-12:
+    if not 0 < chord2 < 1 - 1e-12:
         return SEMI_MAJOR_M * sigma, 0.0
     x = (sigma - math.sin(sigma)) * (math.sin(mean) * math.cos(half)) ** 2 / (1 - chord2)
     y = (sigma + math.sin(sigma)) * (math.cos(mean) * math.sin(half)) ** 2 / chord2
