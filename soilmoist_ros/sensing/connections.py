@@ -397,7 +397,8 @@ class ReconnectingSource:
         """Close the link."""
         self._closed.set()
         if (connection := self._connection) is not None:
-            connection.close()
+            with contextlib.suppress(OSError):  # of an adapter that was unplugged
+                connection.close()
 
     def _reconnect(self, left_s: float) -> None:
         pause_s = self._retry_at_s - self._clock()

@@ -15,7 +15,14 @@ from hypothesis import strategies as st
 from scripted_server import LIMIT_S, ScriptedServer, opened, read, read_until, sends
 
 from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.sensing.connections import Retry, Senders, open_source, parse_networks
+from soilmoist_ros.sensing.connections import (
+    Connection,
+    ReconnectingSource,
+    Retry,
+    Senders,
+    open_source,
+    parse_networks,
+)
 from soilmoist_ros.sensing.lines import LinkState
 from soilmoist_ros.sensing.survey.driver import link_health
 
@@ -180,6 +187,15 @@ def listening(source):
     """The source, bound."""
     assert source.read_line(0.0) is None
     read_until(source, lambda: source.status.connections == 1)
+
+
+def test_closing_a_device_that_is_gone_is_no_error():
+    def close():
+        raise OSError("Input/output error")
+
+    source = ReconnectingSource("serial:///dev/ttyUSB0", lambda: Connection(lambda timeout_s: b"a\n", close))
+    assert source.read_line(LIMIT_S) == b"a"
+    source.close()
 
 
 def test_datagrams_of_other_senders_are_dropped_and_counted(port):
