@@ -335,6 +335,13 @@ def test_raw_lines_give_the_records_of_the_driver():
         assert one.effective_exposure_s == pytest.approx(other.effective_exposure_s)
 
 
+def test_topics_of_another_namespace_are_found_where_there_is_one_robot(tmp_path):
+    """Records that were remapped into a separate namespace."""
+    rename = lambda topic: "/sensor/counts" if topic == "/counts" else topic  # noqa: E731
+    bag = copy_bag(GOLDEN / "one_stop" / "bag", tmp_path / "bag", rename=rename)
+    assert replay_bag(bag, with_files("one_stop")).comparisons == replay_bag(GOLDEN / "one_stop").comparisons
+
+
 @pytest.mark.slow
 def test_raw_lines_alone_and_of_a_robot(tmp_path):
     keep = lambda topic, number: topic.startswith("/raw")  # noqa: E731

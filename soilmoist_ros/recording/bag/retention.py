@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from soilmoist_ros.recording.bag.writer import is_being_written
+from soilmoist_ros.recording.bag.writer import CHECKSUMS, is_being_written
 
 NUMBER: Final = "number"
 """Note of a bag: one more than those of all earlier bags in its folder, whatever the clock said."""
@@ -37,8 +37,9 @@ class _Closed(NamedTuple):
 def find_excess(out: Path, size_bytes: float) -> Excess:
     """Bags beyond the space for all bags in a folder.
 
-    Bags without a number, of an earlier release or of other recorders, are the oldest, by their time. A bag that
-    was not closed counts, but is never among those to go: it may hold what nobody has recovered yet.
+    Bags without a number, of an earlier release, are the oldest, by their time. Closed bags of other recorders,
+    which people keep there, are left alone. A bag that was not closed counts, but is never among those to go: it
+    may hold what nobody has recovered yet.
 
     :param size_bytes: the space [bytes]
     :raises OSError: if the folder cannot be read
@@ -62,15 +63,18 @@ def next_number(out: Path) -> int:
 
 
 def _closed_bags(out: Path) -> tuple[list[_Closed], int]:
-    """Closed bags of a folder, and the size of all [bytes]."""
+    """Closed bags of the recorder in a folder, and the size of all but closed ones of others [bytes]."""
     closed, total = [], 0
     for folder in sorted(path for path in out.iterdir() if path.is_dir() and not path.is_symlink()):
         files = list(folder.glob("*.mcap"))
         size = sum(file.lstat().st_size for file in files)
-        total += size
         metadata = folder / "metadata.yaml"
         if files and metadata.is_file() and not any(map(is_being_written, files)):
-            closed.append(_Closed(_number(metadata), metadata.stat().st_mtime, folder, size))
+            number = _number(metadata)
+            if not number and not (folder / CHECKSUMS).is_file():
+                continue  # no release of this recorder has made it
+            closed.append(_Closed(number, metadata.stat().st_mtime, folder, size))
+        total += size
     return closed, total
 
 

@@ -10,7 +10,7 @@ from bags import NOTES, START_NS, text_message
 from soilmoist_ros.recording.bag.recorder import next_bag
 from soilmoist_ros.recording.bag.retention import Excess, delete_bags, excess_text, find_excess
 from soilmoist_ros.recording.bag.verify import recover_bag
-from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagWriter
 
 NOW_S = 1_780_000_000.0
 
@@ -70,6 +70,14 @@ def test_the_oldest_bag_is_the_first_whatever_the_clock_said_and_those_without_a
     made = [record(tmp_path, number, time_s) for number, time_s in enumerate(times)]
     earlier = [without_number(tmp_path / f"earlier_{days}", NOW_S - days * 86_400) for days in (3, 2)]
     assert find_excess(tmp_path, 0).bags == (*earlier, *made)
+
+
+def test_bags_that_people_made_with_other_programs_are_left_alone(tmp_path):
+    theirs = without_number(tmp_path / "theirs", 0.0)
+    (theirs / CHECKSUMS).unlink()
+    made = record(tmp_path, 1, NOW_S)
+    assert find_excess(tmp_path, size(made)) == Excess((), 0)
+    assert find_excess(tmp_path, 0) == Excess((made,), -size(made))
 
 
 def test_a_recovered_bag_is_not_the_oldest_where_no_clock_was_ever_right(tmp_path):
