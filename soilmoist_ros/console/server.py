@@ -17,6 +17,7 @@ from concurrent.futures import Future
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
+from weakref import WeakSet
 
 from soilmoist_ros.console.background import BackgroundRoute
 from soilmoist_ros.console.board import Board, changes
@@ -51,6 +52,8 @@ MAX_VIEWERS, MAX_VIEWERS_EACH = 50, 10
 """Viewers who may only look: all, and of one address."""
 KEEP_S: Final = 75.0
 """Longest time without a request on a connection [s]."""
+SILENT_S: Final = 10.0
+"""Time between two looks at connections that have sent no request, which aiohttp before 3.14 never ends [s]."""
 _KINDS: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 _HEADERS: Final = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' blob:; frame-ancestors 'none'; "
@@ -108,6 +111,7 @@ class ConsoleServer:
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)
         self._viewers: set[web.WebSocketResponse] = set()
         self._onlookers: Counter[str] = Counter()
+        self._asking: WeakSet[asyncio.Transport] = WeakSet()
         self._controls = Controls()
         self._files, self._walks = files, walks
         self._background = background
@@ -167,7 +171,18 @@ class ConsoleServer:
             if not else_free:
                 raise
             await web.TCPSite(self._runner, host, 0).start()
+        self._loop.call_later(SILENT_S, self._end_silent, [])
         return int(self._runner.addresses[0][1])
+
+    def _end_silent(self, before: list[asyncio.Transport]) -> None:
+        """End connections that had sent no request at the last look, nor have since: each keeps a file open."""
+        server = self._runner.server if self._runner is not None else None
+        found = [one.transport for one in server.connections if one.transport] if server is not None else []
+        silent = [one for one in found if one not in self._asking]
+        for one in silent:
+            if one in before:
+                one.abort()
+        self._loop.call_later(SILENT_S, self._end_silent, silent)
 
     async def _shut(self) -> None:
         if self._jobs is not None:
@@ -183,6 +198,8 @@ class ConsoleServer:
         """A middleware that refuses requests of other sites, and adds the headers to all answers."""
 
         async def guard(request: Any, handler: Handler) -> Any:
+            if request.transport is not None:
+                self._asking.add(request.transport)
             if refusal := self._access.refusal(_visitor(request)):
                 return self._web.Response(status=403, text=f"refused: {refusal}\n")
             response = await handler(request)
