@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``soilmoist bag``: info, verify, recover."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -27,6 +28,8 @@ def test_a_bag_is_recovered_and_verified_and_damage_is_named(bag, tmp_path):
     assert done.output.count("whole") == 2
     assert "right checksums of 2 files" in done.output
     path = tmp_path / "recovered" / "recovered_0.mcap"
+    (found,) = json.loads(run(command, ["verify", str(path.parent), "--json"]).stdout)["bags"]
+    assert (found["bag"], found["paths"]) == (str(path.parent), [str(path)]), "as in 0.2.0"
     data = bytearray(path.read_bytes())
     data[data.index(b"zstd") + 40] ^= 1
     path.write_bytes(data)
