@@ -97,7 +97,8 @@ class TopologicalMap:
         actions = listing(sorted({str(edge["action"]) for edge in refused}))
         names = listing(str(edge.get("edge_id", edge["node"])) for edge in refused)
         text = f"{len(refused)} of {len(edges)} edges have an action that is not known ({actions}): {names}"
-        return f"the navigation may refuse to drive: {text}; see the parameter edge_actions" if refused else ""
+        remedy = "describe those that it has under 'actions' in the map"
+        return f"the navigation may refuse to drive: {text}; {remedy}" if refused else ""
 
     def restrictions(self) -> str:
         """Which nodes and edges keep robots away, by a restriction or as ``no_go``; empty if there are none."""
