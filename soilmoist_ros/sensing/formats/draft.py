@@ -27,11 +27,12 @@ _COUNTS = re.compile(
     r"neutron|count|cts|(^|_)imp(_|/|$)|(^|_)n\d*(_?c)?$|cps|cph|moderated|(^|_)mod(_|$)|puls|crns"
 )
 _NO_COUNTS = re.compile(
-    r"std|err|unc|flag|muon|gamma|volt|record|rain|prec|number|corr|smooth|filtered|norm|bare|unmo|(?<!epi)thermal"
+    r"std|err|unc|flag|muon|gamma|light|strike|volt|record|rain|prec|sat|drop|number|coeff|sqrt|_se$|_sd$|swc|swe"
+    r"|corr|smooth|filtered|norm|bare|unmo|(?<!epi)thermal"
 )
 _LIVE = re.compile(r"integration|et_?sec|n\d+et|live|exposure|duration|counting|messzeit|period")
 _NUMBER = re.compile(r"record|^rn$|^no$|^nr$|cycle|index")
-_NO_WEATHER = re.compile(r"soil|vwc|moist|boden|probe|dew|panel|batt|abs|std|flag|vapo")
+_NO_WEATHER = re.compile(r"soil|vwc|moist|boden|probe|dew|panel|ptemp|batt|abs|std|flag|vapo|wet")
 _WEATHER: dict[units.Quantity, tuple[re.Pattern[str], dict[str, tuple[float, float]]]] = {
     "pressure": (re.compile(r"press|baro|^pa$|^p\d*(_|$)|_mb|luftdruck|^bp|hpa|mbar"),
                  {"hPa": (500, 1100), "kPa": (50, 110), "Pa": (50_000, 110_000), "inHg": (15, 32.5)}),
@@ -284,7 +285,7 @@ def _weather(draft: list[str], free: Sequence[_Column], **_: object) -> list[_Co
     for quantity, (name, credible) in _WEATHER.items():
         sensors = []
         for one in free:
-            if not (one.numbers and name.search(one.low)) or _NO_WEATHER.search(one.low):
+            if one in used or not (one.numbers and name.search(one.low)) or _NO_WEATHER.search(one.low):
                 continue
             middle, bracketed = median(one.numbers), re.search(r"[(\[]([^)\]]+)[)\]]\s*$|_([A-Za-z%]+)$", one.name)
             said = one.unit or (next(filter(None, bracketed.groups())) if bracketed else "")

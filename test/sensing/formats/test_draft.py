@@ -86,6 +86,13 @@ def test_tubes_that_share_live_times_and_detectors_that_are_left_out(tmp_path):
     assert "QUESTION: only epithermal_counts is read, not top_counts?" in draft
 
 
+def test_a_real_station_counts_no_lightning_and_measures_the_air():
+    draft = yaml.safe_load(draft_format(Path(__file__).parents[3] / "examples" / "station_kansas_2021-10.dat"))
+    assert draft["counts"]["columns"] == ["counts_{tube}_Tot"]
+    assert [sensor["column"] for sensor in draft["humidity"]["sensors"]] == ["relative_humidity_Avg"]
+    assert draft["temperature"]["sensors"][0]["column"] == "air_temperature_Avg"
+
+
 def test_what_must_be_answered_first(tmp_path):
     text = table((), "2024-05-{day:02d} {hour:02d}:00,983.{n},{count},700")
     with pytest.raises(InputError, match=r"no column that is .* raw counts .* --neutrons NAME.*column3 \(1600\)"):
