@@ -529,10 +529,9 @@ def _kml(source: BorderSource) -> _Content:
 
     features = []
     for mark in _xml(source.path).iter("Placemark"):
-        parts = [
-            _polygon(map(ring, [polygon.find("outerBoundaryIs"), *polygon.iter("innerBoundaryIs")]))
-            for polygon in mark.iter("Polygon")
-        ]
+        polygons = ([one.find("outerBoundaryIs"), *one.iter("innerBoundaryIs")] for one in mark.iter("Polygon"))
+        # Rings without corners stay, and are refused: a hole must not become the border.
+        parts = [{"type": "Polygon", "coordinates": list(map(ring, rings))} for rings in polygons]
         parts += [_line(ring(line)) for line in mark.iter("LineString")]
         parts += [{"type": "Point"} for _ in mark.iter("Point")]
         features.append(_feature({"name": mark.findtext("name", "").strip()}, *parts, path=source.path))

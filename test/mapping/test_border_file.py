@@ -3,6 +3,7 @@
 """Borders of fields in files of other programs (border_file.py): each is read right, or says what is open."""
 
 import json
+import re
 import zipfile
 
 import numpy as np
@@ -219,6 +220,12 @@ def test_other_formats(tmp_path, name, content, no_go):
         archive.write(tmp_path / name, f"farm/{name}")
         archive.writestr("farm/readme.txt", "x")
     assert_is_field(tmp_path / "all.zip", no_go)
+
+
+def test_a_hole_of_kml_is_no_border(tmp_path):
+    empty = re.sub(r"<outerBoundaryIs>.*</outerBoundaryIs>", "<outerBoundaryIs/>", kml(), flags=re.DOTALL)
+    with pytest.raises(InputError, match="has a corner that is not two numbers"):
+        BorderSource(written(tmp_path, empty, "a.kml")).read()
 
 
 def test_a_partfield_comes_before_its_obstacles(tmp_path):
