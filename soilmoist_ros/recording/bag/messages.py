@@ -36,6 +36,8 @@ UNKNOWN_REASON: Final = "unknown_reason"
 """Reason code of a number that is not in the table, such as 0."""
 _MAX_RECORDS: Final = 10_000
 """Records of a message at most; a day has 8640. Drivers publish one in each message."""
+_MAX_IN_ALL: Final = 3_000_000
+"""Records of a bag at most, about a year of them: a small file could unpack to more than the memory has."""
 
 
 class PointCloud(Protocol):
@@ -82,16 +84,19 @@ def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
     return np.ndarray((height, width), layout, data, strides=(row_step, layout.itemsize)).copy()
 
 
-def count_records(cloud: PointCloud) -> list[CountRecord]:
+def count_records(cloud: PointCloud, had: int = 0) -> list[CountRecord]:
     """Counted records of a message of ``counts`` or ``quarantined_counts``.
 
     Records of a message with a field ``reason`` are quarantined.
     Records of a message without ``stamp_offset_s`` get the stamp of the message.
 
-    :raises ValueError: if a field of counted records is missing, or it has more than 10 000 records
+    :param had: number of records before it
+    :raises ValueError: if a field of counted records is missing, or it or the bag has too many
     """
     if int(cloud.height) * int(cloud.width) > _MAX_RECORDS:
         raise ValueError(f"it has {int(cloud.height) * int(cloud.width)} records, more than {_MAX_RECORDS}")
+    if had + int(cloud.height) * int(cloud.width) > _MAX_IN_ALL:
+        raise ValueError(f"the bag has more than {_MAX_IN_ALL} records")
     table = points(cloud).ravel()
     names = table.dtype.names or ()
     missing = [name for name in _COUNTS if name not in names]

@@ -175,14 +175,14 @@ class BagReader:
         :param frame: frame of the records; messages of others are left out; empty for any frame
         :raises InputError: if the messages of a topic are not counts
         """
-        found = []
+        found: list[tuple[str, CountRecord]] = []
         quarantined = {quarantined_topic(topic): topic for topic in topics}
         for message in self.messages([*topics, *quarantined]):
             name = quarantined.get(message.topic, message.topic)
             try:
                 cloud = self.decode(message)
                 if frame in ("", cloud.header.frame_id.lstrip("/")):
-                    found += [(name, record) for record in count_records(cloud)]
+                    found += [(name, record) for record in count_records(cloud, len(found))]
             except ValueError as error:
                 remedy = "was it recorded by soilmoist_ros?"
                 raise InputError(f"{message.topic}: {error}", remedy, self.path) from None

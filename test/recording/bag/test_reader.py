@@ -248,6 +248,18 @@ def test_a_small_message_does_not_become_many_records():
         points(one_byte)
 
 
+def test_a_small_bag_does_not_become_many_records(tmp_path, monkeypatch, caplog):
+    message = bytes(STORE.serialize_cdr(cloud(np.zeros(5000, COUNTS)), CLOUD))
+    with BagWriter(tmp_path / "bag") as writer:
+        for number in range(3):
+            writer.write(make_topic("/counts", CLOUD), START_NS + number, START_NS, message)
+    monkeypatch.setattr("soilmoist_ros.recording.bag.messages._MAX_IN_ALL", 10_000)
+    with BagReader(tmp_path / "bag") as reader, pytest.raises(InputError, match="more than 10000 records"):
+        reader.read_counts()
+    assert len(stored_counts(tmp_path / "bag", ["/counts"], "")) == 10_000
+    assert "more than 10000 records" in caplog.text
+
+
 def test_points_keep_their_shape_and_need_all_their_data():
     message = cloud(counts(6).reshape(2, 3))
     assert points(message).shape == (2, 3)
