@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mission and all around it, without ROS: a robot that jumps, and a clock that the test moves."""
 
+import math
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,11 +17,12 @@ from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.guard.failsafes import WatchLimits
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb
-from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome, in_frame
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.stop import Way
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
@@ -44,6 +47,7 @@ class Around(StandIn):
         factor=1.0,
         steady=None,
         surveys=None,
+        frames=None,
         **rules,
     ):
         self.time_s, self.goals, self.shown, self.saved = 0.0, [], [], []
@@ -73,7 +77,8 @@ class Around(StandIn):
             open_survey=surveys and (lambda changes: surveys(changes, settings)),
         )
         clock = MissionClock(self.now_s, steady, "boot")
-        self.control = MissionControl(setup, self.navigator, self, clock=clock, watch=one_fix())
+        watch = one_fix()
+        self.control = MissionControl(setup, self.navigator, self, clock=clock, watch=watch, frames=frames)
 
     # the navigator
 
@@ -160,6 +165,26 @@ def test_it_starts_only_when_all_is_there():
         give()
     assert around.control.missing() == ()
     assert around.control.command(Verb.START).accepted
+
+
+def test_goals_and_places_reach_the_navigation_in_its_own_frame():
+    frames = SimpleNamespace(waiting_for="the navigation's datum", move=None)
+    around, ways, places = Around(frames=frames), [], []
+    around.go = lambda _, stop, way: ways.append((stop, way))
+    around.moved = lambda place, *_: places.append(place)
+    around.time_s = 1000.0
+    around.control.use_graph(None)
+    around.control.fix((1.0, 1.0))
+    assert "the navigation's datum" in around.control.command(Verb.START).message
+    assert not places
+    frames.waiting_for, frames.move = "", PlaneMove(math.pi / 2, (100.0, 0.0))
+    around.begin()
+    ((stop, way),), target = ways, around.status.target
+    there = pytest.approx(frames.move.place((target.x_m, target.y_m)))
+    assert (stop.x_m, stop.y_m) == tuple(way.corners[-1]) == there
+    assert tuple(way.corners[0]) == places[-1] == pytest.approx(frames.move.place((1.0, 1.0)))
+    (node,) = in_frame(target, Way(way.corners, (target,)), frames.move)[1].nodes
+    assert (node.x_m, node.y_m) == there
 
 
 def test_health_is_graver_in_mid_mission():

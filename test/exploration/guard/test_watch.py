@@ -375,6 +375,49 @@ def test_a_low_voltage_with_a_good_charge():
     assert observed.overs == ["battery_low"]
 
 
+@pytest.mark.parametrize("between", [1, 2, 5])
+def test_messages_with_either_charge_or_voltage(between):
+    """A charge comes now and then, with a voltage in between: that is no charged battery."""
+    observed = Observed()
+    for time in range(3):
+        assert observed.alarms == [], f"{time} messages with a low charge"
+        drain(observed, 0.24, times=1)
+        drain(observed, math.nan, 48.0, times=between)
+    assert observed.alarms == ["battery_low"]
+    drain(observed, math.nan, 48.0, times=30)
+    drain(observed, math.nan, times=30)
+    assert observed.overs == []
+    drain(observed, 0.9, times=20)
+    assert observed.overs == ["battery_low"]
+
+
+def test_a_limit_of_zero_ignores_the_battery():
+    observed = Observed(WatchLimits(battery_low=0.0, battery_empty=0.0))
+    drain(observed, 0.0)
+    assert observed.alarms == []
+
+
+def test_reserve_of_charge():
+    """10 % an hour: 40 % suffice for a way home of two hours, 30 % do not."""
+    observed = Observed(WatchLimits(battery_silent_s=0.0), doing=replace(MISSION, way_home_s=7300.0))
+    observed.run(1)
+    drain(observed, 0.6)
+    for hour in (1, 2):
+        observed.run(3600 - 3)
+        drain(observed, 0.6 - 0.1 * hour)
+    assert observed.alarms == []
+    observed.run(3600 - 3)
+    drain(observed, 0.3)
+    assert observed.alarms == ["reserve"]
+    assert "the charge is 30%, and" in observed.events[0].reason
+
+
+def test_an_ignored_cause_is_no_alarm():
+    observed = Observed(responses={Cause.OUTSIDE: Response.IGNORE}).run(1)
+    observed.watch.report(Cause.OUTSIDE, "wrong")
+    assert observed.watch.check(observed.now_s, IDLE) == ()
+
+
 @pytest.mark.parametrize(("charge", "volts", "last"), [(0.43, 48.0, "43%"), (math.nan, 46.5, "46.5 V")])
 def test_a_silent_battery(charge, volts, last):
     observed = Observed(doing=IDLE)
