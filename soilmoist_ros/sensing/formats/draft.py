@@ -16,7 +16,13 @@ from statistics import median
 from soilmoist_ros.foundation import InputError, listing
 from soilmoist_ros.sensing.formats import log_values as units
 from soilmoist_ros.sensing.formats.log_layout import plain_name, split_text
-from soilmoist_ros.sensing.formats.log_values import decode_line, likely_time_formats, read_number, read_time
+from soilmoist_ros.sensing.formats.log_values import (
+    decode_line,
+    likely_time_formats,
+    read_coordinate,
+    read_number,
+    read_time,
+)
 from soilmoist_ros.sensing.formats.logger_format import MISSING, order_of
 from soilmoist_ros.sensing.formats.notation import matching_formats
 from soilmoist_ros.sensing.lines import read_lines
@@ -33,12 +39,14 @@ _NO_COUNTS = re.compile(
 _LIVE = re.compile(r"integration|et_?sec|n\d+et|live|exposure|duration|counting|messzeit|period")
 _NUMBER = re.compile(r"record|^rn$|^no$|^nr$|cycle|index")
 _NO_WEATHER = re.compile(r"soil|vwc|moist|boden|probe|dew|panel|ptemp|batt|abs|std|flag|vapo|wet")
+_INSIDE = re.compile(r"int|_in(_|$)|inside|box|logger|n\d")
+_OUTSIDE = re.compile(r"ext|out|cs215|air|ptb|hmp|2m")
 _WEATHER: dict[units.Quantity, tuple[re.Pattern[str], dict[str, tuple[float, float]]]] = {
     "pressure": (re.compile(r"press|baro|^pa$|^p\d*(_|$)|_mb|luftdruck|^bp|hpa|mbar"),
                  {"hPa": (500, 1100), "kPa": (50, 110), "Pa": (50_000, 110_000), "inHg": (15, 32.5)}),
     "temperature": (re.compile(r"temp|^t\d*(_|$)|airt|_degc|^ta$"),
                     {"degC": (-50, 42), "degF": (42, 120), "K": (220, 330)}),
-    "humidity": (re.compile(r"rh|hum|feuchte|hygro"), {"fraction": (0, 1.5), "percent": (1.5, 105)}),
+    "humidity": (re.compile(r"rh|hum|^ur(_|$)|feuchte|hygro"), {"fraction": (0, 1.5), "percent": (1.5, 105)}),
 }  # fmt: skip
 """Names of each quantity, and its units with the medians that a log can have in them."""
 _PLACE = {
@@ -282,6 +290,7 @@ def _live_time(draft: list[str], free: Sequence[_Column], step_s: float, **_: ob
 
 def _weather(draft: list[str], free: Sequence[_Column], **_: object) -> list[_Column]:
     used = []
+    free = sorted(free, key=lambda one: bool(_INSIDE.search(one.low)) - bool(_OUTSIDE.search(one.low)))
     for quantity, (name, credible) in _WEATHER.items():
         sensors = []
         for one in free:
@@ -322,7 +331,9 @@ def _position(draft: list[str], free: Sequence[_Column], **_: object) -> list[_C
             if {text.upper() for text in one.texts} <= letters:
                 found[key] = one
     draft += ["position:", *(f"  {key}: [{_quoted(one.name)}]" for key, one in found.items()), "  required: false"]
-    signed = "longitude_hemisphere" in found or any(text[0] == "-" for text in found["longitude"].texts)
+    signed = "longitude_hemisphere" in found or any(
+        re.search("[-EWew]", text) or (read_coordinate(text) or 0.0) > 180 for text in found["longitude"].texts
+    )
     ask = "  # QUESTION: none is negative. If all are east write true, else 'longitude: west' in the site file"
     draft.append(f"  longitude_signed: {'true' if signed else f'false{ask}'}")
     return list(found.values())

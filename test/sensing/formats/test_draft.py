@@ -93,6 +93,16 @@ def test_a_real_station_counts_no_lightning_and_measures_the_air():
     assert draft["temperature"]["sensors"][0]["column"] == "air_temperature_Avg"
 
 
+@pytest.mark.parametrize(("longitude", "found"), [("262.400", -97.6), ("97.6W", -97.6), ("-97.6", -97.6)])
+def test_outdoor_sensors_come_first_and_longitudes_have_their_sign(tmp_path, longitude, found):
+    names = ("time", "neutrons", "temperature_in(C)", "temperature_ext(C)", "ur(%)", "latitude", "longitude")
+    row = f"2024-05-{{day:02d}} {{hour:02d}}:00:00,{{count}},20,15,60,43.6,{longitude}"
+    first = read(tmp_path, table(names, row))[1].records[0]
+    assert (first.temperature_degc, first.relative_humidity) == (15.0, 0.6)
+    assert first.position is not None
+    assert first.position.longitude_deg == pytest.approx(found)
+
+
 def test_what_must_be_answered_first(tmp_path):
     text = table((), "2024-05-{day:02d} {hour:02d}:00,983.{n},{count},700")
     with pytest.raises(InputError, match=r"no column that is .* raw counts .* --neutrons NAME.*column3 \(1600\)"):
