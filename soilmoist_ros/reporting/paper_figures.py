@@ -49,8 +49,8 @@ COLUMN_IN, TEXT_IN = 84 / 25.4, 174 / 25.4
 """Width of a column and of the text of a journal page [in]: 84 and 174 mm."""
 SIZE: Final = 8.0
 """Size of the text [pt]."""
-WIDE_NAME = 25
-"""Letters of a name in a key up to which two stand side by side."""
+WIDE_NAME, WIDEST_NAME = 25, 38
+"""Letters of a name in a key up to which two stand side by side, and that fit into a column."""
 MAPS_ACROSS = 4
 """Maps of a season side by side."""
 COLOURS: Final = {
@@ -132,7 +132,8 @@ def _chart_figure(chart: Chart) -> Figure:
     figure, axes = _column_figure(0.75)
     for mark in chart.marks:
         colour, x = COLOURS[mark.colour], np.asarray(mark.x, float)
-        look: dict[str, Any] = {"color": colour, "label": mark.name or None}
+        name = textwrap.fill(mark.name.removesuffix(" (pairs: above)"), WIDEST_NAME)  # that axis is the report's
+        look: dict[str, Any] = {"color": colour, "label": name or None}
         if isinstance(mark, Line):
             axes.plot(x, mark.y, linestyle="--" if mark.dashed else "-", linewidth=mark.width_px / 2, **look)
         elif isinstance(mark, Area):

@@ -43,6 +43,10 @@ def streams(pdf):
 
 def test_the_figures_show_the_numbers_of_the_run(run):
     figures = dict(run_figures(run))
+    figures["variogram"].draw_without_rendering()
+    key = figures["variogram"].axes[0].get_legend()
+    assert key.get_window_extent().x1 <= figures["variogram"].bbox.x1, "the names are not cut off"
+    assert "above" not in " ".join(text.get_text() for text in key.get_texts())
     assert list(figures) == [
         "map",
         "sd",
