@@ -92,9 +92,9 @@ def draft_format(path: Path, time: Sequence[str] = (), counts: Sequence[str] = (
     draft += [f"title: {_quoted(path.stem)}", f"source: {_quoted(f'drafted from {path.name}')}"]
     draft += [f"{key}: {_quoted(value)}" for key, value in keys.items()]
     free = [column for column in columns if column.texts]
-    used = stamped = _given(time, columns, path) or _stamp_columns(free, path)
+    used = stamped = _given(time, free, path) or _stamp_columns(free, path)
     stamps = _time(draft, stamped, path)
-    chosen = _given(counts, columns, path)
+    chosen = _given(counts, free, path)
     for part in (_counts, _live_time, _weather, _position):
         free = [column for column in free if column not in used]
         used = part(draft, free, chosen=chosen, step_s=_step_s(stamps), path=path)
@@ -172,7 +172,7 @@ def _given(names: Sequence[str], columns: Sequence[_Column], path: Path) -> list
     for name in names:
         if plain_name(name) not in known:
             remedy = f"the columns are {listing(column.name for column in columns)}"
-            raise InputError(f"there is no column {name!r}", remedy, path)
+            raise InputError(f"there is no column {name!r} with values", remedy, path)
     return [known[plain_name(name)] for name in names]
 
 
@@ -271,7 +271,9 @@ def _live_time(draft: list[str], free: Sequence[_Column], step_s: float, **_: ob
     numbers = [one for one in numbers if one.numbers[1] - one.numbers[0] == 1][:1]
     draft += [f"record_number: [{_quoted(one.name)}]  # gaps show lost records" for one in numbers]
     live = [
-        one for one in free if one not in numbers and _LIVE.search(one.low) and one.is_numeric and any(one.numbers)
+        one
+        for one in free
+        if one not in numbers and _LIVE.search(one.low) and one.is_numeric and max(one.numbers) > 0
     ]
     doubt = "" if live else "  # QUESTION: the usual time between records; is it counted?"
     if live:

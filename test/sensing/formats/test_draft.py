@@ -103,6 +103,14 @@ def test_outdoor_sensors_come_first_and_longitudes_have_their_sign(tmp_path, lon
     assert first.position.longitude_deg == pytest.approx(found)
 
 
+def test_columns_without_values_are_named_or_left_out(tmp_path):
+    text = table(("time", "empty", "neutrons", "live_s"), "2024-05-{day:02d} {hour:02d}:00:00,,{count},-1")
+    assert "live_time" not in read(tmp_path, text)[0]
+    for given in ("time", "counts"):
+        with pytest.raises(InputError, match="no column 'empty' with values"):
+            read(tmp_path, text, **{given: ["empty"]})
+
+
 def test_what_must_be_answered_first(tmp_path):
     text = table((), "2024-05-{day:02d} {hour:02d}:00,983.{n},{count},700")
     with pytest.raises(InputError, match=r"no column that is .* raw counts .* --neutrons NAME.*column3 \(1600\)"):
