@@ -121,7 +121,7 @@ def test_what_must_be_answered_first(tmp_path):
         read(tmp_path, table(("time", "neutrons_corrected"), "2024-05-{day:02d} {hour:02d}:00,{count}.5"))
     with pytest.raises(InputError, match=r"no column that is read as a time.*--time DATE --time TIME"):
         read(tmp_path, table(("a", "neutrons"), "x{n},{count}"))
-    with pytest.raises(InputError, match=r"there is no column 'c' -> the columns are a, neutrons"):
+    with pytest.raises(InputError, match=r"there is no column 'c' with values -> the columns are a, neutrons"):
         read(tmp_path, table(("a", "neutrons"), "{n},{count}"), time=("c",))
 
 
