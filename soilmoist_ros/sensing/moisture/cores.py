@@ -152,9 +152,10 @@ def _read_rows(path: Path) -> tuple[list[_Row], list[str]]:
     header = [cell.lower() for cell in table[0]] if table else []
     names = [_OTHER_UNITS[name][0] if name in _OTHER_UNITS else name for name in header]
     rows = [(line, cells) for (line, _), cells in list(zip(numbered, table, strict=False))[1:] if any(cells)]
-    for at, name in enumerate(names):  # the first column of dates is that of the days, whatever its name
+    for at, name in enumerate(names):  # the first column of dates, by its name or its cells, is that of the days
         days = [cells[at] for _, cells in rows if len(cells) > at and cells[at]]
-        if "date" not in names and name not in _NAMES and days and all(map(_DATE.match, days)):
+        dated = name in ("datum", "day") or "date" in name or all(map(_DATE.match, days))
+        if "date" not in names and name not in _NAMES and days and dated:
             names[at] = "date"
     mistakes = []
     for name, times in Counter(names).items():
