@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-FIELDS = ("jacksboro-elevation",)
+FIELDS = ("jacksboro-elevation", "rough")
 SEEDS = (1,)
 
 

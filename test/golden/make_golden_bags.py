@@ -27,7 +27,7 @@ from rclpy.serialization import serialize_message
 from msg_adapters.counts import counts_from_message, counts_to_message, line_to_message, samples_to_message
 from msg_adapters.mission import mission_to_message
 from msg_adapters.soil_map import soil_map_to_message
-from soilmoist_ros.exploration.mission.events import Action, Publish
+from soilmoist_ros.exploration.mission.events import Action, Publish, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.pipeline.field_survey import open_survey
@@ -148,17 +148,14 @@ class _Recorded(mission_simulator._Simulation):
         if isinstance(action, Publish):
             status = robot.mission.status
             self.events.append(replace(status, now_s=status.now_s + START_S))
+        elif isinstance(action, RequestPlan) and self.channels[0].records:
+            self.events.append(None)  # the map is updated
         super().carry_out(robot, action)
 
     def record(self, robot: mission_simulator._Robot) -> CountRecord:
         record = super().record(robot)
         self.events.append(replace(record, stamp_s=record.stamp_s + START_S))
         return record
-
-    def update_map(self, later: bool = False) -> None:
-        super().update_map(later)
-        if self.channels[0].records:
-            self.events.append(None)
 
 
 def mission(seed: int = 1) -> tuple[list[Event], MissionResult]:

@@ -28,6 +28,7 @@ RECEIVERS = {"nodes/console.py"}
 VARIABLES = {
     ("sensing/survey/driver.py", "name"): {"logger link", "GNSS link"},
     ("exploration/control/mission_control.py", "name"): {"position", "records"},
+    ("nodes/mapper.py", "name"): {"records", "field", "messages"},
 }
 """Parts whose name is an argument."""
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-from soilmoist_ros.exploration import property_name
 from soilmoist_ros.foundation import InputError, Mistake, did_you_mean
 
 if TYPE_CHECKING:
@@ -223,6 +222,8 @@ class PropertySettings:
     @property
     def name(self) -> str:
         """Name in topics and files."""
+        from soilmoist_ros.exploration import property_name  # with numpy, which a help does not need
+
         return property_name(self.field_name)
 
     @property
