@@ -244,7 +244,7 @@ class NodeMonitor(Node):
 
 @contextmanager
 def monitored(live: LiveMission, frame: LocalFrame, domain: int) -> Iterator[None]:
-    """Run a :class:`Monitor` in a thread."""
+    """Run a :class:`NodeMonitor` in a thread."""
     with _spinning(lambda context: NodeMonitor(live, frame, context), domain):
         yield
 

@@ -91,7 +91,7 @@ def placed(record: CountRecord, doubts: Iterable[Doubt]) -> CountRecord:
     >>> record = CountRecord(100.0, 9.0, 0.0, 0.0, 5, 10.0, 10.0)
     >>> placed(record, [Doubt(80.0)]).quarantine
     'place_doubt'
-    >>> placed(record, [Doubt(80.0, 120.0, Outcome.RETURNED, 1.0, 0.0)]).x_m
+    >>> placed(record, [Doubt(80.0, 120.0, DoubtOutcome.RETURNED, 1.0, 0.0)]).x_m
     1.0
     """
     ended = None

@@ -193,7 +193,7 @@ def load_scenario(name: str) -> Scenario:
 class RateDrift:
     """A change of the true rate, by the same share everywhere, evenly in time.
 
-    >>> drying = Drift(0.1, 0.0, 7200.0)
+    >>> drying = RateDrift(0.1, 0.0, 7200.0)
     >>> drying.factor(0.0), drying.factor(3600.0), drying.factor(9000.0)
     (1.0, 1.05, 1.1)
     """
