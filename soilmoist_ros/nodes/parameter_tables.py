@@ -187,7 +187,7 @@ RECORDER: Final = (
         "the recorder warns", "h", 0.0),
     row("file_mb", 0.0, "size of a file after which a bag continues in another file; 0 for no limit", "MB", 0.0),
     row("file_min", 0.0, "time after which a bag continues in another file; 0 for no limit", "min", 0.0),
-    row("keep_gb", 0.0, "size of all bags above which the recorder warns, or deletes the oldest; 0 for no limit",
+    row("keep_gb", 0.0, "size of its bags above which the recorder warns, or deletes the oldest; 0 for no limit",
         "GB", 0.0),
     row("delete_oldest", False, "whether closed bags beyond keep_gb are deleted, the oldest first, and finished "
         "files of the running bag"),
