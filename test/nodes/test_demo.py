@@ -38,6 +38,11 @@ def run_demo(out, options):
     return done.stdout
 
 
+def test_the_map_of_one_robot_is_that_of_its_replay_bit_for_bit(tmp_path):
+    said = run_demo(tmp_path / "run", "--field half-wet --hours 0.05 --time-factor 60")
+    assert "map        equals the robot's last one, bit for bit" in said
+
+
 def test_two_robots_share_maps_of_two_properties_and_keep_apart(tmp_path):
     out, names = tmp_path / "run", ("robot_1", "robot_2")
     options = "--robots 2 --field synthetic-high --property rough:2 --hours 0.15 --time-factor 60 --strategy ivr"
