@@ -43,7 +43,7 @@ class TopicChoice:
         self._exclude = _compiled("exclude", exclude) if exclude else None
 
     def wanted(self, name: str) -> bool:
-        """True if to record a topic.
+        """True if a topic is to be recorded.
 
         :param name: its full name
         """

@@ -88,7 +88,7 @@ def _number(metadata: Path) -> int:
 
 
 def excess_text(excess: Excess, drops: bool) -> str:
-    """What is beyond the space for bags, in words, with what to do; empty if nothing is.
+    """Excess over the space for bags, in words, with what to do; empty if there is none.
 
     :param drops: whether the oldest files of a bag are deleted while it is recorded
     """

@@ -150,8 +150,8 @@ class McapScan:
         for _, records in self._pieces():
             yield from self._messages(records, topics)
 
-    def sorted_messages(self, topics: Collection[str]) -> Iterator[ScannedMessage]:
-        """Complete messages of topics in the order of time, if no more than 128 MB of them are out of it.
+    def sorted_messages(self, topics: Collection[str] | None = None) -> Iterator[ScannedMessage]:
+        """Complete messages of topics, or of all, in the order of time, unless more than 128 MB are out of it.
 
         :raises OSError: if the file cannot be read
         """
@@ -249,7 +249,7 @@ class McapScan:
         try:
             if opcode == Opcode.MESSAGE:
                 number, _, log_ns, publish_ns = _MESSAGE.unpack_from(body)
-                topic = self._topic(number)
+                topic = self._topics.get(number) or self._topic(number)
                 if topic is not None:
                     return ScannedMessage(topic, log_ns, publish_ns, body[_MESSAGE.size :])
                 self.damaged += number not in self._undescribed

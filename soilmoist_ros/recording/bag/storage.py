@@ -16,7 +16,7 @@ from typing import Any, Final, Protocol
 import zstandard
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.metadata import Content, Definition, Extent, Topic, qos_from_yaml
+from soilmoist_ros.recording.bag.metadata import Content, Definition, Extent, Topic, joined, qos_from_yaml
 from soilmoist_ros.recording.bag.retention import NUMBER
 from soilmoist_ros.recording.bag.ros1 import ROS1, Message, Ros1File, converted
 from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES, McapScan
@@ -68,7 +68,7 @@ class Storage(Protocol):
         """
 
     def problems(self) -> list[str]:
-        """What is wrong with the file, in words; complete after all messages were read."""
+        """Problems of the file, in words; complete after all messages were read."""
 
     def close(self) -> None:
         """Close the file."""
@@ -124,7 +124,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def recorder_notes(path: Path) -> dict[str, str]:
-    """What the recorder of a bag has noted as lost; empty if there is nothing that can be read."""
+    """Losses that the recorder of a bag has noted; empty if there is nothing that can be read."""
     if not (path / METADATA).is_file():
         return {}
     try:
@@ -206,7 +206,7 @@ class _McapFile:
         self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True
     ) -> Iterator[Message]:
         scan = self._scan = McapScan(self._scan.path)
-        for message in scan.sorted_messages(topics or ()) if by_time else scan.messages(topics):
+        for message in scan.sorted_messages(topics) if by_time else scan.messages(topics):
             topic = _as_ros2(message.topic)
             kind = topic.definition.type_name
             if topic.definition.encoding == ROS1:
@@ -283,10 +283,8 @@ class _SqliteFile:
         )
         for number, count, *times in rows:
             if number in self._topics:
-                for time_ns in (_time_ns(time) for time in times):
-                    self.content.take(self._topics[number].name, time_ns)
-                self.content.counts[self._topics[number].name] += count - 2
-                self.content.extent = replace(self.content.extent, messages=sum(self.content.counts.values()))
+                self.content.counts[self._topics[number].name] += count
+                self.content.extent = joined([self.content.extent, Extent(count, *map(_time_ns, times))])
 
     def messages(
         self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True
@@ -301,7 +299,7 @@ class _SqliteFile:
             yield wanted[number].name, wanted[number].definition.type_name, _time_ns(time_ns), plain_message(data)
 
     def problems(self) -> list[str]:
-        """Whether the file is shorter than its header says: SQLite reads zeros there."""
+        """A problem if the file is shorter than its header says: SQLite reads zeros there."""
         with self._path.open("rb") as stream:
             header = stream.read(100)
         page, pages = (int.from_bytes(header[at : at + size]) for at, size in ((16, 2), (28, 4)))

@@ -225,7 +225,7 @@ def _files(path: Path) -> list[Path]:
 
 
 def _compared(
-    bag: Path, files: list[BagFile], topics: tuple[TopicInfo, ...], required: bool = True
+    bag: Path, files: list[BagFile], topics: tuple[TopicInfo, ...], required: bool
 ) -> tuple[int, list[str]]:
     """Number of files with right checksums, and what checksums and metadata say otherwise.
 
