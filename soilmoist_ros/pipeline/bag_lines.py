@@ -241,15 +241,16 @@ def _candidates(reader: BagReader) -> list[list[str]]:
     """Topics that may be the positions, the likeliest group first; those without messages if no other may."""
     counts = reader.counts
     for topics in ({name: kind for name, kind in reader.topics.items() if counts.get(name)}, reader.topics):
-
-        def of(*kinds: str, ending: str = "", among: Mapping[str, str] = topics) -> list[str]:
-            return [name for name, kind in among.items() if kind in kinds and name.endswith(ending)]
-
-        found = [of(TEXT, ending="/raw/gnss"), of(FIX, ending="/fix"), of(FIX), of(*GPS_FIX), of(SENTENCE)]
-        found = found if any(found) else [[name for name in of(TEXT) if _is_nmea(reader, name)]]
+        kinds = (((TEXT,), "/raw/gnss"), ((FIX,), "/fix"), ((FIX,), ""), (GPS_FIX, ""), ((SENTENCE,), ""))
+        found = [_of_kinds(topics, *one) for one in kinds]
+        found = found if any(found) else [[name for name in _of_kinds(topics, (TEXT,)) if _is_nmea(reader, name)]]
         if any(found):
             return found
     return []
+
+
+def _of_kinds(topics: Mapping[str, str], kinds: Sequence[str], ending: str = "") -> list[str]:
+    return [name for name, kind in topics.items() if kind in kinds and name.endswith(ending)]
 
 
 def _is_nmea(reader: BagReader, topic: str) -> bool:

@@ -349,7 +349,7 @@ def read_planner(configuration: Path | None, topics: RunTopics) -> dict[str, Any
     """
     nodes = (f"{topics.namespace}planner", "planner")
     node, had = next(((one, found) for one in nodes if (found := read_parameters(configuration, one))), ("", {}))
-    for name in {*_NUMBERS, *_TEXTS} & had.keys():
+    for name in filter(had.__contains__, (*_NUMBERS, *_TEXTS)):
         number = finite_number(had[name])
         good = isinstance(had[name], str) if name in _TEXTS else number is not None and number >= 0
         if not good:

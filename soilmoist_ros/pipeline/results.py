@@ -122,7 +122,7 @@ def curve_of(about: Mapping[str, Any], path: Path) -> MoistureCurve | None:
 
 
 def is_illustrative(about: Mapping[str, Any]) -> bool:
-    """True if the calibration of a run is a guess; of older runs, whether a warning says so.
+    """True if the calibration of a run is a guess; of older runs, if a warning says so.
 
     :param about: its summary, see :func:`read_summary`
     """
