@@ -123,7 +123,7 @@ def run_figures(run: MapRun) -> Iterator[tuple[str, Figure]]:
             yield f"{chart.key.replace('-', '_')}{end}", _chart_figure(chart)
     yield "track", _track_figure(run)
     if run.mission is not None:
-        for chart in course_charts(run.mission.series, bool(np.isfinite(run.mission.truth_rate).any())):
+        for chart in course_charts(run.mission):
             yield chart.key.replace("-", "_"), _chart_figure(chart)
 
 
@@ -143,9 +143,9 @@ def _chart_figure(chart: Chart) -> Figure:
             if mark.error is not None:
                 axes.errorbar(x, mark.y, mark.error, fmt="none", ecolor=FAINT, elinewidth=0.8)
     axes.set(xlim=chart.x, ylim=chart.y)
-    for axis, ticks in ((axes.xaxis, chart.x_ticks), (axes.yaxis, chart.y_ticks)):
+    for axis, (low, high), ticks in ((axes.xaxis, chart.x, chart.x_ticks), (axes.yaxis, chart.y, chart.y_ticks)):
         if ticks is not None:
-            inside = [one for one in ticks if axis.get_view_interval()[0] <= one[0] <= axis.get_view_interval()[1]]
+            inside = [one for one in ticks if low <= one[0] <= high]
             axis.set_ticks([value for value, _ in inside], [text for _, text in inside])
     _caption(axes, chart.x_label, textwrap.fill(chart.y_label, 36))
     if chart.names:

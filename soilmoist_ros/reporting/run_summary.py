@@ -210,7 +210,7 @@ def _drift(drift: Drift, mean_rate: float) -> dict[str, Any]:
 
 
 def _map(run: MapRun) -> dict[str, Any]:
-    """Statistics of the bands and the mean of the field; ``sensed``: from within which 86 % of the counts come."""
+    """Statistics of the bands and the mean of the field; ``sensed``: reach of 86 % of the counts."""
     soil_map, spread = run.soil_map, ("mean", "min", "max")
     bands = {"rate_cps": "rate", "rate_sd_cps": "rate_sd", "vwc": "vwc", "vwc_sd": "vwc_sd"}
     return {

@@ -22,9 +22,8 @@ from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
 from soilmoist_ros.reporting.geotiff import BANDS, CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.output_folder import replaced_together
-from soilmoist_ros.reporting.page import frame as numbers
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, limits_of
-from soilmoist_ros.reporting.page.frame import render_page
+from soilmoist_ros.reporting.page.frame import number, percent, render_page
 from soilmoist_ros.reporting.page.viewer import (
     FIXED_VWC,
     PERCENT,
@@ -76,19 +75,13 @@ def estimate_text(survey: SeasonSurvey) -> str:
     """Mean of a survey with its interval, and the change since the one before, on one line."""
     moist = survey.mean_vwc is not None
     text = f"{_interval(_mean(survey, moist), moist)} {'% by volume' if moist else 'counts/s'}"
-    return (
-        text
-        if survey.change is None
-        else f"{text}, change {_interval(_changed(survey.change, moist), moist, '+')}"
-    )
+    if survey.change is not None:
+        text += f", change {_interval(_mean(survey.change, moist), moist, '+')}"
+    return text
 
 
-def _mean(survey: SeasonSurvey, moist: bool) -> SurveysEstimate:
-    return survey.mean_vwc if moist and survey.mean_vwc is not None else survey.mean_rate
-
-
-def _changed(change: FieldChange, moist: bool) -> SurveysEstimate:
-    return change.mean_vwc if moist and change.mean_vwc is not None else change.mean_rate
+def _mean(one: SeasonSurvey | FieldChange, moist: bool) -> SurveysEstimate:
+    return one.mean_vwc if moist and one.mean_vwc is not None else one.mean_rate
 
 
 def _interval(estimate: SurveysEstimate, moist: bool, sign: str = "") -> str:
@@ -276,7 +269,7 @@ def _layers(season: Season) -> Iterator[dict[str, Any]]:
         most = colour_limits(np.abs(change))[1]
         style = (PERCENT, 1, DIFFERENCE) if moist else ("counts/s", 2, f"{DIFFERENCE}_r")
         look = shown_as("Change since the survey before", *style, (-most, most))
-        false_share = numbers.percent(FieldChange.FALSE_SHARE)
+        false_share = percent(FieldChange.FALSE_SHARE)
         found = layer("change", change, **look, hatchText="not significant",
                       about="In the change, brown is drier and green wetter. Hatched: the change is not "
                       f"significant (false discovery rate {false_share}).")  # fmt: skip
@@ -319,16 +312,16 @@ def mean_chart(season: Season) -> Chart:
 def _spaced(days: Array) -> list[int]:
     """Surveys whose labels have room: the first, and each that is a sixth of the season after the last one."""
     shown, least = [0], float(np.ptp(days)) / 6
-    for number in range(1, len(days)):
-        if days[number] - days[shown[-1]] >= max(least, 1e-9):
-            shown.append(number)
+    for one in range(1, len(days)):
+        if days[one] - days[shown[-1]] >= max(least, 1e-9):
+            shown.append(one)
     return shown
 
 
 def _lead(season: Season) -> str:
     persistence, fades = season.persistence, ""
     if np.isfinite(persistence.decay_days):
-        fades = f", which falls to a third in {numbers.number(persistence.decay_days, 2)} days"
+        fades = f", which falls to a third in {number(persistence.decay_days, 2)} days"
     return (
         "The map of each survey is made from the counts of all of them, earlier and later: what persists in this "
         "field is learned once. The patterns of two surveys have a correlation of "
@@ -349,9 +342,9 @@ def _rows(season: Season) -> Iterator[dict[str, str]]:
             "end": _end(season, survey.run),
             "mean": _interval(_mean(survey, moist), moist),
             "rate": f"{survey.mean_rate.value:.3f}" if moist else "",
-            "change": "–" if change is None else _interval(_changed(change, moist), moist, "+"),
-            "wetter": numbers.percent(wetter),
-            "drier": numbers.percent(drier),
+            "change": "–" if change is None else _interval(_mean(change, moist), moist, "+"),
+            "wetter": percent(wetter),
+            "drier": percent(drier),
             "remarks": " ".join(survey.run.remarks),
         }
 

@@ -306,7 +306,7 @@ def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
 
 
 def _on_place(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
-    """True if a probe that stays at one place asks for water, by the last step of its series."""
+    """Advice for a probe that stays at one place, by the last step of its series."""
     bands, edges = moisture_series(run.track, run.soil_map.curve).bands, np.array(absolute_limits(run))
     dry = float(class_probability(bands.rate[-1:], bands.rate_sd[-1:], 0, edges, run.soil_map.curve, False)[0])
     name, is_dry = found.zones[0].name, float(bands.vwc[-1]) < edges[0]

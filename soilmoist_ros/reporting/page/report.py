@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace as Part
 
@@ -44,7 +44,7 @@ from soilmoist_ros.reporting.page.statistics import covariate_importance, leave_
 from soilmoist_ros.reporting.page.variogram_charts import variogram_charts
 from soilmoist_ros.reporting.page.viewer import pictures, viewer_data
 from soilmoist_ros.reporting.page.wording import Fact, notes
-from soilmoist_ros.simulation import MissionResult, SeriesRow, forecast_text, mission_efficiency, series_columns
+from soilmoist_ros.simulation import MissionResult, forecast_text, mission_efficiency, series_columns
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
 
@@ -242,7 +242,7 @@ def relations(run: MapRun) -> dict[str, float]:
 
 
 def contribution(found: RunChange) -> str:
-    """What the earlier surveys contributed, in sentences."""
+    """Contribution of the earlier surveys, in sentences."""
     share = 1 - found.sd / found.sd_alone if found.sd_alone > 0 else 0.0
     persistence, fades = found.persistence, ""
     if persistence.decay_days < 1e6:
@@ -256,7 +256,7 @@ def contribution(found: RunChange) -> str:
 
 
 def change_text(found: RunChange) -> str:
-    """What has changed since the latest earlier survey, in sentences."""
+    """Change since the latest earlier survey, in sentences."""
     drier, wetter = found.change.shares
     kind = "rate" if found.change.mean_vwc is None else "moisture"
     mean = found.change.mean_vwc or found.change.mean_rate
@@ -274,7 +274,7 @@ def change_text(found: RunChange) -> str:
 
 
 def change_summary(found: RunChange) -> str:
-    """What has changed since the latest earlier survey, in one line."""
+    """Change since the latest earlier survey, in one line."""
     drier, wetter = found.change.shares
     return (
         f"{change_since(found)}: mean {change_amount(found)}, "
@@ -292,7 +292,7 @@ def change_amount(found: RunChange) -> str:
 
 
 def change_since(found: RunChange) -> str:
-    """What a change compares with."""
+    """Survey that a change compares with, in words."""
     return f"{'compared with the later survey' if found.backwards else 'since the survey'} {dated(found.since)}"
 
 
@@ -328,8 +328,7 @@ def mission_part(run: MapRun) -> Part | None:
     mission = run.mission
     if mission is None:
         return None
-    has_truth = bool(np.isfinite(mission.truth_rate).any())
-    charts = list(course_charts(mission.series, has_truth)) if mission.series else []
+    charts = list(course_charts(mission))
     if (forecasts := forecast_chart(mission.forecasts, 3600 * mission.settings.hours)) is not None:
         charts.append(forecasts)
     visits = mission.visits
@@ -388,13 +387,15 @@ def _text(mission: MissionResult) -> str:
     return ". ".join(sentences) + "."
 
 
-def course_charts(series: Sequence[SeriesRow], has_truth: bool = True) -> Iterator[Chart]:
+def course_charts(mission: MissionResult) -> Iterator[Chart]:
     """Error, coverage and distance against time; without a truth, only the distance."""
-    columns = series_columns(series, [""])
+    if not mission.series:
+        return
+    columns = series_columns(mission.series, [""])
     hours = columns["time_s"] / 3600
     x = (0.0, max(float(hours[-1]), 1e-9))
     known = columns["mse"][np.isfinite(columns["mse"]) & (columns["mse"] > 0)]
-    if has_truth and len(known):
+    if len(known) and np.isfinite(mission.truth_rate).any():
         logarithm = np.log10(np.where(columns["mse"] > 0, columns["mse"], np.nan))
         low, high = math.floor(np.log10(known.min())), math.ceil(np.log10(known.max()) + 1e-9)
         steps = (1, 2, 5) if high - low <= 2 else (1,)

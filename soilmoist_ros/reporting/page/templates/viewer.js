@@ -287,7 +287,8 @@
     return found.concat(nearby());
   }
   function nearest(name) {
-    const away = data[name].map((item) => Math.hypot(item[0] - place.x, item[1] - place.y)), least = Math.min(...away);
+    const away = data[name].map((item) => Math.hypot(item[0] - place.x, item[1] - place.y));
+    const least = away.reduce((low, one) => Math.min(low, one), Infinity);
     return on(name) && least <= NEAR_PX / scale ? away.lastIndexOf(least) : -1;
   }
   function nearby() {
