@@ -220,13 +220,15 @@ class _MappedTwice(_Simulation):
     The map decides nothing in such a mission, and the maps take most of the computing time.
     """
 
-    def update_map(self, later: bool = False) -> None:
-        if all(robot.ended for robot in self.robots):
-            super().update_map()
+    def __init__(self, settings: MissionSettings) -> None:
+        super().__init__(settings)
+        for channel in self.channels:
+            channel.update_later = lambda now_s: None
 
     def enter_series(self) -> None:
         if self.now_s == 900 * self.settings.hours:
-            super().update_map()
+            for channel in self.channels:
+                channel.update(self.now_s)
         super().enter_series()
 
 
