@@ -147,8 +147,8 @@ def compare(neptoon_python: str, save: bool) -> None:
         folder = Path(name)
         sites = {curve: calibrated(curve, CORES, folder) for curve in ("desilets", "universal")}
         sites["middles"] = calibrated("desilets", middles(folder), folder)
-    site, results = sites["desilets"], {curve: ours(of, stamps) for curve, of in sites.items()}
-    mine, settings = results["desilets"], site.corrections_parameters
+    site, of_curve = sites["desilets"], {curve: ours(of, stamps) for curve, of in sites.items()}
+    mine, settings = of_curve["desilets"], site.corrections_parameters
     assert site.soil is not None
     assert site.calibration is not None
     assert site.location is not None
@@ -208,8 +208,8 @@ def compare(neptoon_python: str, save: bool) -> None:
     ):
         mine_whole = np.where(whole, mine[key], np.nan)
         rows.append([label, *(difference(mine_whole, np.array(of[key]), relative) for of in (theirs, neptoon))])
-    settings = "largest differences from soilmoist_ros of all hours, settings of config/sites/station_kansas.yaml"
-    results.publish("programs_same", rows[0], rows[1:], settings, save)
+    about = "largest differences from soilmoist_ros of all hours, settings of config/sites/station_kansas.yaml"
+    results.publish("programs_same", rows[0], rows[1:], about, save)
 
     reference_hpa, beta = float(record["pressure_hpa"].mean()), 1 / 130
     own = crnpy_rates(record, beta, reference_hpa)
@@ -232,11 +232,11 @@ def compare(neptoon_python: str, save: bool) -> None:
         ),
         "soilmoist_ros, universal": (
             settings.reference_pressure_hpa, settings.beta_per_hpa, note["universal"],
-            sites["universal"].calibration.n0_cps, results["universal"]["vwc"],
+            sites["universal"].calibration.n0_cps, of_curve["universal"]["vwc"],
         ),
         "soilmoist_ros, Desilets, cores at their middles": (
             settings.reference_pressure_hpa, settings.beta_per_hpa, note["middles"],
-            sites["middles"].calibration.n0_cps, results["middles"]["vwc"],
+            sites["middles"].calibration.n0_cps, of_curve["middles"]["vwc"],
         ),
         "crnpy, Desilets": (reference_hpa, beta, f"{mean:.3f}", n0, own_vwc),
         "neptoon, Desilets": (
@@ -263,8 +263,8 @@ def compare(neptoon_python: str, save: bool) -> None:
                 f"{np.min(six):.3f}", f"{np.max(six):.3f}", f"{np.max(np.abs(six - base)):.3f}",
             ]
         )  # fmt: skip
-    settings = "moistures are means of six hours; the same cores and the same day"
-    results.publish("programs_own", rows[0], rows[1:], settings, save)
+    about = "moistures are means of six hours; the same cores and the same day"
+    results.publish("programs_own", rows[0], rows[1:], about, save)
     print(f"cutoff rigidity {rigidity_gv:.2f} GV (crnpy); hours with a masked tube: {int(np.sum(~whole[1:]))}")
     if save:
         draw(stamps, {label: values[-1] for label, values in series.items()})
