@@ -35,10 +35,10 @@ STAMP_S = 1780000000.1234567
 VARIOGRAM = Variogram("matern32", 0.01, 12.0, 0.2)
 
 
-def a_map(grid, curve=None, variogram=VARIOGRAM, **options):
+def a_map(grid, curve=None, **options):
     places = grid.cells[:: max(1, len(grid.cells) // 5)] + 0.3
     samples = Samples(places, np.full(len(places), 4000), np.full(len(places), 1000.0))
-    return make_soil_map(samples, grid, variogram, curve, **options)
+    return make_soil_map(samples, grid, VARIOGRAM, curve, **options)
 
 
 def rectangle(west, south, columns, rows, cell_m, hole=False):

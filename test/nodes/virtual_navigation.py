@@ -31,7 +31,7 @@ from msg_adapters.point_cloud import to_time
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.model import Variogram
@@ -51,17 +51,15 @@ SHED = Stop("shed", -10.0, 5.0)
 CADENCE_S, SPEED_MPS = 10.0, 1.0
 
 
-def make_map(move=None, without=()):
-    """A lattice in the field, with an edge to a shed outside; in the frame of a navigation that is moved.
+def make_map(without=()):
+    """A lattice in the field, with an edge to a shed outside.
 
-    :param move: from the plane of the field
     :param without: two nodes that no edge connects
     """
     ends = [(a.name, b.name) for a in STOPS for b in STOPS if math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) == 10]
     ends += [("shed", "n00"), ("n00", "shed")]
     ends = [edge for edge in ends if set(edge) != set(without)]
-    graph = TravelGraph.from_edges([*STOPS, SHED], ends).moved(move or PlaneMove())
-    return make_topological_map(graph, "test", datetime(2026, 1, 1))
+    return make_topological_map(TravelGraph.from_edges([*STOPS, SHED], ends), "test", datetime(2026, 1, 1))
 
 
 class World:
@@ -69,12 +67,10 @@ class World:
 
     :param ros: the ROS system of the test
     :param rate: simulated time per real time
-    :param navigations_map: map of the navigation as JSON
     """
 
-    def __init__(self, ros, rate=45.0, namespace="", clock=True, mapper=True, navigations_map=None):
+    def __init__(self, ros, rate=45.0, namespace="", clock=True, mapper=True):
         self.rate, self.mapper = rate, mapper
-        self.navigations_map = navigations_map or make_map().to_json()
         self.now_s, self.place, self.goal = START_S, (-10.0, 5.0), None
         self.sensor = True
         self.frame, self.stamped_ahead_s, self.last_record_s = "map", 0.0, START_S
@@ -91,7 +87,7 @@ class World:
         self.thread = threading.Thread(target=self.run, daemon=True)
 
     def __enter__(self):
-        self.maps.publish(String(data=self.navigations_map))
+        self.maps.publish(String(data=make_map().to_json()))
         self.thread.start()
         return self
 
