@@ -254,7 +254,7 @@ def earlier(planner: Mapping[str, object]) -> dict[str, str]:
 
 
 def stored_records(planner: Mapping[str, object], out: str, namespace: str) -> dict[str, object]:
-    """Where driver and mappers store records: the same for respawned nodes."""
+    """Folder where driver and mappers store records; respawned nodes use it again."""
     journal_dir, recordings = str(planner.get("journal_dir", "")), Path(out or RECORDINGS).expanduser().absolute()
     journal_path = Path(journal_dir).expanduser() if journal_dir else None
     session = open_session(

@@ -69,7 +69,7 @@ REMOVED: Final = {
 }
 """Parameters of earlier releases that a file may still set: what holds instead."""
 OF_OTHERS: Final = ("max_stamp_age_s", "max_stamp_ahead_s", "silence_limit_s")
-"""Those that mapper or driver still have: only the planner, which has a strategy, says that it has not."""
+"""Removed parameters of the planner that mapper or driver still have: only the planner warns of them."""
 _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
 _ROS_KINDS = {bool: "bool", int: "integer", float: "double", str: "string", list: "string_array"}
 NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver")

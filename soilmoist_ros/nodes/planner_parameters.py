@@ -22,7 +22,6 @@ from soilmoist_ros.exploration import (
     Outside,
     Response,
     RobotMotion,
-    Stop,
     Team,
     Watch,
     WatchLimits,
@@ -190,14 +189,13 @@ def _required(calibration: MoistureCurve | None) -> MoistureCurve:
     return calibration
 
 
-def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop | None = None) -> MissionRules:
+def mission_rules(parameters: Parameters, settings: ExplorerSettings) -> MissionRules:
     """Rules of the mission."""
     number = parameters.number
     recommended = settings.preset == "recommended"
     return MissionRules(
         budget_s=number("hours") * 3600,
         dwell=parse_dwell(parameters.text("dwell")),
-        home=home,
         warm_up_stops=settings.warm_up_stops,
         min_dwell_s=number("min_dwell_s"),
         min_last_dwell_s=number("min_dwell_s") + RECORD_S if recommended else PUBLISHED_MIN_LAST_DWELL_S,
@@ -215,7 +213,7 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop
 
 
 def failsafe_responses(parameters: Parameters) -> dict[Cause, Response]:
-    """What follows each cause."""
+    """Response to each cause."""
     responses = {cause: failsafe.response for cause, failsafe in FAILSAFES.items()}
     for text in parameters.texts("failsafes"):
         cause, _, response = (part.strip() for part in text.partition(":"))

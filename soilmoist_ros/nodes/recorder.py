@@ -135,8 +135,9 @@ class Recorder(Node):
             (_CONFIGURATION_S, lambda: self._aside.do(self._keep_configuration, "storing the configuration")),
         ]
         if math.isfinite(self._limit_bytes):
-            self._aside.do(self._keep_limits, "the limits of bags")
-            timers.append((_LIMITS_S, lambda: self._aside.do(self._keep_limits, "the limits of bags")))
+            keep = partial(self._aside.do, self._keep_limits, "the limits of bags")
+            keep()
+            timers.append((_LIMITS_S, keep))
         for period_s, call in timers:
             self.create_timer(period_s, call, clock=steady)
 
