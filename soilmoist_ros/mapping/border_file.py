@@ -473,17 +473,18 @@ def _geojson(source: BorderSource) -> _Content:
     content = content if isinstance(content, dict) else {}
     if content.get("type") == "Topology" or "spatialReference" in content or "values" in content:
         raise InputError("is JSON of another kind, not GeoJSON", "export the border as GeoJSON", path)
-    nodes = content.get("features") if isinstance(content.get("features"), list) else [content]
+    nodes = content.get("features")
     features, systems = list[_Feature](), [_crs_of_geojson(content, path)]
-    for node in nodes if isinstance(nodes, list) else []:
+    for node in nodes if isinstance(nodes, list) else [content]:
         if not isinstance(node, dict):
             continue
         is_feature = node.get("type") == "Feature" or isinstance(node.get("geometry"), dict)
         geometry = node.get("geometry") if is_feature else node
         systems += [_crs_of_geojson(one, path) for one in (node, geometry)]  # as databases write them
-        properties = node.get("properties") if isinstance(node.get("properties"), dict) else {}
+        properties = node.get("properties")
         known = {"id": node["id"]} if isinstance(node.get("id"), str | int) else {}
-        features.append(_feature({**known, **(properties or {})}, geometry, path=path))
+        known |= properties if isinstance(properties, dict) else {}
+        features.append(_feature(known, geometry, path=path))
     systems = [name for name in systems if name]
     if other := [name for name in systems[1:] if not _same_crs(name, systems[0])]:
         raise InputError(f"names two reference systems, {systems[0]} and {other[0]}", "export it in WGS-84", path)

@@ -80,8 +80,6 @@ class CovariateSource:
 
         :raises InputError: if the file cannot be read, or has no such band or attribute
         """
-        if not self.path.is_file():
-            raise InputError("there is no such file of covariates", "check its path", self.path)
         if self.has_polygons:
             used, names = attribute_of(self.path, self.band)
             others, what = [name for name in names if name != used], "attributes"
@@ -97,8 +95,10 @@ class CovariateSource:
     def has_polygons(self) -> bool:
         """True if the file has polygons, by its ending.
 
-        :raises InputError: if something would be derived from them
+        :raises InputError: if there is no such file, or something would be derived from polygons
         """
+        if not self.path.is_file():
+            raise InputError("there is no such file of covariates", "check its path", self.path)
         found = self.path.suffix.lower() in BEGINNINGS
         if found and self.derive:
             raise InputError("has polygons: nothing is derived from them", "remove 'derive'", self.path)
@@ -315,7 +315,6 @@ def read_covariates(sources: Sequence[CovariateSource], frame: LocalFrame, grid:
 
 def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapping[str, Array]:
     """The checked rasters of a source by their names, shape (ny, nx) each."""
-    source.unused_parts()
     layers = (_of_polygons if source.has_polygons else _of_raster)(source, frame, grid)
     for name, values in layers.items():
         inside = values[grid.mask & np.isfinite(values)]
@@ -335,7 +334,7 @@ def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapp
 
 
 def _derived(source: CovariateSource, bands: RasterBands) -> tuple[tuple[Derived, ...], int]:
-    """What is made of the elevations in a raster, and the number of its band."""
+    """Layers that are derived from the elevations in a raster, and the number of its band."""
     derive, band = source.derive, source.band
     if not derive and band in DERIVED and band not in bands.names:
         derive, band = (band,), ""

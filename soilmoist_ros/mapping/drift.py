@@ -251,7 +251,7 @@ class Change:
 
     @property
     def text(self) -> str:
-        """Change of the mean rate, in words; empty if it did not."""
+        """Change of the mean rate, in words; empty if there is none."""
         if self.jump is not None and self._is_jump:
             return self.jump.text
         if self.drift is None:

@@ -38,7 +38,7 @@ SIMULATED = "simulated time, or the time since the device was switched on"
 
 
 class FixStatus(enum.IntEnum):
-    """True if there is a fix, and its augmentation; the numbers are those of sensor_msgs/NavSatStatus."""
+    """Fix and its augmentation, or none; sensor_msgs/NavSatStatus has these numbers."""
 
     NO_FIX = -1
     FIX = 0

@@ -83,7 +83,7 @@ class VariogramFit:
 
     @property
     def local_text(self) -> str:
-        """True if the rate varies more here than there, and the evidence, in words."""
+        """Verdict on a variance that differs from place to place, and the evidence, in words."""
         if self.local is None:
             return "not tested"
         evidence = f"logarithm of the Bayes factor {self.local.evidence:.1f}"

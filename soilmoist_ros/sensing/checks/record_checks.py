@@ -24,7 +24,7 @@ from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 STOP_RADIUS_M = 3.0  # places closer than this to the first record of a stop belong to the stop [m]
 STOP_CHANGE = (2.0, 1.5)
 """Factors by which the rate at one place may fall and rise between records: snow or a flood, and drying."""
-DRIVING_CHANGE = (3.0, 3.0)  # the same on the way: from dry soil to water
+DRIVING_CHANGE = (3.0, 3.0)  # such factors while driving: from dry soil to water
 LAST_RECORDS = 30  # number of last good records with which a record is compared
 MIN_AT_STOP = 3  # number of records at a stop from which a record is compared with them alone
 MAX_AGE_S = 86400.0  # age up to which records are compared [s]

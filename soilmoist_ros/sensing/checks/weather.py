@@ -79,8 +79,7 @@ class WeatherChecks:
     def check(self, record: LoggerRecord, altitude_m: float = NAN) -> tuple[LoggerRecord, list[Finding]]:
         """The record without impossible values, which become NaN, and its faults."""
         wrong: dict[str, tuple[str, str]] = {}
-        low, high = pressure_limits_hpa(altitude_m)
-        limits = AIR | {"pressure_hpa": (low, high, "hPa", 1.0, "pressure")}
+        limits = AIR | {"pressure_hpa": (*pressure_limits_hpa(altitude_m), "hPa", 1.0, "pressure")}
         for name, (low, high, unit, scale, quantity) in limits.items():
             value = float(getattr(record, name))
             if not (math.isnan(value) or low <= value <= high):

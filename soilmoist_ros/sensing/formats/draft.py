@@ -92,12 +92,12 @@ def draft_format(path: Path, time: Sequence[str] = (), counts: Sequence[str] = (
     draft += [f"title: {_quoted(path.stem)}", f"source: {_quoted(f'drafted from {path.name}')}"]
     draft += [f"{key}: {_quoted(value)}" for key, value in keys.items()]
     free = [column for column in columns if column.texts]
-    used = stamped = _given(time, free, path) or _stamp_columns(free, path)
-    stamps = _time(draft, stamped, path)
+    used = _given(time, free, path) or _stamp_columns(free, path)
+    step_s = _step_s(_time(draft, used, path))
     chosen = _given(counts, free, path)
     for part in (_counts, _live_time, _weather, _position):
         free = [column for column in free if column not in used]
-        used = part(draft, free, chosen=chosen, step_s=_step_s(stamps), path=path)
+        used = part(draft, free, chosen=chosen, step_s=step_s, path=path)
     unused = [column.name for column in free if column not in used]
     return "\n".join([*draft, *([f"# Not used: {', '.join(unused)}."] if unused else [])]) + "\n"
 

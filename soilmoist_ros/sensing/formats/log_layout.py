@@ -261,7 +261,7 @@ def _find_live(columns: _Columns, logger: LoggerFormat, tubes: Sequence[int]) ->
 
 @dataclass(frozen=True)
 class LogHeader:
-    """What the lines of a log need of its header: names, units, and serial number and record period as written.
+    """Parts of a header that the lines of a log need: names, units, serial number and record period as written.
 
     :param stored_s: when an earlier header was stored [s since 1970 UTC], NaN if unknown
     """

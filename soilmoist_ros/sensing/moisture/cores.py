@@ -313,19 +313,15 @@ def _differences(cores: Sequence[SoilCore], rows: Sequence[_Row], path: Path) ->
             yield Mistake(
                 f"only {len(cores) - len(lacking)} of {len(cores)} cores have {what}", remedy, path, lacking[0]
             )
-    if max((core.vwc for core in cores), default=1.0) < _DRIEST:
+    wettest = max((core.vwc for core in cores), default=1.0)
+    if wettest < _DRIEST:
         column = names.get("vwc", names.get("gravimetric_water", ""))
         remedy = (
             f"name the column {_OTHER_UNITS[column][0]} if it is a fraction"
             if column in _OTHER_UNITS
             else "check the values"
         )
-        yield Mistake(
-            f"no core has more than {max(core.vwc for core in cores):.2g} m3/m3 of water",
-            remedy,
-            path,
-            column=column,
-        )
+        yield Mistake(f"no core has more than {wettest:.2g} m3/m3 of water", remedy, path, column=column)
     if len({core.bottom_cm > core.top_cm for core in cores}) > 1:
         yield Mistake(
             "some cores have a thickness and some do not", "give all top_cm and bottom_cm, or all depth_cm", path
