@@ -21,3 +21,10 @@ records = st.builds(
 def record(x_m=10.0, y_m=20.0, **changes):
     values = {"stamp_s": 7.0, "z_m": NAN, "raw_counts": 40, "exposure_s": 10.0, "effective_exposure_s": 9.0}
     return CountRecord(x_m=x_m, y_m=y_m, **{**values, **changes})
+
+
+def drive(count, step_m=(6.0, 0.0), start=(5.0, 20.0)):
+    """Records of 10 s, one after the other."""
+    return [
+        record(start[0] + i * step_m[0], start[1] + i * step_m[1], stamp_s=100.0 + 10.0 * i) for i in range(count)
+    ]

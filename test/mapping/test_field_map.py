@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from count_records import record, records
+from count_records import drive, record, records
 from soilmoist_ros.mapping import FieldGrid, Samples, make_soil_map
 from soilmoist_ros.mapping.field_map import (
     RECENT,
@@ -186,14 +186,6 @@ def test_settings_out_of_range_are_refused():
 
 
 # -- counts gathered while driving, and over a footprint --------------------------------------------------
-
-
-def drive(count, step_m=(6.0, 0.0), start=(5.0, 20.0), first_s=100.0, **changes):
-    """Records of 10 s, one after the other."""
-    return [
-        record(start[0] + i * step_m[0], start[1] + i * step_m[1], stamp_s=first_s + 10.0 * i, **changes)
-        for i in range(count)
-    ]
 
 
 def test_records_of_a_drive_have_an_extent_and_those_of_a_stop_have_none():

@@ -94,10 +94,10 @@ def _stacked(surveys):
     return xy, np.repeat(np.arange(len(surveys)), [len(one) for one in surveys])
 
 
-def simulated(surveys, samples, rho, seed=0, grid=GRID):
+def simulated(surveys, samples, rho, seed=0):
     """Samples of surveys whose patterns have the correlation rho, and the rate of the last one in the cells."""
     rng = np.random.default_rng(seed)
-    xy = np.concatenate([grid.cells, rng.uniform([0, 0], [60, 50], (surveys * samples, 2))])
+    xy = np.concatenate([GRID.cells, rng.uniform([0, 0], [60, 50], (surveys * samples, 2))])
     distance = np.linalg.norm(xy[:, None] - xy, axis=-1)
     factor = np.linalg.cholesky(VARIOGRAM.correlation(distance) + 1e-9 * np.eye(len(xy)))
     pattern_of_all = factor @ rng.standard_normal(len(xy))
@@ -105,9 +105,9 @@ def simulated(surveys, samples, rho, seed=0, grid=GRID):
     for number in range(surveys):
         own = factor @ rng.standard_normal(len(xy))
         rate = 3.0 + 0.5 * (np.sqrt(rho) * pattern_of_all + np.sqrt(1 - rho) * own)
-        here = len(grid.cells) + samples * number + np.arange(samples)
+        here = len(GRID.cells) + samples * number + np.arange(samples)
         made.append(Samples(xy[here], rng.poisson(np.maximum(rate[here], 0.1) * 40.0), np.full(samples, 40.0)))
-    return made, rate[: len(grid.cells)]
+    return made, rate[: len(GRID.cells)]
 
 
 def conditioned(surveys, loadings, candidates, covariates=None, effect_sd=(), share=1.0):
@@ -310,11 +310,11 @@ def test_of_very_many_samples_neighbours_are_pooled():
     assert errors[1] < 1.3 * errors[0]
 
 
-def surveys_of_a_season(rho, odd=None, days=7.0, count=5):
+def surveys_of_a_season(rho, odd=None, count=5):
     made, _ = simulated(count + 1, 40, rho)
     if odd is not None:
         made[odd] = simulated(1, 40, 1.0, seed=77)[0][0]
-    earlier = [EarlierSurvey(f"week {number}", 86400.0 * days * number, made[number]) for number in range(count)]
+    earlier = [EarlierSurvey(f"week {number}", 86400.0 * 7.0 * number, made[number]) for number in range(count)]
     return Knowledge(tuple(earlier)), made[-1]
 
 

@@ -25,8 +25,8 @@ def field_at(latitude_deg, longitude_deg):
     return Field("north", LocalFrame(latitude_deg, longitude_deg), RECTANGLE)
 
 
-def records_in(field, count=50):
-    return field.frame.to_geographic(RNG.uniform((5.0, 5.0), (295.0, 195.0), (count, 2)))
+def records_in(field):
+    return field.frame.to_geographic(RNG.uniform((5.0, 5.0), (295.0, 195.0), (50, 2)))
 
 
 KANSAS, ENGLAND = field_at(38.712, -97.431), field_at(53.268, -0.5245)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from count_records import record, records
+from count_records import drive, records
 from soilmoist_ros.mapping.records import DrivenPaths, SampleMerger, StampLimits
 from soilmoist_ros.mapping.samples import MIN_SPREAD_M2, path_spread
 
@@ -36,10 +36,10 @@ def test_stamps(stamp_s, clock_s, fault):
     assert StampLimits().fault(stamp_s, clock_s) == fault
 
 
-def merged(places, radius_m, counts=40, exposure_s=10.0):
+def merged(places, radius_m):
     merger = SampleMerger(radius_m)
     for x_m, y_m in places:
-        merger.add(x_m, y_m, counts, exposure_s)
+        merger.add(x_m, y_m, 40, 10.0)
     return merger.samples
 
 
@@ -70,14 +70,6 @@ def test_a_record_joins_the_nearest_sample_and_moves_it_by_its_share_of_the_expo
 def test_a_drive_becomes_a_chain_of_samples_about_two_radii_apart():
     samples = merged([(0.5 * i, 0.0) for i in range(1000)], radius_m=2.5)
     np.testing.assert_allclose(np.diff(samples.xy[:, 0]), 5.0)
-
-
-def drive(count, step_m=(6.0, 0.0), start=(5.0, 20.0), first_s=100.0, **changes):
-    """Records of 10 s, one after the other."""
-    return [
-        record(start[0] + i * step_m[0], start[1] + i * step_m[1], stamp_s=first_s + 10.0 * i, **changes)
-        for i in range(count)
-    ]
 
 
 def spreads(many):

@@ -120,9 +120,9 @@ CHANGED = Variogram("matern32", 0.01, 12.0, 0.3)
 CURVE = CalibrationCurve(8.0, 1.4)
 
 
-def survey(rng: np.random.Generator, rate, exposure_s: float = 1500.0) -> Samples:
+def survey(rng: np.random.Generator, rate) -> Samples:
     xy = rng.uniform(0, (60, 50), (100, 2))
-    return Samples(xy, rng.poisson(rate(xy) * exposure_s), np.full(100, exposure_s))
+    return Samples(xy, rng.poisson(rate(xy) * 1500.0), np.full(100, 1500.0))
 
 
 def pattern(xy: np.ndarray) -> np.ndarray:

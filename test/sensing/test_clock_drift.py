@@ -8,10 +8,10 @@ import pytest
 from soilmoist_ros.sensing.clock_drift import ClockDrift
 
 
-def drift(offsets, period_s=60.0):
+def drift(offsets):
     clock = ClockDrift()
     for number, offset_s in enumerate(offsets):
-        clock.add(1.7e9 + period_s * number, float(offset_s))
+        clock.add(1.7e9 + 60.0 * number, float(offset_s))
     return clock
 
 

@@ -176,11 +176,11 @@ def port():
         return probe.getsockname()[1]
 
 
-def send(data, port, sender, to="127.0.0.1"):
+def send(data, port, sender):
     """A datagram from an address of this machine."""
     with socket.socket(type=socket.SOCK_DGRAM) as one:
         one.bind((sender, 0))
-        one.sendto(data, (to, port))
+        one.sendto(data, ("127.0.0.1", port))
 
 
 def listening(source):

@@ -18,13 +18,13 @@ WINDOW = np.stack(np.meshgrid(np.linspace(50, 110, 17), np.linspace(-5, 55, 17))
 
 
 @functools.cache
-def survey(variogram, n=900, exposure_s=10.0, seed=3, spread=None):
+def survey(variogram, n=900, spread=None):
     """Counts at random places of a random field with this variogram, one sample per 6 m x 6 m or so."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(3)
     xy = rng.uniform(0, SIDE_M, (n, 2))
     covariance = variogram.covariance(cdist(xy, xy)) + 1e-9 * np.eye(n)
     rate = np.maximum(4 + cholesky(covariance, lower=True) @ rng.normal(size=n), 0.3)
-    return Samples(xy, rng.poisson(rate * exposure_s), np.full(n, exposure_s), np.array(spread or (0, 0, 0)))
+    return Samples(xy, rng.poisson(rate * 10.0), np.full(n, 10.0), np.array(spread or (0, 0, 0)))
 
 
 def fitted(kriging, samples):

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from soilmoist_ros.mapping.variogram.field_prior import Effect, FieldPrior
 
 
-def prior(scale=(1.0, 2.0)):
+def prior():
     return FieldPrior(
         lambda xy: np.column_stack([xy[:, 0], xy[:, 0] * xy[:, 1]]),
-        np.array(scale),
+        np.array([1.0, 2.0]),
         np.array([[-0.3, 0.1], [0.1, 0.5]]),
         np.array([1.0, -0.5]),
     )

@@ -11,12 +11,12 @@ from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 METHODS = ["reml", "soft_l1"]
 
 
-def simulated(n=72, seed=0, truth=None, side=210.0, exposure_s=600.0):
-    truth = truth or Variogram("matern32", 0.01, 40.0, 0.3)
+def simulated(n=72, seed=0, side=210.0):
+    truth = Variogram("matern32", 0.01, 40.0, 0.3)
     rng = np.random.default_rng(seed)
     xy = rng.uniform(0, side, (n, 2))
     rate = 4 + np.linalg.cholesky(truth.covariance(cdist(xy, xy))) @ rng.standard_normal(n)
-    return xy, rng.poisson(rate * exposure_s), np.full(n, exposure_s)
+    return xy, rng.poisson(rate * 600.0), np.full(n, 600.0)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -24,12 +24,12 @@ VARIOGRAM = Variogram("matern32", 0.01, 15.0, 1.0)
 TURNED = Variogram("exponential", 0.0, 20.0, 0.8, 4.0, 30.0)
 
 
-def survey(n, exposure_s=60.0, seed=1):
+def survey(n):
     """Counts on a field of 60 x 50 m, 2.5 counts/s in the west and 5 in the east."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     xy = rng.uniform(0, (60, 50), (n, 2))
     rate = np.where(xy[:, 0] < 30, 2.5, 5.0)
-    return Samples(xy, rng.poisson(rate * exposure_s), np.full(n, exposure_s)), rate
+    return Samples(xy, rng.poisson(rate * 60.0), np.full(n, 60.0)), rate
 
 
 @pytest.mark.parametrize("n", [60, 129, 1000])
@@ -70,13 +70,13 @@ UNEVEN = {"family": "halves", "mean": 4.0, "sd": 0.9, "flat_sd": 0.12, "range_m"
 EVEN = {"family": "exponential", "mean": 4.0, "sd": 0.6, "range_m": 12.0}
 
 
-def rough_survey(parameters, seed, n=200, exposure_s=40.0):
+def rough_survey(parameters, seed, n=200):
     """Samples at random places of a drawn field, and its true rate."""
     rng = np.random.default_rng(seed)
     parameters = dict(parameters)
     truth = formula(parameters.pop("family"), **parameters).function(EXTENT, rng)
     xy = rng.uniform((0, 0), (60, 50), (n, 2))
-    return Samples(xy, rng.poisson(truth(xy) * exposure_s).astype(float), np.full(n, exposure_s)), truth
+    return Samples(xy, rng.poisson(truth(xy) * 40.0).astype(float), np.full(n, 40.0)), truth
 
 
 def estimate(samples, box=GRID.box):

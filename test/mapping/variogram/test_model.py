@@ -244,11 +244,11 @@ def moments(spread, ratio, angle_deg):
 
 
 @functools.cache
-def counted(ratio, angle_deg, n=120, seed=0, side=100.0, range_m=15.0):
+def counted(ratio, angle_deg, n=120, seed=0):
     """Counts at random places of a random field with this direction."""
-    truth = Variogram("matern32", 0.0, range_m, 0.3)
+    truth = Variogram("matern32", 0.0, 15.0, 0.3)
     rng = np.random.default_rng(seed)
-    xy = rng.uniform(0, side, (n, 2))
+    xy = rng.uniform(0, 100.0, (n, 2))
     there = stretched(xy, ratio, angle_deg)
     covariance = truth.covariance(cdist(there, there)) + 1e-9 * np.eye(n)
     rate = np.maximum(4 + np.linalg.cholesky(covariance) @ rng.standard_normal(n), 0.3)

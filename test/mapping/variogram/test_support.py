@@ -21,15 +21,11 @@ vectors = st.tuples(st.floats(-20, 20), st.floats(-20, 20))
 radii = st.sampled_from([0.0, 5.0, 10.0])
 
 
-def survey(n=25, seed=0, radius_m=0.0, ways_m=8.0):
-    rng = np.random.default_rng(seed)
+def survey(n=25, radius_m=0.0):
+    rng = np.random.default_rng(0)
     xy = rng.uniform(0, 60, (n, 2))
-    spread = path_spread(rng.uniform(-ways_m, ways_m, (n, 2))) + footprint_spread(radius_m)
+    spread = path_spread(rng.uniform(-8.0, 8.0, (n, 2))) + footprint_spread(radius_m)
     return xy, rng.poisson(300, n), rng.uniform(60, 140, n), spread
-
-
-def rotation(angle):
-    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
 
 def way(along_m, steps=400):

@@ -118,12 +118,12 @@ def record(counts, live=10.0) -> LoggerRecord:
     return LoggerRecord(0.0, tuple(float(count) for count in counts), live_s)
 
 
-def simulate(rng, shares, rates, live_s=60.0, missing=0.0):
+def simulate(rng, shares, rates, missing=0.0):
     records = []
     for rate in rates:
-        counts = rng.poisson(shares * rate * live_s).astype(float)
+        counts = rng.poisson(shares * rate * 60.0).astype(float)
         counts[rng.random(len(shares)) < missing] = NAN
-        records.append(record(counts, np.where(np.isnan(counts), NAN, live_s)))
+        records.append(record(counts, np.where(np.isnan(counts), NAN, 60.0)))
     return records
 
 

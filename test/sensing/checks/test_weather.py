@@ -15,13 +15,10 @@ from soilmoist_ros.sensing.records import LoggerRecord, Position
 GOOD = LoggerRecord(1.7e9, (40.0,), (10.0,), 1005.0, 12.0, 0.6, Position(50.0, 10.0, 100.0))
 
 
-def series(pressures, period_s, temperatures=None):
-    temperatures = np.full(len(pressures), 12.0) if temperatures is None else temperatures
+def series(pressures, period_s):
     return [
-        replace(
-            GOOD, stamp_s=1.7e9 + period_s * n, pressure_hpa=float(p), temperature_degc=float(t), position=None
-        )
-        for n, (p, t) in enumerate(zip(pressures, temperatures, strict=True))
+        replace(GOOD, stamp_s=1.7e9 + period_s * n, pressure_hpa=float(p), temperature_degc=12.0, position=None)
+        for n, p in enumerate(pressures)
     ]
 
 

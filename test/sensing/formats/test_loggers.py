@@ -61,9 +61,9 @@ def test_hourly_table_of_a_network(tmp_path) -> None:
     assert kinds(log.problems) == [Kind.NO_COUNTS]
 
 
-def styx_row(stamp: int, cps: float, internal: str = "100100.5", external: str = "*") -> str:
+def styx_row(stamp: int, cps: float) -> str:
     probes = "\t".join(["15000.00", "4.00", "5.50", "21.00"] * 3)
-    air = f"13.4\t30.1\t{internal}\t31.0\t21.5\t{external}\t55.0"
+    air = "13.4\t30.1\t100100.5\t31.0\t21.5\t*\t55.0"
     return f"900\t{stamp}\t{air}\t{probes}\t{cps:.4f}\t05/01/2024\t10:00:00\t"
 
 
@@ -103,10 +103,10 @@ def row(clock: str, number: int, counts: tuple[object, object] = (755, 870), air
     return f'"2021-09-22 {clock}",{number},"KS,003",38.23461,-97.57095,455,{counts[0]},{counts[1]},{air}\n'
 
 
-def read(tmp_path: Path, text: str, logger: str | None = None) -> LogFile:
+def read(tmp_path: Path, text: str) -> LogFile:
     path = tmp_path / "table.dat"
     path.write_bytes(text.replace("\n", "\r\n").encode())
-    return read_log(path, logger)
+    return read_log(path)
 
 
 def test_a_table_is_recognised_and_read(tmp_path) -> None:

@@ -24,18 +24,16 @@ def sentence(body: str) -> bytes:
     return f"${body}*{nmea_checksum(body.encode()):02X}".encode()
 
 
-def gga(
-    clock="100000.00", lat="5231.1000,N", lon="01324.6000,E", quality="1", hdop="0.8", altitude="35.5"
-) -> bytes:
-    return sentence(f"GNGGA,{clock},{lat},{lon},{quality},12,{hdop},{altitude},M,44.0,M,,")
+def gga(clock="100000.00", lat="5231.1000,N", lon="01324.6000,E", quality="1") -> bytes:
+    return sentence(f"GNGGA,{clock},{lat},{lon},{quality},12,0.8,35.5,M,44.0,M,,")
 
 
-def rmc(clock="100000.00", status="A", date="010524", lat="5231.1000,N", lon="01324.6000,E", mode="A") -> bytes:
-    return sentence(f"GNRMC,{clock},{status},{lat},{lon},1.944,90.0,{date},,,{mode}")
+def rmc(clock="100000.00", status="A", date="010524", lat="5231.1000,N", lon="01324.6000,E") -> bytes:
+    return sentence(f"GNRMC,{clock},{status},{lat},{lon},1.944,90.0,{date},,,A")
 
 
-def gst(clock="100000.00", ellipse="0.03,0.01,30.0", axes="0.02,0.03,0.05") -> bytes:
-    return sentence(f"GNGST,{clock},0.1,{ellipse},{axes}")
+def gst(ellipse="0.03,0.01,30.0") -> bytes:
+    return sentence(f"GNGST,100000.00,0.1,{ellipse},0.02,0.03,0.05")
 
 
 def stamp(text: str) -> float:

@@ -27,11 +27,11 @@ from soilmoist_ros.sensing.records import CountRecord
 LIMITS = PlaceLimits()
 
 
-def confirmed(limits=LIMITS, place=(0.0, 0.0), now_s=0.0):
+def confirmed(now_s=0.0):
     """A filter that knows a place."""
-    places = PlaceJudge(limits)
-    for number in range(limits.first_fixes):
-        verdict = places.take(PlaceFix(now_s - limits.first_fixes + 1 + number, *place))
+    places = PlaceJudge(LIMITS)
+    for number in range(LIMITS.first_fixes):
+        verdict = places.take(PlaceFix(now_s - LIMITS.first_fixes + 1 + number, 0.0, 0.0))
     assert verdict is Verdict.PLAUSIBLE
     return places
 

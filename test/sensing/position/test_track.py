@@ -18,8 +18,8 @@ from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.survey import Survey
 
 
-def fix(stamp_s, latitude=52.0, longitude=13.0, altitude=30.0, sd=0.02, status=FixStatus.RTK) -> Fix:
-    return Fix(stamp_s, Position(latitude, longitude, altitude, sd), status)
+def fix(stamp_s, latitude=52.0, longitude=13.0, altitude=30.0, sd=0.02) -> Fix:
+    return Fix(stamp_s, Position(latitude, longitude, altitude, sd), FixStatus.RTK)
 
 
 LINE = [fix(0.0, 52.0, 13.0, 30.0, 0.02), fix(10.0, 52.2, 13.1, 40.0, 0.05)]
@@ -74,12 +74,12 @@ def seen_from(base, offset, heading):
     return base[0] + cosine * offset[0] - sine * offset[1], base[1] + sine * offset[0] + cosine * offset[1]
 
 
-def surveyed(arms, heading, steps=30):
+def surveyed(arms, heading):
     """Records of a drive of a metre a second along a heading, and the problems; and where the sensor was."""
     problems = []
     survey = Survey(SITE, FRAME, arms=arms, on_problem=problems.append)
     records, wanted = [], []
-    for second in range(steps):
+    for second in range(30):
         base = (second * math.cos(heading), second * math.sin(heading))
         antenna = seen_from(base, arms.antenna_m, heading)
         survey.take_fix(Fix(1000.0 + second, position(*antenna), FixStatus.RTK))

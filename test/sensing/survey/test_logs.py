@@ -36,8 +36,8 @@ def record(elapsed_s, counts=5.0, **values):
     )
 
 
-def write_log(path: Path, records, serial="a"):
-    path.write_text("\n".join([format_header(serial), *map(format_record, records)]) + "\n")
+def write_log(path: Path, records):
+    path.write_text("\n".join([format_header("a"), *map(format_record, records)]) + "\n")
     return read_log(path, "thorvald_crs")
 
 

@@ -223,12 +223,12 @@ def sent(number, **values):
     return format_record(record).encode()
 
 
-def health(lines, heard_s=2 * NO_RECORD_S, site=None, logger="thorvald_crs", n_bytes=400):
-    stream = SensorStream(site or Site(), LocalFrame(50.0, 10.0), logger)
+def health(lines):
+    stream = SensorStream(Site(), LocalFrame(50.0, 10.0), "thorvald_crs")
     for one in lines:
         stream.take_logger_line(one, 0.0)
     stream.take_ready(1e9)
-    return records_health(stream, BEGIN + 20.0, n_bytes, heard_s)
+    return records_health(stream, BEGIN + 20.0, 400, 2 * NO_RECORD_S)
 
 
 WRONG_SUM = [sent(number)[:-2] + b"00" for number in range(5)]
