@@ -396,6 +396,9 @@ class ReconnectingSource:
     def close(self) -> None:
         """Close the link."""
         self._closed.set()
+        self._close_connection()
+
+    def _close_connection(self) -> None:
         if (connection := self._connection) is not None:
             with contextlib.suppress(OSError):  # of an adapter that was unplugged
                 connection.close()
@@ -414,7 +417,7 @@ class ReconnectingSource:
         self._connections += 1
         self._heard_at_s = self._clock()
         if self._closed.is_set():  # during the attempt
-            self._connection.close()
+            self._close_connection()
 
     def _receive(self, connection: Connection, left_s: float) -> None:
         quiet_s, limit_s = self._clock() - self._heard_at_s, self._retry.silence_limit_s
@@ -441,10 +444,8 @@ class ReconnectingSource:
             self._attempts = 0
 
     def _fail(self, error: Exception) -> None:
-        if self._connection is not None:
-            with contextlib.suppress(OSError):
-                self._connection.close()
-            self._connection = None
+        self._close_connection()
+        self._connection = None
         self._buffer.drop_rest()
         if self._closed.is_set():
             return

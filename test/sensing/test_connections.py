@@ -197,6 +197,13 @@ def test_closing_a_device_that_is_gone_is_no_error():
     assert source.read_line(LIMIT_S) == b"a"
     source.close()
 
+    def connect():
+        late.close()
+        return Connection(lambda timeout_s: b"a\n", close)
+
+    late = ReconnectingSource("serial:///dev/ttyUSB0", connect)
+    assert late.read_line(LIMIT_S) is None
+
 
 def test_datagrams_of_other_senders_are_dropped_and_counted(port):
     with opened(f"udp://0.0.0.0:{port}?from=127.0.0.2,127.0.5.0/24", RETRY) as source:
