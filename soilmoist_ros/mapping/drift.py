@@ -93,9 +93,7 @@ class TimedSamples:
     def thinned(self, most: int) -> TimedSamples:
         """Every k-th sample, at most ``most`` in all."""
         some = slice(None, None, max(1, -(-len(self.samples) // most)))
-        one = self.samples
-        few = Samples(one.xy[some], one.counts[some], one.exposure_s[some], one.spread[some])
-        return TimedSamples(few, self.time_s[some])
+        return TimedSamples(self.samples.some(some), self.time_s[some])
 
     def nearest(self, places: Samples) -> NDArray[np.intp]:
         """Number of the place nearest to each sample, shape (n,)."""

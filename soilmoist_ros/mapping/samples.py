@@ -32,6 +32,7 @@ _TINY_M2 = 1e-12
 """Rounding allowed in the moments of a spread: of tiny lengths, one product may vanish and another not."""
 _BLOCK_ELEMENTS = 2_000_000
 """Elements of a temporary distance block (16 MB)."""
+_COLUMNS = ("xy", "counts", "exposure_s", "spread")
 
 
 def path_spread(along_m: ArrayLike) -> Array:
@@ -140,8 +141,11 @@ class Samples:
 
     def joined(self, more: Samples) -> Samples:
         """These samples and, behind them, more."""
-        columns = ("xy", "counts", "exposure_s", "spread")
-        return Samples(*(np.concatenate([getattr(self, name), getattr(more, name)]) for name in columns))
+        return Samples(*(np.concatenate([getattr(self, name), getattr(more, name)]) for name in _COLUMNS))
+
+    def some(self, numbers: NDArray[np.intp] | slice) -> Samples:
+        """Samples with these numbers, in their order."""
+        return Samples(*(getattr(self, name)[numbers] for name in _COLUMNS))
 
     def to_dataframe(self) -> pandas.DataFrame:
         """One row a sample: x_m, y_m, raw_counts, effective_exposure_s, rate_cps, rate_sd_cps; needs pandas.

@@ -114,11 +114,6 @@ class _TileModel:
             if len(inside):
                 yield from self.leaves(xy, _Square(low + corner * side / 2, side / 2, inside), most, depth + 1)
 
-    def some(self, number: Indices) -> Samples:
-        """The places with these numbers."""
-        places = self.places
-        return Samples(*(a[number] for a in (places.xy, places.counts, places.exposure_s, places.spread)))
-
     def krige_tile(self, centre: Array, xy: Array) -> Array:
         """Rate and variance of the targets of a tile, shape (2, g)."""
         from scipy.linalg.blas import dtrsm
@@ -126,7 +121,7 @@ class _TileModel:
         nearest = np.arange(len(self.places))
         if self.nearest < len(nearest):
             nearest = np.sort(self.tree.query(centre, self.nearest)[1])
-        near, result = self.some(nearest), np.empty((2, len(xy)))
+        near, result = self.places.some(nearest), np.empty((2, len(xy)))
         factor = self.factor(near)
         right = np.column_stack([near.rate_cps - self.mean, np.ones(len(near))])
         residual, ones = np.ascontiguousarray(dtrsm(1.0, factor, right, lower=1).T)
@@ -283,7 +278,7 @@ class TiledKriging:
     def _with_mean(self, model: _TileModel) -> _TileModel:
         blocks = spatial_blocks(model.places.xy, max(model.nearest, _BLOCK_PLACES), _BLOCK_PLACES)
         ends = np.cumsum([len(block) for block in blocks]).tolist()
-        ordered = replace(model, places=model.some(np.concatenate(blocks)))
+        ordered = replace(model, places=model.places.some(np.concatenate(blocks)))
         ranges = list(zip([0, *ends[:-1]], ends, strict=True))
         information, towards = np.sum(list(self._compute(partial(_mean_sums, ordered), ranges)), axis=0)
         return replace(model, mean=float(towards / information), mean_variance=float(1 / information))
@@ -297,7 +292,7 @@ def _mean_sums(model: _TileModel, block: tuple[int, int]) -> tuple[float, float]
     xy, known = places.xy[start:end], places.xy[:start]
     gap = np.maximum(np.maximum(xy.min(axis=0) - known, known - xy.max(axis=0)), 0)
     before = np.argsort(np.hypot(gap[:, 0], gap[:, 1]), kind="stable")[: max(model.nearest, _BLOCK_PLACES)]
-    some = model.some(np.concatenate([before, np.arange(start, end)]))
+    some = places.some(np.concatenate([before, np.arange(start, end)]))
     right = np.column_stack([np.ones(len(some)), some.rate_cps])
     ones, rate = dtrsm(1.0, model.factor(some), right, lower=1)[len(before) :].T
     return float(ones @ ones), float(ones @ rate)

@@ -105,7 +105,7 @@ def sample_variogram(soil_map: SoilMap) -> list[Classes]:
     simulated surveys at the same places with the same exposures and supports, drawn from the model of the map.
     """
     every, samples = slice(None, None, max(1, -(-len(soil_map.samples) // MAX_PLACES))), soil_map.samples
-    places = Samples(samples.xy[every], samples.counts[every], samples.exposure_s[every], samples.spread[every])
+    places = samples.some(every)
     if len(np.unique(places.xy, axis=0)) < 3 or not soil_map.variogram.sill > 0:
         return []
     return list(_classes(soil_map, places, np.asarray(soil_map.noise_variance)[every]))
