@@ -199,9 +199,7 @@ class Explorer:
             dwell=self.rules.dwell,
             travel_cost_s=np.where(fits, cost_s, np.inf),
             prospect=cache(
-                lambda: self._prospect(
-                    maps, considered, travel_s[rows], cost_s[rows], place, request, of_candidates=rows
-                )
+                lambda: self._prospect(maps, considered, travel_s[rows], cost_s[rows], place, request, rows)
             ),
         )
 
@@ -233,7 +231,7 @@ class Explorer:
         cost_s: Array,
         position_xy: tuple[float, float],
         request: RequestPlan,
-        of_candidates: NDArray[np.intp] | None = None,
+        of_candidates: NDArray[np.intp],
     ) -> Prospect | None:
         """The stops of these numbers, travel times and costs, as a planner weighs them; ``None`` without a map."""
         places, models = self._xy[numbers], []
@@ -267,10 +265,10 @@ class Explorer:
             travel_s,
             budget_s,
             self.counting,
-            staying,
-            self.rules.min_dwell_s,
             cost_s,
             of_candidates,
+            staying,
+            self.rules.min_dwell_s,
         )
 
     def _trips(
@@ -302,7 +300,7 @@ class Explorer:
             place = (*situation.position_xy.tolist(),)
             stops = [self.stops[number] for number in numbers.tolist()]
             trips = self._trips(place, stops, self._row(request.staying, numbers))
-            prospect = self._prospect(self._maps(others), numbers, *trips, place, request)
+            prospect = self._prospect(self._maps(others), numbers, *trips, place, request, np.arange(len(numbers)))
         return None if prospect is None else prospect.dwell(stop, self.rules.dwell.longest_s)
 
     def _shape(self, of: Property) -> Array:

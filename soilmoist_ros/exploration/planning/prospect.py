@@ -49,15 +49,13 @@ class Prospect:
     travel_s: Array  # travel times to the candidates [s]; inf if unreachable
     budget_s: Array  # time left for the trip and the dwell [s]
     counting: Counting  # when the robot counts
+    travel_cost_s: Array
+    """Travel times with the costs that an operator adds [s]; for comparisons of stops, never for the clock."""
+    of_candidates: Indices  # index of each among the candidates of the situation
     staying: int | None = None
     """Number of the candidate at which the robot stands and may count on: its travel time is 0, with no way and no
     stop overhead; ``None`` if there is none."""
     min_dwell_s: float = 0.0  # shortest dwell [s]
-    travel_cost_s: Array | None = None
-    """Travel times with the costs that an operator adds [s]; for comparisons of stops, never for the clock."""
-    of_candidates: Indices | None = (
-        None  # index of each among all candidates of the situation; all of them if ``None``
-    )
 
     @cached_property
     def reachable(self) -> Indices:
@@ -97,8 +95,7 @@ class Prospect:
         stops, (ways, exposure_s) = self.reachable[rows], self._ways
         longest_s = np.minimum(self.budget_s[stops] - self.travel_s[stops], MAX_DWELL_S)
         overhead_s = np.where(stops == self.staying, 0.0, self.overhead_s)
-        travel_s = self.travel_s[stops]
-        cost_s = travel_s if self.travel_cost_s is None else self.travel_cost_s[stops]
+        travel_s, cost_s = self.travel_s[stops], self.travel_cost_s[stops]
         return weigh(
             Trips(stops, travel_s, ways[rows], exposure_s[rows], overhead_s, longest_s, cost_s, self.min_dwell_s)
         )
@@ -182,7 +179,7 @@ class Prospect:
         return node, np.bincount(which, np.concatenate(seconds)).astype(float)
 
     def tour_cost_s(self, legs_s: Array) -> float:
-        """What an operator adds to the time of a tour in comparisons [s]."""
+        """Time that an operator adds to that of a tour in comparisons [s]."""
         motion = self.travel.motion
         driven_m = motion.speed_mps * float(np.maximum(legs_s - motion.stop_overhead_s, 0.0).sum())
         return motion.stop_cost_s * len(legs_s) + motion.metre_cost_s * driven_m

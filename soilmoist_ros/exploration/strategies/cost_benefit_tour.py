@@ -74,9 +74,7 @@ class Ground:
         else:
             model = self.prospect.model
             self.stops = self.prospect.reachable_stops
-            self._index = self.prospect.reachable
-            if self.prospect.of_candidates is not None:
-                self._index = self.prospect.of_candidates[self._index]
+            self._index = self.prospect.of_candidates[self.prospect.reachable]
             self.cells_xy = model.cells_xy
             self.mass = np.asarray(sum(each.weight * each.cell_variance**2 for each in (model, *model.others)))
         self.xy = situation.candidates_xy[self._index]

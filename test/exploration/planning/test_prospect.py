@@ -15,6 +15,7 @@ CELLS = np.column_stack([X, Y])
 STOPS = tuple(Stop(f"p{i}", x, y) for i, (x, y) in enumerate(CELLS.tolist()))
 TRAVEL = FreeTravel(RobotMotion())
 PLACE = (2.5, 2.5)
+ALL = np.arange(len(STOPS))
 
 
 def prospect(budget_s=3600.0, counting=None, travel_s=None):
@@ -23,7 +24,7 @@ def prospect(budget_s=3600.0, counting=None, travel_s=None):
     model = PlanningModel(kriging, CELLS, np.full(len(CELLS), 1 / len(CELLS)), CELLS)
     travel_s = TRAVEL.travel_s(PLACE, STOPS) if travel_s is None else travel_s
     budget = np.full(len(STOPS), float(budget_s))
-    return Prospect(model, STOPS, TRAVEL, PLACE, travel_s, budget, counting or Counting())
+    return Prospect(model, STOPS, TRAVEL, PLACE, travel_s, budget, counting or Counting(), travel_s, ALL)
 
 
 def test_only_what_can_be_reached_in_time_is_weighed():
@@ -73,7 +74,7 @@ def test_the_best_stop_is_among_the_promising_ones(seed):
     travel_s, staying = TRAVEL.travel_s(PLACE, STOPS), int(rng.integers(len(STOPS)))
     travel_s[staying] = 0.0
     budget_s = np.full(len(STOPS), 3600.0)
-    look = Prospect(model, STOPS, TRAVEL, PLACE, travel_s, budget_s, Counting(), staying)
+    look = Prospect(model, STOPS, TRAVEL, PLACE, travel_s, budget_s, Counting(), travel_s, ALL, staying)
     value = look.worth().value
     assert np.argmax(value) in look.promising
     assert staying in look.reachable[look.promising]
