@@ -41,7 +41,7 @@ class DwellRule(Protocol):
         """Time at the stop after which counting ends, regardless of the counts [s]."""
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """True if to stop counting, by the raw counts at the stop and their exposure [s]."""
+        """True if counting may end, by the raw counts at the stop and their exposure [s]."""
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
         """Expected dwell, for planning [s]; ``longest_s`` where the rate is unknown (NaN) or not positive.
@@ -323,15 +323,10 @@ def _of_stop(numbers: str, longest_s: float) -> DwellRule:
     try:
         gain, variance, price, factor = map(float, own.split(","))
         others = tuple((a, b, n) for a, b, n in (map(float, other.split(",")) for other in more))
-        positive = [
-            variance,
-            factor,
-            longest_s := float(longest or longest_s),
-            *(x for one in others for x in one[1:]),
-        ]
-        if not all(0 < value < math.inf for value in positive):
-            raise ValueError
-        if not all(0 <= value < math.inf for value in (gain, price, *(other[0] for other in others))):
+        longest_s = float(longest or longest_s)
+        positive = [variance, factor, longest_s, *(value for _, b, n in others for value in (b, n))]
+        not_negative = [gain, price, *(a for a, _, _ in others)]
+        if min(positive) <= 0 or min(not_negative) < 0 or not all(map(math.isfinite, positive + not_negative)):
             raise ValueError
     except ValueError:
         form = "A,B,PRICE,FACTOR with ;A,B,N and /LONGEST, all in range"

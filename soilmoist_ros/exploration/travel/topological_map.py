@@ -85,15 +85,15 @@ class TopologicalMap:
 
     def _unknown_actions(self, known: Sequence[str]) -> str:
         definitions = self.document.get("definitions")
-        described: list[str] = []
+        understood = [*known]
         for holder in (self.document, definitions if isinstance(definitions, Mapping) else {}):
             actions = holder.get("actions")
-            described += (
+            understood += (
                 str((one.get("name") or one.get("action")) if isinstance(one, Mapping) else one)
                 for one in (actions if isinstance(actions, (Mapping, list)) else ())
             )
         edges = [edge for entry in self.document["nodes"] for edge in entry["node"].get("edges") or []]
-        refused = [edge for edge in edges if edge.get("action") and edge["action"] not in (*known, *described)]
+        refused = [edge for edge in edges if edge.get("action") and edge["action"] not in understood]
         actions = listing(sorted({str(edge["action"]) for edge in refused}))
         names = listing(str(edge.get("edge_id", edge["node"])) for edge in refused)
         text = f"{len(refused)} of {len(edges)} edges have an action that is not known ({actions}): {names}"
@@ -379,15 +379,13 @@ def _datum(content: Mapping[str, Any], path: Path | None) -> LocalFrame | None:
     found = dict[str, LocalFrame]()
     for section in ("meta", "definitions"):
         keys = content.get(section)
-        for inner in ("datum_latitude", "origin", "datum", "gnss_origin"):
-            prefix = "datum_" if inner == "datum_latitude" else ""
-            about = keys if prefix else keys.get(inner) if isinstance(keys, Mapping) else None
+        if not isinstance(keys, Mapping):
+            continue
+        inner = ((name, keys.get(name), "") for name in ("origin", "datum", "gnss_origin"))
+        for key, about, prefix in (("datum_latitude", keys, "datum_"), *inner):
             if not isinstance(about, Mapping) or about.get(f"{prefix}latitude") is None:
                 continue
-            name, given = (
-                f"{section}.{inner}",
-                [about.get(f"{prefix}{axis}") for axis in ("latitude", "longitude")],
-            )
+            name, given = f"{section}.{key}", [about.get(f"{prefix}{axis}") for axis in ("latitude", "longitude")]
             try:
                 datum = LocalFrame(*(float(value) for value in given))  # type: ignore[arg-type]
             except (TypeError, ValueError, OverflowError):
@@ -396,14 +394,14 @@ def _datum(content: Mapping[str, Any], path: Path | None) -> LocalFrame | None:
             # Zeros are what editors of maps fill in where nothing is known.
             if (datum.latitude_deg, datum.longitude_deg) != (0.0, 0.0):
                 found[name] = datum
-    for name, datum in list(found.items())[1:]:
-        first, one = next(iter(found.items()))
-        places = [(each.latitude_deg, each.longitude_deg) for each in (one, datum)]
-        away_m, _ = distance_and_bearing(*places)
+    places = {name: (datum.latitude_deg, datum.longitude_deg) for name, datum in found.items()}
+    first = next(iter(found), "")
+    for name, place in places.items():
+        away_m, _ = distance_and_bearing(places[first], place)
         if away_m > _SAME_DATUM_M:
-            message = f"the map has two datums, {away_m:.1f} m apart: {first} {places[0]}, {name} {places[1]}"
+            message = f"the map has two datums, {away_m:.1f} m apart: {first} {places[first]}, {name} {place}"
             raise InputError(message, "remove the wrong one", path)
-    return next(iter(found.values()), None)
+    return found.get(first)
 
 
 def _is_name(value: Any) -> bool:

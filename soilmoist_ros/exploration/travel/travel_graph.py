@@ -58,7 +58,7 @@ class TravelGraph:
         mistakes += [
             (
                 f"the edge from {a!r} to {b!r}: there is no node {end!r}{did_you_mean(end, names)}",
-                "add or remove it",
+                "add the node or remove the edge",
             )
             for a, b in pairs
             for end in dict.fromkeys((a, b))

@@ -77,9 +77,10 @@ class Awaited(StrEnum):
     SAVE = "the end of the planner"  # the mission has ended, and the map is being saved
 
 
-LIMITS_S: Mapping[Awaited, float] = MappingProxyType(
-    dict(zip(Awaited, (120.0, 30.0, 30.0, 5.0, 30.0, 40.0), strict=True))
-)
+LIMITS_S: Mapping[Awaited, float] = MappingProxyType({
+    Awaited.PLAN: 120.0, Awaited.RECORD: 30.0, Awaited.ARRIVAL: 30.0,
+    Awaited.DEPARTURE: 5.0, Awaited.POSITION: 30.0, Awaited.SAVE: 40.0,
+})  # fmt: skip
 """Longest waits [s of the wall clock]."""
 
 
@@ -187,7 +188,8 @@ class WaitingClock:
     @property
     def health(self) -> Health:
         """State for diagnostics."""
-        waits_for = "{1} of {0}".format(*wait) if (wait := self.long_wait) is not None else ""
+        wait = self.long_wait
+        waits_for = "" if wait is None else f"{wait[1]} of {wait[0]}"
         values = {WAITS_FOR: waits_for, "waited_s": f"{self.waited_s:.1f}"}
         text = f"simulated time waits for {waits_for}" if waits_for else "runs"
         return Health(CLOCK_PART, Level.WARN if waits_for else Level.OK, text, values)
