@@ -160,7 +160,7 @@ WORKED = {
         for phase in REASONED
     },
 }
-"""What happens, and what the judge finds in it."""
+"""Events, and the violations that the judge finds in them."""
 
 
 @pytest.mark.parametrize("events", WORKED.values(), ids=WORKED)

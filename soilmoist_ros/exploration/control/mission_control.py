@@ -235,7 +235,7 @@ class MissionControl:
 
     @property
     def _waiting_for(self) -> str:
-        """What is missing of the navigation or its frame; empty if nothing is."""
+        """Part of the navigation, or of its frame, that is missing; empty if nothing is."""
         return (self._frames.waiting_for if self._frames else "") or self.navigator.waiting_for
 
     @property

@@ -247,7 +247,7 @@ class MissionClock:
             self._offset_s = max(self._ros_s() - state.stamp_offset_s, state.now_s) - steady_s
 
     def events(self, state: MissionState) -> list[ClockStarted | ClockStepped]:
-        """What the mission has to know of the clocks."""
+        """Start and steps of the clock that the mission has to know."""
         now_s = self.now_s()
         if self._steady_s is None or self._offset_s is None:
             return []

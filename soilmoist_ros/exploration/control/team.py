@@ -51,11 +51,11 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class PendingMeasurement:
-    """Where another robot is going or counting."""
+    """A measurement that another robot is about to make or is making."""
 
     x_m: float  # east [m]
     y_m: float  # north [m]
-    exposure_s: float  # what is still expected to be counted there [s]; 0: nothing, but the place is taken
+    exposure_s: float  # what is still expected to be counted there [s]; 0: nothing, but the stop is not free
     apart_m: float = 0.0  # distance that other robots keep from it [m]
 
 
@@ -104,7 +104,7 @@ def foreseen(
 
 
 def taken(stops_xy: Array, pending_measurements: Sequence[PendingMeasurement], cell_m: float) -> NDArray[np.bool_]:
-    """Which stops another robot has taken, shape (k,)."""
+    """True for each stop that another robot has taken, shape (k,)."""
     if not len(pending_measurements):
         return np.zeros(len(stops_xy), bool)
     away_m = np.linalg.norm(stops_xy[:, None, :] - places(pending_measurements)[None, :, :], axis=2)

@@ -122,7 +122,7 @@ class Watching:
             self._watch.note(Cause.CLOCK_STEP, f"the clock was set {way} by {abs(event.step_s):.0f} s")
 
     def doing(self, mission: Mission, navigator: Navigator, waiting_for: str) -> Doing:
-        """What a mission and its navigation do now, and what is missing of the latter."""
+        """Activity of a mission and its navigation now, with the part of the navigation that is missing."""
         state, now_s = mission.state, mission.state.now_s or 0.0
         place = state.position
         if state.goal is None:

@@ -174,7 +174,7 @@ class Fence:
         return self._text(what, line, left if not left.is_empty else line, "outside")
 
     def may_enter(self, place: ArrayLike, xy: ArrayLike, entry_m: float) -> Flags:
-        """True if a robot may drive straight from its place to others, shape (k,); outside only to the nearest.
+        """True for each place to which a robot may drive straight, shape (k,); from outside only for the nearest.
 
         :param xy: where it may drive to, shape (k, 2) [m]
         """

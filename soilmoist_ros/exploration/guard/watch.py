@@ -33,10 +33,10 @@ RECORDS_APART: Final = 6.0
 
 IN_A_ROW: Final = 2  # number of fixes in a row that must agree that the robot is where it must not be
 NOISE_SDS: Final = 4.0  # errors of a place across a border up to this many standard deviations are noise
-MAX_NOISE_M: Final = 10.0  # ... and up to this distance [m]
+MAX_NOISE_M: Final = 10.0  # errors of a place across a border beyond this distance are never noise [m]
 NEAR_ROUTE_M: Final = 2.0  # a robot this close to its route follows it, wherever it heads [m]
 SETTLE_S: Final = 3.0  # time after the end of a goal in which the robot may roll out [s]
-SETTLE_M: Final = 1.0  # ... by this distance [m]
+SETTLE_M: Final = 1.0  # distance by which the robot may roll out after the end of a goal [m]
 STILL_S: Final = 4.0  # standstill after which a robot that moved without a goal counts as standing [s]
 AGAIN_S: Final = 10.0  # time after which an alarm about such a robot is repeated, so that it is stopped again [s]
 

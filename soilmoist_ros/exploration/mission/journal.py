@@ -35,7 +35,7 @@ _log = logging.getLogger(__name__)
 
 
 class EventJournal(Protocol):
-    """Where a mission is written down; :class:`Journal` is one."""
+    """Store of the events and states of a mission."""
 
     def append(self, kind: str, payload: Mapping[str, Any], *, durable: bool = True) -> int:
         """Write an entry; with ``durable`` it is safely on the disk afterwards."""

@@ -138,8 +138,8 @@ class MissionRules:
     stop_overhead_s: float = 12.0  # time of each trip that is not driving [s]
     detour: float = 1.3  # driven distance over straight distance, where the planner gives no travel time [-]
     arrival_radius_m: float = 3.0
-    goal_time_factor: float = 3.0  # maximum trip time as a multiple of the expected time ... [-]
-    goal_time_margin_s: float = 60.0  # ... plus this [s]
+    goal_time_factor: float = 3.0  # maximum trip time as a multiple of the expected time, before the margin [-]
+    goal_time_margin_s: float = 60.0  # time added to the multiple of the expected trip time [s]
     return_margin_s: float = 60.0  # reserve kept for the way home [s]
     cancel_limit_s: float = 30.0
     standstill_s: float = 4.0

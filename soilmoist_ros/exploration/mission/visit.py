@@ -47,9 +47,9 @@ class Visit:
     exposure_s: float = math.nan  # their exposure [s]; NaN if unknown
     effective_exposure_s: float = math.nan  # their effective exposure [s]; NaN if unknown
     ended: VisitEnd = VisitEnd.UNKNOWN  # why counting ended
-    outcome: str = ""  # the same in words, with what was reached
+    outcome: str = ""  # end of counting in words, with what was reached
     dwell: str = ""  # dwell rule of the mission, as text
     arrival_stamp_s: float = math.nan
-    end_stamp_s: float = math.nan  # time at which counting ended, on the same clock [s]; NaN if unknown
+    end_stamp_s: float = math.nan  # end of counting, on the clock of arrival_stamp_s [s]; NaN if unknown
     stop_x_m: float = math.nan  # place of the stop as planned: east [m]; NaN if unknown
     stop_y_m: float = math.nan  # north [m]; NaN if unknown

@@ -149,7 +149,7 @@ def _rounded(value: Any) -> Any:
     return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
-# Making forecasts
+# Making forecasts -----------------------------------------------------------------------------------------------
 
 MAX_CELLS = 100  # approximate number of cells that represent the field
 EFFICIENCY = 0.7  # even counting time that a second of a plan is worth [-]
@@ -322,7 +322,7 @@ _MAX_PLACES = 150
 
 
 def differences(samples: Samples, model: ModelName, extent_m: float) -> tuple[float, float]:
-    """What samples say about differences within a field.
+    """Evidence of samples for differences within a field, and a limit of the differences.
 
     :returns: twice the log-likelihood ratio of the best structured field to a uniform one; and the upper limit
         (95 %) of the standard deviation about the mean, as a share of the mean rate

@@ -35,16 +35,16 @@ class StrategyKind:
     about: str = ""  # what it does, for people in the field
     needs_map: bool = True  # whether it cannot choose without a map once the warm-up is over
     whole_map: bool = True
-    """Whether it looks at the variance of every cell. Otherwise those that represent the field to the look-ahead
+    """True if it looks at the variance of every cell. Otherwise cells that represent the field to the look-ahead
     suffice, and a simulation maps the others at its end only."""
     plans_dwell: bool = False
-    """Whether it chooses the dwell of every stop itself where the mission's rule is ``optimal``."""
+    """True if it chooses the dwell of every stop itself where the mission's rule is ``optimal``."""
     warm_up_stops: int | None = None  # stops before the map guides it; ``None`` for as many as the preset has
     warm_up: Callable[[Preset], Strategy] = Random  # makes the strategy that chooses these
     is_baseline: bool = False  # whether others are compared with it: reports show its maps last
-    colour: str = ""  # of its line in charts, such as ``#0072b2``; empty for a common one
-    dashes: Dashes = "-"  # of its line in charts, as matplotlib takes them
-    width: float = 2.0  # of its line in charts [pt]
+    colour: str = ""  # colour of its line in charts, such as ``#0072b2``; empty for a common one
+    dashes: Dashes = "-"  # dashes of its line in charts, as matplotlib takes them
+    width: float = 2.0  # width of its line in charts [pt]
 
 
 def _with_solver(strategy: Callable[[Preset], Strategy]) -> Callable[[Preset], Strategy]:

@@ -211,7 +211,7 @@ def _search(start: Array, between: Array, first: Indices, seed: int, iterations:
 LLOYD_ROUNDS = 50  # maximum number of rounds of the k-means
 _STILL_M, _STILL = 1e-9, 1e-5
 """Moves, absolute and relative to the coordinate, at which the rounds end."""
-_SURE_M = 1e-6  # A place has its nearest centre for certain if the next one is farther by more than this
+_SURE_M = 1e-6  # a place has its nearest centre for certain if the next one is farther by more than this
 _FEW_PAIRS = 50_000  # number of pairs of places and centres up to which all distances are faster than a tree
 
 

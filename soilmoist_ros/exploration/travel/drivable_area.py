@@ -105,7 +105,7 @@ class DrivableArea:
             return np.asarray(shapely.intersects_xy(self._tolerant, x, y), bool)
 
     def allows(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:
-        """True if each straight line from a start to its end stays inside, shape (k,)."""
+        """True for each straight line from a start to its end that stays inside, shape (k,)."""
         import shapely
 
         start, end = np.broadcast_arrays(

@@ -26,8 +26,8 @@ OVERHEAD_SD, OVERHEAD_SD_S = 0.5, 5.0
 """Prior standard deviation of the stop overhead: a share of the parameter, and seconds that are added."""
 LEG_SD, LEG_SD_S = 0.05, 1.0
 """Standard deviation of the time of a leg without an obstacle: a share of its time, and seconds that are added."""
-DEGREES_OF_FREEDOM = 3.0  # of the errors; few make outliers count little
-NEAR_M = 1.0  # A record was counted at the stop if its place is this near [m]
+DEGREES_OF_FREEDOM = 3.0  # degrees of freedom of the errors; few make outliers count little
+NEAR_M = 1.0  # a record was counted at the stop if its place is this near [m]
 COUNTED_LEGS = 10
 """Number of legs that the prior of the counted share of the overhead is worth: all of it is counted."""
 COUNTED_SAME = 0.15  # smallest share of the overhead, not counted at the stop, that replaces the prior

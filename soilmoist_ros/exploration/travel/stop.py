@@ -40,7 +40,7 @@ def stops_xy(stops: Sequence[Stop]) -> Array:
 
 
 def inside_any(polygons: Sequence[ArrayLike], xy: ArrayLike) -> NDArray[np.bool_]:
-    """True if each place lies in one of some polygons, shape (k,)."""
+    """True for each place that lies in one of some polygons, shape (k,)."""
     places = np.asarray(xy, float).reshape(-1, 2)
     if not len(polygons):
         return np.zeros(len(places), bool)

@@ -217,7 +217,7 @@ class FreeTravel(TravelModel):
         return np.asarray(places)
 
     def _straight(self, start: Array, places: Array, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """True if the route to each place is a straight line, shape (k,)."""
+        """True for each place to which the route is a straight line, shape (k,)."""
         if self._area is None:
             return np.ones(len(places), bool)
         if self._area.is_convex:

@@ -86,7 +86,7 @@ VARIOGRAM = Variogram("matern32", 0.0, 12.0, 1.0)
 
 
 def integrated_variance(xy, exposure_s, rate_cps=4.0, weight=EVEN, variogram=VARIOGRAM):
-    """What kriging leaves of the variance; the mean rate alone makes the noise."""
+    """Variance that kriging leaves; the mean rate alone makes the noise."""
     kriging = PoissonKriging(variogram, False, mean_rate=rate_cps)
     kriging.fit(xy, np.rint(rate_cps * exposure_s), exposure_s)
     return float(weight @ kriging.predict(CELLS)[1])
