@@ -34,7 +34,7 @@ from soilmoist_ros.reporting.output_folder import (
 )
 from soilmoist_ros.reporting.page.report import render_failed, write_report
 from soilmoist_ros.reporting.page.statistics import resolution_m
-from soilmoist_ros.reporting.run_summary import failed_summary, settings_summary, write_summary
+from soilmoist_ros.reporting.run_summary import failed_summary, settings_summary, summary
 from soilmoist_ros.reporting.text_files import write_json, write_samples, write_series, write_visits
 from soilmoist_ros.simulation import MissionResult
 
@@ -91,8 +91,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
         if run.mission is not None:
             write_series(workshop / "series.csv", run.mission)
             write_visits(workshop / "visits.csv", run.mission)
-        crs_name = "" if target is None else target.to_string()
-        write_summary(workshop / SUMMARY, run, crs=crs_name, outputs=names)
+        write_json(workshop / SUMMARY, summary(run, "" if target is None else target.to_string(), names))
     return [folder / name for name in names]
 
 

@@ -9,38 +9,22 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from soilmoist_ros.exploration import polyline_length_m
 from soilmoist_ros.foundation import __version__, shown_path
-from soilmoist_ros.mapping import Drift, FieldChange, SurveysEstimate
+from soilmoist_ros.mapping import FieldChange, SurveysEstimate
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, NoteCode, track_xy
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
+from soilmoist_ros.reporting.page import statistics
 from soilmoist_ros.reporting.page.irrigation import absolute_limits, has_level, irrigation
 from soilmoist_ros.reporting.page.report import relations
-from soilmoist_ros.reporting.page.statistics import (
-    Importance,
-    TruthScore,
-    band_statistics,
-    beyond_limits_share,
-    calibration_sd,
-    covariate_importance,
-    explained_share,
-    is_usable,
-    leave_one_out,
-    mean_moisture,
-    mean_sd,
-    resolution_m,
-    truth_score,
-    uncertain_share,
-    undefined_share,
-)
+from soilmoist_ros.reporting.page.statistics import band_statistics, calibration_sd
 from soilmoist_ros.reporting.page.wording import notes
-from soilmoist_ros.reporting.text_files import jsonable, write_json
+from soilmoist_ros.reporting.text_files import jsonable
 from soilmoist_ros.simulation import PropertySettings, achieved, mission_efficiency, reported
 
 if TYPE_CHECKING:
@@ -51,6 +35,7 @@ if TYPE_CHECKING:
 
 TRAVEL = ("speed_mps", "stop_overhead_s", "turn_s_per_rad", "overhead_counted")
 """Motion of a robot as the planner has learned it."""
+EFFICIENCY = {"reached": "reached", "least_variance": "least", "left_variance": "left", "of_truth": "of_truth"}
 SCHEMA = 1
 """Version of the keys; rises when one is renamed or removed."""
 
@@ -61,7 +46,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
     :param crs: coordinate reference system of the GeoTIFF; default the UTM zone of the datum
     :param outputs: names of the files written
     """
-    soil_map, found, loo = run.soil_map, notes(run), leave_one_out(run.soil_map)
+    soil_map, found, loo = run.soil_map, notes(run), statistics.leave_one_out(run.soil_map)
     content = {
         **_about(run, run.version),
         "time_zone": run.time_zone or None,
@@ -76,12 +61,30 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "fit": _fit(run),
         "within_survey": _within_survey(soil_map),
         "map": _map(run),
-        "covariates": [_covariate(one) for one in covariate_importance(run)],
+        "covariates": [
+            {
+                "name": one.name,
+                "rate_cps_per_sd": one.rate_cps._asdict(),
+                "vwc_per_sd": one.vwc and one.vwc._asdict(),
+                "variance_share": one.variance_share._asdict(),
+                "covered_share": one.covered_share,
+            }
+            for one in statistics.covariate_importance(run)
+        ],
         "cross_validation": loo
         and {"rmse_cps": loo.rmse, "standardised_sd": loo.standardised_sd, "coverage95": loo.coverage95},
-        "truth": None if run.truth_rate is None else _score(truth_score(soil_map, run.truth_rate)),
+        "truth": _truth(soil_map, run.truth_rate),
         "mission": None if run.mission is None else mission_summary(run.mission),
-        "properties": [_property_run(one) for one in run.properties],
+        "properties": [
+            {
+                "name": one.name,
+                "label": one.label,
+                "n_records": len(one.track),
+                "n_samples": len(one.soil_map.samples),
+                **_rate_map(one.soil_map, one.truth_rate),
+            }
+            for one in run.properties
+        ],
         "earlier": [_earlier(one, relations(run)) for one in run.earlier],
         "change": _change(run),
         "corrections": [{**asdict(row), "parameters": dict(row.parameters)} for row in run.corrections],
@@ -93,11 +96,6 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "outputs": list(outputs),
     }
     return dict(jsonable(content))
-
-
-def write_summary(path: Path, run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> Path:
-    """Write :func:`summary` as strict JSON; returns ``path``."""
-    return write_json(path, summary(run, crs, outputs))
 
 
 def failed_summary(failed: FailedRun, outputs: Sequence[str] = ()) -> dict[str, Any]:
@@ -150,9 +148,7 @@ def utc_text(when: datetime | None) -> str | None:
 
 
 def _records(run: MapRun) -> dict[str, Any]:
-    samples = run.soil_map.samples
-    stamps = [record.stamp_s for record in run.track]
-    counts = np.asarray(samples.counts, float)
+    samples, stamps = run.soil_map.samples, [record.stamp_s for record in run.track]
     return {
         "n_records": len(run.track),
         "n_placed_records": len(track_xy(run.track)),
@@ -165,7 +161,7 @@ def _records(run: MapRun) -> dict[str, Any]:
         "exposure_s": float(sum(record.exposure_s for record in run.track)),
         "distance_m": run.travelled_m,
         "n_samples": len(samples.xy),
-        "sample_counts": round(float(counts.sum())),
+        "sample_counts": round(float(np.sum(samples.counts))),
         "sample_effective_exposure_s": float(np.sum(samples.exposure_s)),
     }
 
@@ -195,18 +191,15 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
 def _within_survey(soil_map: SoilMap) -> dict[str, Any]:
     """Change of the mean rate during the survey."""
     change = soil_map.change
-    certain = change.jump is not None and change.jump.is_certain
+    drift, jump, shares = change.drift, change.jump, dict[str, float]()
+    if drift is not None:  # from the first sample to the map, as a share and in counts/s
+        shares = {"change": drift.change, "change_sd": drift.change_sd}
+        shares |= {f"{name}_cps": soil_map.mean_rate * share for name, share in shares.items()}
     return {
         "text": change.text,
-        "drift": None if change.drift is None else _drift(change.drift, soil_map.mean_rate),
-        "jump": asdict(change.jump) if certain and change.jump is not None else None,
+        "drift": drift and {**shares, **asdict(drift)},
+        "jump": asdict(jump) if jump is not None and jump.is_certain else None,
     }
-
-
-def _drift(drift: Drift, mean_rate: float) -> dict[str, Any]:
-    """The drift, and the change from the first sample to the map, as a share and in counts/s."""
-    change = {"change": drift.change, "change_sd": drift.change_sd}
-    return {**change, **{f"{name}_cps": mean_rate * share for name, share in change.items()}, **asdict(drift)}
 
 
 def _map(run: MapRun) -> dict[str, Any]:
@@ -214,9 +207,9 @@ def _map(run: MapRun) -> dict[str, Any]:
     soil_map, spread = run.soil_map, ("mean", "min", "max")
     bands = {"rate_cps": "rate", "rate_sd_cps": "rate_sd", "vwc": "vwc", "vwc_sd": "vwc_sd"}
     return {
-        **{key: asdict(band_statistics(getattr(soil_map, name))) for key, name in bands.items()},
-        "mean_rate_sd_cps": mean_sd(soil_map, moisture=False),
-        "mean_vwc_sd": mean_sd(soil_map, moisture=True),
+        **{key: band_statistics(getattr(soil_map, name))._asdict() for key, name in bands.items()},
+        "mean_rate_sd_cps": statistics.mean_sd(soil_map, moisture=False),
+        "mean_vwc_sd": statistics.mean_sd(soil_map, moisture=True),
         "calibration_vwc_sd": calibration_sd(soil_map),
         **_moisture(soil_map),
         "sensed": run.sensed
@@ -225,10 +218,10 @@ def _map(run: MapRun) -> dict[str, Any]:
             "radius_r86_m": dict(zip(spread, run.sensed.radius_m, strict=True)),
         },
         "support": run.support_text,
-        "resolution_m": resolution_m(soil_map, run.footprint_radius_m or 0.0),
-        "explained_share": explained_share(soil_map),
-        "undefined_vwc_share": undefined_share(soil_map),
-        "uncertain_share": uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share),
+        "resolution_m": statistics.resolution_m(soil_map, run.footprint_radius_m or 0.0),
+        "explained_share": statistics.explained_share(soil_map),
+        "undefined_vwc_share": statistics.undefined_share(soil_map),
+        "uncertain_share": statistics.uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share),
         "uncertain_above": {"vwc_sd": run.uncertain_vwc_sd}
         if run.calibrated
         else {"rate_sd_per_rate": run.uncertain_rate_share},
@@ -237,31 +230,19 @@ def _map(run: MapRun) -> dict[str, Any]:
 
 def _moisture(soil_map: SoilMap) -> dict[str, Any]:
     """What the moisture of the map is, and how far its intervals reach."""
-    mean, limits = mean_moisture(soil_map), soil_map.limits
+    mean, limits, common = statistics.mean_moisture(soil_map), soil_map.limits, calibration_sd(soil_map)
     return {
-        "vwc_p05": asdict(band_statistics(soil_map.vwc_p05)),
-        "vwc_p95": asdict(band_statistics(soil_map.vwc_p95)),
+        "vwc_p05": band_statistics(soil_map.vwc_p05)._asdict(),
+        "vwc_p95": band_statistics(soil_map.vwc_p95)._asdict(),
         "mean_vwc": mean and {"value": mean.value, "p05": mean.p05, "p95": mean.p95},
-        "uncertainty_vwc": None
-        if limits is None
-        else {
-            "everywhere_sd": calibration_sd(soil_map),
+        "uncertainty_vwc": limits
+        and {
+            "everywhere_sd": common,
             "between_places_sd": band_statistics(soil_map.vwc_sd).p50,
-            "quantiles_include_calibration": calibration_sd(soil_map) is not None,
+            "quantiles_include_calibration": common is not None,
         },
         "limits_vwc": limits and limits._asdict(),
-        "beyond_limits_share": beyond_limits_share(soil_map),
-    }
-
-
-def _covariate(one: Importance) -> dict[str, Any]:
-    """Effect of a covariate per standard deviation, with its 95 % interval, and what it explains."""
-    return {
-        "name": one.name,
-        "rate_cps_per_sd": one.rate_cps._asdict(),
-        "vwc_per_sd": one.vwc and one.vwc._asdict(),
-        "variance_share": one.variance_share._asdict(),
-        "covered_share": one.covered_share,
+        "beyond_limits_share": statistics.beyond_limits_share(soil_map),
     }
 
 
@@ -309,7 +290,10 @@ def _estimate(estimate: SurveysEstimate) -> dict[str, float]:
     return {"value": estimate.value, "sd": estimate.sd, "low95": low, "high95": high}
 
 
-def _score(score: TruthScore) -> dict[str, float]:
+def _truth(soil_map: SoilMap, truth: NDArray[np.float64] | None) -> dict[str, float] | None:
+    if truth is None:
+        return None
+    score = statistics.truth_score(soil_map, truth)
     return {"rmse_cps": score.rmse, "bias_cps": score.bias, "coverage95": score.coverage95}
 
 
@@ -326,13 +310,7 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
             {name: getattr(learned.motion, name) for name in TRAVEL} | {"legs": len(learned.legs)}
             for learned in mission.motion
         ],
-        "efficiency": plan
-        and {
-            "reached": plan.reached,
-            "least_variance": plan.least,
-            "left_variance": plan.left,
-            "of_truth": plan.of_truth,
-        },
+        "efficiency": plan and {key: getattr(plan, name) for key, name in EFFICIENCY.items()},
         "forecast": _forecast(mission),
         "final": {name: column[-1].item() for name, column in mission.columns.items()} if mission.series else None,
         "properties": further,
@@ -356,18 +334,12 @@ def _property(mapped: MappedProperty) -> dict[str, Any]:
     return {**about, **_rate_map(mapped.soil_map, mapped.known_truth)}
 
 
-def _property_run(run: MapRun) -> dict[str, Any]:
-    """A property of a run."""
-    about = {"name": run.name, "label": run.label, "n_records": len(run.track)}
-    return {**about, "n_samples": len(run.soil_map.samples), **_rate_map(run.soil_map, run.truth_rate)}
-
-
 def _rate_map(soil_map: SoilMap, truth: NDArray[np.float64] | None) -> dict[str, Any]:
     bands = {"rate_cps": soil_map.rate, "rate_sd_cps": soil_map.rate_sd}
     return {
         "variogram": model_parameters(soil_map),
-        "map": {name: asdict(band_statistics(values)) for name, values in bands.items()},
-        "truth": None if truth is None else _score(truth_score(soil_map, truth)),
+        "map": {name: band_statistics(values)._asdict() for name, values in bands.items()},
+        "truth": _truth(soil_map, truth),
     }
 
 
@@ -399,18 +371,15 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
     """Zones of the field as in the report; they are relative without ``zone_limits_vwc``."""
     found, limits = irrigation(run), run.irrigation
     names = ("name", "area_m2", "share", "water_mm", "missing_mm", "missing_mm_p05", "missing_mm_p95")
-    zones = [
-        {name: getattr(zone, name) for name in names}
-        | {
-            "certain": zone.certainty.certain, "certain_share": zone.certainty.sure,
-            "expected_share": zone.certainty.expected,
-        }
-        for zone in found.zones
-    ]  # fmt: skip
+    zones = []
+    for zone in found.zones:
+        sure = zone.certainty
+        certain = {"certain": sure.certain, "certain_share": sure.sure, "expected_share": sure.expected}
+        zones.append({name: getattr(zone, name) for name in names} | certain)
     return {
         "root_depth_mm": limits.root_depth_mm,
         "field_capacity_vwc": limits.field_capacity if has_level(run) else None,
-        "moisture_usable": is_usable(run.soil_map) if run.calibrated else None,
+        "moisture_usable": statistics.is_usable(run.soil_map) if run.calibrated else None,
         "zone_limits_vwc": absolute_limits(run),
         "zones": zones,
         "advice": found.advice,
@@ -419,13 +388,13 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
 
 def _calibration(run: MapRun) -> dict[str, Any] | None:
     """The calibration curve, with its origin if the run knows it."""
-    curve = run.soil_map.curve
+    curve, known = run.soil_map.curve, run.calibration
     if curve is None:
         return None
     return {
         **curve.parameters,
-        "n0_sd_cps": run.calibration.n0_sd_cps if run.calibration else None,
+        "n0_sd_cps": known.n0_sd_cps if known else None,
         "lowest_rate_cps": curve.lowest_rate_cps,
-        "source": run.calibration.source if run.calibration else "",
-        "illustrative": run.calibration is not None and run.calibration.illustrative,
+        "source": known.source if known else "",
+        "illustrative": known is not None and known.illustrative,
     }

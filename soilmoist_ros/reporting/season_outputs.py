@@ -228,11 +228,12 @@ def render_season(season: Season) -> str:
 def season_data(season: Season) -> dict[str, Any]:
     """Everything that the map viewer draws, as plain JSON values."""
     grid = season.grid
-    x, y = ((float(axis[0] - grid.cell_m), float(axis[-1] + grid.cell_m)) for axis in (grid.x_m, grid.y_m))
-    reach_m = max(x[1] - x[0], y[1] - y[0]) / 2
+    west, east, south, north = (
+        float(edge) for axis in (grid.x_m, grid.y_m) for edge in (axis[0] - grid.cell_m, axis[-1] + grid.cell_m)
+    )
     return {
-        "view": [round(edge, 2) for edge in (*x, *y)],
-        "place": place_data(season.frame, sum(x) / 2, sum(y) / 2, reach_m),
+        "view": [round(edge, 2) for edge in (west, east, south, north)],
+        "place": place_data(season.frame, (west, east, south, north)),
         "rootDepth": 0,
         "grids": [grid_data(grid)],
         "layers": list(_layers(season)),

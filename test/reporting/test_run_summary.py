@@ -7,7 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from soilmoist_ros.reporting.run_summary import summary, write_summary
+from soilmoist_ros.reporting.run_summary import summary
+from soilmoist_ros.reporting.text_files import write_json
 
 
 def refuse(constant):
@@ -48,7 +49,7 @@ def test_numbers(make_run, the_map):
 @pytest.mark.parametrize("case", ["the_map", "uncalibrated", "steep"])
 def test_strict_json(make_run, tmp_path, request, case):
     run = make_run(soil_map=request.getfixturevalue(case), truth_rate=request.getfixturevalue(case).rate)
-    text = write_summary(tmp_path / "summary.json", run).read_text(encoding="utf-8")
+    text = write_json(tmp_path / "summary.json", summary(run)).read_text(encoding="utf-8")
     found = json.loads(text, parse_constant=refuse)
     assert found["settings"]["bad"] is None
     assert found["truth"]["rmse_cps"] == 0

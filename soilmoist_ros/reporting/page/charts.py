@@ -12,12 +12,12 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.pipeline import EARLIEST_STAMP_S, MapRun
+from soilmoist_ros.pipeline import EARLIEST_STAMP_S
 from soilmoist_ros.reporting.moisture_steps import MoistureSeries, interrupted
 from soilmoist_ros.reporting.page.frame import duration, number, percent, round_step
 from soilmoist_ros.reporting.page.statistics import LeaveOneOut
@@ -35,13 +35,12 @@ MAX_POINTS = 1500
 MAX_STEPS = 10
 """Longest step of a line, in usual ones; longer ones are gaps."""
 TIME_STEPS_S = (10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400)
-_SHOWN = (0.0, 0.25, 0.5)
+
 _COLOURS: tuple[Colour, ...] = ("soft", "orange", "purple")
 _HEADROOM = 4.0
 
 
-@dataclass(frozen=True, eq=False)
-class Line:
+class Line(NamedTuple):
     """A line; NaN interrupts it."""
 
     x: ArrayLike
@@ -52,8 +51,7 @@ class Line:
     width_px: float = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class Dots:
+class Dots(NamedTuple):
     """Dots of one size or of a size each; ``error`` draws bars of that half length."""
 
     x: ArrayLike
@@ -65,9 +63,8 @@ class Dots:
     error: ArrayLike | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Area:
-    """A band between two lines; NaN interrupts it. Bars of a histogram are an area above 0 with steps."""
+class Area(NamedTuple):
+    """A band between two lines; NaN interrupts it."""
 
     x: ArrayLike
     low: ArrayLike
@@ -79,8 +76,7 @@ class Area:
 Mark = Line | Dots | Area
 
 
-@dataclass(frozen=True)
-class Path:
+class Path(NamedTuple):
     """One SVG path: its data, its class and its width in pixels."""
 
     d: str
@@ -88,8 +84,7 @@ class Path:
     width_px: float = 0.0
 
 
-@dataclass(frozen=True)
-class AxisTick:
+class AxisTick(NamedTuple):
     """A label of an axis at a position along it [%]; a minor one is hidden on narrow screens."""
 
     percent: float
@@ -104,10 +99,8 @@ class Chart:
     :param key: anchor in the page
     :param alt: description in words, for readers who cannot see it
     :param x: limits of the horizontal axis, ``y`` of the vertical one
-    :param caption: what to see in it
-    :param x_ticks: labels of the horizontal axis as (value, text), ``y_ticks`` of the vertical one; made from the
-        limits by default
-    :param top_ticks: labels above the plot as (value of x, text)
+    :param x_ticks: labels of the horizontal axis as (value, text), ``y_ticks`` of the vertical one, ``top_ticks``
+        above the plot; the former two are made from the limits by default
     """
 
     key: str
@@ -137,32 +130,23 @@ class Chart:
     @property
     def across(self) -> list[AxisTick]:
         """Labels of the horizontal axis; every second one is minor where there are many."""
-        ticks = self._ticks(self.x_ticks, self.x, 6)
-        return [AxisTick(t.percent, t.text, len(ticks) > 5 and i % 2 == 1) for i, t in enumerate(ticks)]
+        return _ticks(round_ticks(*self.x, 6) if self.x_ticks is None else self.x_ticks, self.x, 5, 2)
 
     @property
     def up(self) -> list[AxisTick]:
         """Labels of the vertical axis."""
-        return self._ticks(self.y_ticks, self.y, 5)
+        return _ticks(round_ticks(*self.y, 5) if self.y_ticks is None else self.y_ticks, self.y)
 
     @property
     def top(self) -> list[AxisTick]:
         """Labels above the plot; two of three are minor where there are many."""
-        ticks = self._ticks(self.top_ticks, self.x, 0)
-        return [AxisTick(t.percent, t.text, len(ticks) > 6 and i % 3 > 0) for i, t in enumerate(ticks)]
-
-    def _ticks(self, given: Sequence[tuple[float, str]] | None, limits: Limits, count: int) -> list[AxisTick]:
-        low, high = limits
-        return [
-            AxisTick(round(100 * (value - low) / (high - low), 2), text)
-            for value, text in (round_ticks(low, high, count) if given is None else given)
-            if low <= value <= high
-        ]
+        return _ticks(self.top_ticks, self.x, 6, 3)
 
     def _paths(self, mark: Mark) -> Iterator[Path]:
         if isinstance(mark, Line):
             dash = " dash" if mark.dashed else ""
-            yield Path(self._line(mark.x, mark.y), f"s-{mark.colour}{dash}", mark.width_px)
+            d = "".join(map(_joined, _pieces(self._points(mark.x, mark.y))))
+            yield Path(d, f"s-{mark.colour}{dash}", mark.width_px)
         elif isinstance(mark, Area):
             edges = np.hstack([self._points(mark.x, mark.high), self._points(mark.x, mark.low)])
             pieces = (np.vstack([piece[:, :2], piece[::-1, 2:]]) for piece in _pieces(edges))
@@ -192,8 +176,12 @@ class Chart:
         up = (np.asarray(y, float) - self.y[0]) / (self.y[1] - self.y[0])
         return np.clip(BOX * np.column_stack([across, 1 - up]), -9 * BOX, 10 * BOX)
 
-    def _line(self, x: ArrayLike, y: ArrayLike) -> str:
-        return "".join(_joined(piece) for piece in _pieces(self._points(x, y)))
+
+def _ticks(given: Sequence[tuple[float, str]], limits: Limits, many: int = 0, major: int = 1) -> list[AxisTick]:
+    """Labels within the limits; of more than ``many``, only each ``major``-th is not minor."""
+    low, high = limits
+    inside = [(round(100 * (at - low) / (high - low), 2), text) for at, text in given if low <= at <= high]
+    return [AxisTick(at, text, len(inside) > many and i % major > 0) for i, (at, text) in enumerate(inside)]
 
 
 def _key_class(mark: Mark) -> str:
@@ -231,8 +219,8 @@ def round_ticks(low: float, high: float, count: int) -> list[tuple[float, str]]:
 
 def limits_of(*values: ArrayLike, margin: float = 0.06, zero: bool = False) -> Limits:
     """Limits around all finite values, with a margin; ``zero`` includes 0."""
-    parts = [np.asarray(value, float).ravel() for value in values]
-    finite = np.concatenate([part[np.isfinite(part)] for part in parts]) if parts else np.empty(0)
+    finite = np.concatenate([np.ravel(np.asarray(value, float)) for value in values])
+    finite = finite[np.isfinite(finite)]
     if not finite.size:
         return 0.0, 1.0
     low, high = float(finite.min()), float(finite.max())
@@ -243,29 +231,7 @@ def limits_of(*values: ArrayLike, margin: float = 0.06, zero: bool = False) -> L
     return (low if zero and low == 0 else low - gap), high + gap
 
 
-# Charts of a survey: distribution, rate and factors over time, cross-validation ---------------------------------
-
-
-def histogram_chart(run: MapRun) -> Chart:
-    """Histograms of the rate: cells of the map and samples."""
-    soil_map = run.soil_map
-    rate = soil_map.rate[soil_map.grid.mask & np.isfinite(soil_map.rate)]
-    sampled = np.asarray(soil_map.samples.rate_cps, float)
-    x = limits_of(rate, sampled, margin=0.02)
-    edges = np.linspace(*x, 26)
-    of_map, of_samples = (100 * np.histogram(v, edges)[0] / max(len(v), 1) for v in (rate, sampled))
-    steps = np.repeat(edges, 2)[1:-1]
-    return Chart(
-        "histogram", "Distribution", "Histograms of the count rate of the map and of the samples",
-        [
-            Area(steps, np.zeros(len(steps)), np.repeat(of_map, 2), "line", "cells of the map"),
-            Line(steps, np.repeat(of_samples, 2), "ink", "samples, counting noise included", width_px=1.5),
-        ],
-        x, (0.0, 1.08 * float(max(of_map.max(), of_samples.max()))), "Corrected neutron count rate [counts/s]",
-        "Share [%]",
-        "The samples carry counting noise and stand only where the sensor was; the map is smoother and covers the "
-        "field.",
-    )  # fmt: skip
+# Charts of a survey: rate, moisture and factors over time, cross-validation -------------------------------------
 
 
 def rate_chart(track: Sequence[CountRecord]) -> Chart:
@@ -307,11 +273,9 @@ def _without_gaps(time_s: Array, *values: Array) -> tuple[Array, ...]:
 def factor_chart(track: Sequence[CountRecord]) -> Chart:
     """The correction factors over time."""
     shown = track[:: max(1, -(-len(track) // MAX_POINTS))]
-    factors = (
-        np.array([getattr(record, name) for record in shown])
-        for name in ("f_pressure", "f_humidity", "f_intensity")
-    )
-    time, pressure, humidity, intensity = _without_gaps(np.array([record.stamp_s for record in shown]), *factors)
+    names = ("stamp_s", "f_pressure", "f_humidity", "f_intensity")
+    columns = (np.array([getattr(record, name) for record in shown]) for name in names)
+    time, pressure, humidity, intensity = _without_gaps(*columns)
     product = pressure * humidity * intensity
     low, high = limits_of(pressure, humidity, intensity, product)
     away = max(0.005 - (high - low) / 2, 0.0)
@@ -403,7 +367,7 @@ def forecast_chart(forecasts: Sequence[TimedForecast], planned_s: float) -> Char
     top = min(float(sd.max()), _HEADROOM * float(sd[-1])) * 1.05
     marks: list[Mark] = []
     names = {0.0: "forecast at the start", 0.25: "forecast after a quarter", 0.5: "forecast after half"}
-    made = [(share, one) for share, one in reported(forecasts, planned_s) if share in _SHOWN]
+    made = [(share, one) for share, one in reported(forecasts, planned_s) if share in names]
     for (share, one), colour in zip(made, _COLOURS, strict=False):
         x = (one.time_s + np.array([0.0, *one.forecast.times_s])) / 3600
         y = 100 * np.array([one.forecast.sd, *one.forecast.sds])
@@ -413,11 +377,10 @@ def forecast_chart(forecasts: Sequence[TimedForecast], planned_s: float) -> Char
         marks.append(Line(x, np.where(y <= top, y, np.nan), colour, names[share], dashed=True))
     marks.append(Line(hours, np.where(sd <= top, sd, np.nan), name="reached"))
     end_h = max(float(hours[-1]), planned_s / 3600)
-    moisture = known[-1].forecast.moisture
-    what = "moisture" if moisture else "rate"
+    what = "moisture [% by volume]" if known[-1].forecast.moisture else "rate [% of the mean]"
     return Chart(
         "course-sd", "Standard deviation of the map", "Standard deviation of the map against mission time, as "
         "forecast and as reached", marks, (0.0, end_h), (0.0, top), "Mission time [h]",
-        f"Standard deviation of the {what} [{'% by volume' if moisture else '% of the mean'}]",
+        f"Standard deviation of the {what}",
         "Root of the mean variance of the map. In four of five missions it ends within the band of a forecast.",
     )  # fmt: skip

@@ -25,7 +25,6 @@ from soilmoist_ros.reporting.page.charts import (
     cross_validation_chart,
     factor_chart,
     forecast_chart,
-    histogram_chart,
     limits_of,
     moisture_chart,
     rate_chart,
@@ -58,8 +57,7 @@ def write_report(path: Path, run: MapRun) -> Path:
 def render_report(run: MapRun) -> str:
     """The report as HTML."""
     found, still = irrigation(run), at_one_place(run)  # a probe that stays at one place has no map
-    variograms = list(variogram_charts(run))
-    truths = [(one, one.truth_rate) for one in run.properties if one.truth_rate is not None]
+    variograms, curve = list(variogram_charts(run)), run.soil_map.curve
     return render_page(
         "report.html.j2",
         title=run.title,
@@ -69,15 +67,13 @@ def render_report(run: MapRun) -> str:
         where=wording.place(run),
         simulated=run.simulated,
         run=run,
-        curve=run.soil_map.curve,
+        curve=curve,
         facts=wording.facts(run),
         headline=wording.headline(run),
         notes=notes(run),
         irrigation=found,
         guessed=calibration_of(run) == ILLUSTRATIVE,
-        series=moisture_chart(moisture_series(run.track, run.soil_map.curve))
-        if still and run.calibrated
-        else None,
+        series=moisture_chart(moisture_series(run.track, curve)) if still and curve is not None else None,
         covariates=_covariate_rows(run),
         map_data=None if still else viewer_data(run, found),
         pictures=() if still else list(pictures(run)),
@@ -86,7 +82,11 @@ def render_report(run: MapRun) -> str:
         variograms=[chart for chart, _ in variograms],
         classes=[classes for _, classes in variograms],
         charts=list(_charts(run)),
-        truths=[(one.label or one.name or "the map", truth_score(one.soil_map, truth)) for one, truth in truths],
+        truths=[
+            (one.label or one.name or "the map", truth_score(one.soil_map, one.truth_rate))
+            for one in run.properties
+            if one.truth_rate is not None
+        ],
         model=_model_rows(run),
         outside=sum(row.count for row in run.losses if row.consequence != "kept"),
         datum=wording.datum(run),
@@ -112,8 +112,7 @@ def _charts(run: MapRun) -> Iterator[Chart]:
     loo = leave_one_out(run.soil_map)
     if loo is not None:
         yield cross_validation_chart(loo)
-    if not at_one_place(run):
-        yield histogram_chart(run)
+
     if len({record.stamp_s for record in run.track}) > 1:
         yield rate_chart(run.track)
         yield factor_chart(run.track)
@@ -122,8 +121,9 @@ def _charts(run: MapRun) -> Iterator[Chart]:
 def _model_rows(run: MapRun) -> list[tuple[str, str, str]]:
     """Name, value and unit of each model parameter."""
     soil_map, variogram, fit = run.soil_map, run.soil_map.variogram, run.soil_map.fit
-    errors = (None, None, None) if fit is None or fit.log_sd is None else fit.log_sd
-    sill_factor, range_factor, nugget_factor = (_factor(error) for error in errors)
+    errors = fit.log_sd if fit is not None and fit.log_sd is not None else (0.0, 0.0, 0.0)
+    # The standard error of a logarithm is a factor.
+    sill_factor, range_factor, nugget_factor = (f" ×/÷ {np.exp(sd):.2g}" if 0 < sd < 3 else "" for sd in errors)
     rows = [
         ("model", str(variogram.model), ""),
         ("fitted by", "given, not fitted" if fit is None else FITS.get(fit.method, fit.method), ""),
@@ -150,17 +150,12 @@ def _model_rows(run: MapRun) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _factor(log_sd: float | None) -> str:
-    """The standard error of a logarithm as a multiplicative factor."""
-    return "" if log_sd is None or not 0 < log_sd < 3 else f" ×/÷ {np.exp(log_sd):.2g}"
-
-
 # The page of a run that made no map -----------------------------------------------------------------------------
 
 
 def render_failed(failed: FailedRun) -> str:
     """The page as HTML: why there is no map, what to do, and what was counted."""
-    mission = failed.mission
+    mission, good = failed.mission, [record for record in failed.good if record.effective_exposure_s > 0]
     return render_page(
         "failed.html.j2",
         title=failed.title,
@@ -174,7 +169,7 @@ def render_failed(failed: FailedRun) -> str:
         visits=mission.visits[:MAX_VISITS] if mission else (),
         stops=len(mission.visits) if mission else 0,
         log=mission.log[:MAX_LINES] if mission else (),
-        rate=_rate_of(failed),
+        rate=rate_chart(good) if len({record.stamp_s for record in good}) > 1 else None,
     )
 
 
@@ -196,17 +191,8 @@ def failed_facts(failed: FailedRun) -> list[Fact]:
         if failed.mission.series:
             found.append(Fact(duration(failed.mission.series[-1].time_s), "", "of mission time"))
     if placed or failed.mission is not None:
-        value, unit = length(failed.travelled_m)
-        found.append(Fact(value, unit, "travelled"))
+        found.append(Fact(*length(failed.travelled_m), "travelled"))
     return found
-
-
-def _rate_of(failed: FailedRun) -> Chart | None:
-    """The rate over time, ``None`` without at least two records that count."""
-    good = [record for record in failed.good if record.effective_exposure_s > 0]
-    if len({record.stamp_s for record in good}) < 2:
-        return None
-    return rate_chart(good)
 
 
 # Sections of a report on earlier surveys and on the mission -----------------------------------------------------
@@ -228,9 +214,8 @@ def earlier_part(run: MapRun) -> Part | None:
         )
         for one in run.earlier
     ]  # fmt: skip
-    if found is None:
-        return Part(text="The counts of earlier surveys inform this map.", change="", rows=rows)
-    return Part(text=contribution(found), change=change_text(found), rows=rows)
+    text = "The counts of earlier surveys inform this map."
+    return Part(text=text + (contribution(found) if found else ""), change=found and change_text(found), rows=rows)
 
 
 def relations(run: MapRun) -> dict[str, float]:
@@ -242,16 +227,15 @@ def relations(run: MapRun) -> dict[str, float]:
 
 
 def contribution(found: RunChange) -> str:
-    """Contribution of the earlier surveys, in sentences."""
+    """Similarity of the surveys, and what the earlier ones contribute, in sentences."""
     share = 1 - found.sd / found.sd_alone if found.sd_alone > 0 else 0.0
     persistence, fades = found.persistence, ""
     if persistence.decay_days < 1e6:
         fades = f" It falls to a third in {number(persistence.decay_days, 2)} days."
     return (
-        "The counts of earlier surveys inform this map. The patterns of two surveys of this field have a "
-        f"correlation of {persistence.share:.2f} ± {persistence.sd:.2f}.{fades} They lower the standard deviation "
-        f"of the smooth rate from {number(found.sd_alone, 2)} to {number(found.sd, 2)} counts/s, "
-        f"by {percent(share)}."
+        f" The patterns of two surveys of this field have a correlation of {persistence.share:.2f} ± "
+        f"{persistence.sd:.2f}.{fades} They lower the standard deviation of the smooth rate from "
+        f"{number(found.sd_alone, 2)} to {number(found.sd, 2)} counts/s, by {percent(share)}."
     )
 
 
@@ -259,11 +243,9 @@ def change_text(found: RunChange) -> str:
     """Change since the latest earlier survey, in sentences."""
     drier, wetter = found.change.shares
     kind = "rate" if found.change.mean_vwc is None else "moisture"
-    mean = found.change.mean_vwc or found.change.mean_rate
-    low, high = mean.interval95
-    seen = (
-        f"the mean {kind} has changed by" if low > 0 or high < 0 else f"no change of the mean {kind} can be seen:"
-    )
+    low, high = (found.change.mean_vwc or found.change.mean_rate).interval95
+    changed = low > 0 or high < 0
+    seen = f"the mean {kind} has changed by" if changed else f"no change of the mean {kind} can be seen:"
     since = change_since(found)
     return (
         f"{since[:1].upper()}{since[1:]}, {seen} {change_amount(found)}. {percent(wetter)} of the field has "
@@ -328,32 +310,28 @@ def mission_part(run: MapRun) -> Part | None:
     mission = run.mission
     if mission is None:
         return None
-    charts = list(course_charts(mission))
-    if (forecasts := forecast_chart(mission.forecasts, 3600 * mission.settings.hours)) is not None:
-        charts.append(forecasts)
-    visits = mission.visits
+    forecasts, visits = forecast_chart(mission.forecasts, 3600 * mission.settings.hours), mission.visits
     return Part(
-        text=_text(mission), charts=charts, visits=visits[:MAX_VISITS], hidden=max(len(visits) - MAX_VISITS, 0),
-        several=len(mission.tracks) > 1, log=mission.log[:MAX_LINES],
+        text=_text(mission), charts=[*course_charts(mission), *([forecasts] if forecasts else [])],
+        visits=visits[:MAX_VISITS], hidden=max(len(visits) - MAX_VISITS, 0), several=len(mission.tracks) > 1,
+        log=mission.log[:MAX_LINES],
     )  # fmt: skip
 
 
 def _text(mission: MissionResult) -> str:
-    settings, named, sentences = mission.settings, mission.settings.as_dict(), []
-    sentences.append(
+    settings, named = mission.settings, mission.settings.as_dict()
+    sentences = [
         f"Strategy {strategy_text(named['strategy'])}, dwell rule {dwell_text(named['dwell'])}, "
         f"{settings.hours:g} h, seed {settings.seed}: {len(mission.visits)} measurements"
-    )
+    ]
     if mission.series:
         end = mission.series[-1]
-        value, unit = length(end.distance_m)
-        sentences[0] += f" in {duration(end.time_s)} and on {value} {unit}"
+        sentences[0] += f" in {duration(end.time_s)} and on {' '.join(length(end.distance_m))}"
         if end.time_s > 0:
             share = end.counting_s / (end.time_s * settings.robots)
             sentences[0] += f", {percent(share)} of the time spent counting"
         if settings.robots > 1:
-            ways = [polyline_length_m(track) for track in mission.tracks]
-            each = ", ".join(" ".join(length(way_m)) for way_m in ways)
+            each = ", ".join(" ".join(length(polyline_length_m(track))) for track in mission.tracks)
             sentences.append(f"There were {settings.robots} robots, which drove {each}")
         if np.isfinite(end.mse):
             sentences.append(
@@ -376,10 +354,9 @@ def _text(mission: MissionResult) -> str:
             f"Its efficiency is {percent(plan.reached)}: no division of the time among all places, even without "
             "driving, leaves less than this share of the mean variance that its samples leave"
         )
-        if plan.of_truth:
-            sentences[-1] += " (with the variogram of the truth, so that missions on this field can be compared)"
-        else:
-            sentences[-1] += " (with the variogram of this map: not comparable with other missions)"
+        of_truth = "with the variogram of the truth, so that missions on this field can be compared"
+        of_map = "with the variogram of this map: not comparable with other missions"
+        sentences[-1] += f" ({of_truth if plan.of_truth else of_map})"
     if forecast := forecast_text(mission.forecasts, 3600 * settings.hours):
         sentences.append(f"Standard deviation of the map: {forecast}")
     if mission.ended:

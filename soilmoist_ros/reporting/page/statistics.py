@@ -6,18 +6,24 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping import Effect, SoilMap, moisture_terms, possible_moisture
+from soilmoist_ros.mapping import (
+    Effect,
+    PoissonKriging,
+    SoilMap,
+    estimate_variogram,
+    moisture_terms,
+    possible_moisture,
+)
 from soilmoist_ros.pipeline import MapRun
+from soilmoist_ros.sensing import MoistureCurve
 
-if TYPE_CHECKING:
-    from soilmoist_ros.mapping import PoissonKriging, SoilMap
+Array = NDArray[np.float64]
 
 MAX_UNUSABLE = 0.25
 """Largest share of impossible or undefined moisture in the area at which zones and advice rest on the moisture."""
@@ -25,12 +31,11 @@ MAX_SAMPLES = 1000
 MAX_CELLS, MAX_PAIRED_CELLS = 1500, 500
 INTERVAL_SD = 1.96
 """Half width of a 95 % interval, in standard deviations."""
-_MEANS: Final[WeakKeyDictionary[SoilMap, tuple[float | None, tuple[float, float | None]]]] = WeakKeyDictionary()
-"""Results of :func:`_means`."""
+_MOISTURES: Final[WeakKeyDictionary[SoilMap, tuple[float, float | None]]] = WeakKeyDictionary()
+"""Results of :func:`_expected_moisture`."""
 
 
-@dataclass(frozen=True)
-class BandStatistics:
+class BandStatistics(NamedTuple):
     """Distribution of one band over the cells of the field; all NaN if no cell has a value."""
 
     mean: float
@@ -47,11 +52,9 @@ def band_statistics(values: ArrayLike) -> BandStatistics:
     finite = np.asarray(values, float)
     finite = finite[np.isfinite(finite)]
     if finite.size == 0:
-        return BandStatistics(*[float("nan")] * 7)
-    return BandStatistics(
-        float(finite.mean()), float(finite.std()), float(finite.min()), float(finite.max()),
-        *(float(q) for q in np.percentile(finite, (5, 50, 95))),
-    )  # fmt: skip
+        return BandStatistics(*[math.nan] * 7)
+    found = (finite.mean(), finite.std(), finite.min(), finite.max(), *np.percentile(finite, (5, 50, 95)))
+    return BandStatistics(*map(float, found))
 
 
 def undefined_share(soil_map: SoilMap) -> float:
@@ -59,16 +62,14 @@ def undefined_share(soil_map: SoilMap) -> float:
 
     1 without a calibration.
     """
-    cells = int(np.count_nonzero(soil_map.grid.mask))
     if soil_map.curve is None:
         return 1.0
-    return soil_map.undefined_vwc_cells / cells if cells else float("nan")
+    return soil_map.undefined_vwc_cells / int(np.count_nonzero(soil_map.grid.mask))
 
 
 def beyond_limits_share(soil_map: SoilMap) -> float:
     """Share of the field's cells whose interval of moisture reaches a limit of the soil [0..1]."""
-    mask = np.asarray(soil_map.grid.mask, bool)
-    return float(np.mean(soil_map.beyond_limits[mask])) if mask.any() else float("nan")
+    return float(np.mean(soil_map.beyond_limits[soil_map.grid.mask]))
 
 
 def explained_share(soil_map: SoilMap) -> float:
@@ -76,7 +77,7 @@ def explained_share(soil_map: SoilMap) -> float:
 
     The rest is the mean squared error to be expected, as a share of the variance of the field.
     """
-    mask = np.asarray(soil_map.grid.mask, bool)
+    mask = soil_map.grid.mask
     between, error = float(np.var(soil_map.rate[mask])), float(np.mean(soil_map.variance[mask]))
     return between / (between + error) if between + error > 0 else math.nan
 
@@ -102,9 +103,7 @@ def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> floa
 
     :param vwc_sd: limit for VWC [m^3/m^3], used with a calibration
     """
-    mask = np.asarray(soil_map.grid.mask, bool)
-    if not mask.any():
-        return float("nan")
+    mask = soil_map.grid.mask
     if soil_map.curve is not None:
         return float(np.mean(~(soil_map.vwc_sd[mask] <= vwc_sd)))
     return float(np.mean(~(soil_map.rate_sd[mask] <= rate_share * soil_map.rate[mask])))
@@ -115,10 +114,9 @@ def implausible_shares(soil_map: SoilMap) -> tuple[float, float]:
 
     The map shows the limit there. Rates below the curve are counted by :func:`undefined_share`.
     """
-    mask = np.asarray(soil_map.grid.mask, bool)
-    if soil_map.curve is None or soil_map.limits is None or not mask.any():
+    if soil_map.curve is None or soil_map.limits is None:
         return 0.0, 0.0
-    vwc = soil_map.curve.vwc(soil_map.rate[mask])
+    vwc = soil_map.curve.vwc(soil_map.rate[soil_map.grid.mask])
     return float(np.mean(vwc > soil_map.limits.saturation)), float(np.mean(vwc < soil_map.limits.dryness))
 
 
@@ -132,15 +130,14 @@ def is_usable(soil_map: SoilMap) -> bool:
     return not unusable_share(soil_map) > MAX_UNUSABLE
 
 
-@dataclass(frozen=True)
-class LeaveOneOut:
+class LeaveOneOut(NamedTuple):
     """Leave-one-out cross-validation: observed rates, rates predicted without the sample, and the standard
     deviation of their difference, counting noise included [counts/s].
     """
 
-    observed: NDArray[np.float64]
-    predicted: NDArray[np.float64]
-    sd: NDArray[np.float64]
+    observed: Array
+    predicted: Array
+    sd: Array
 
     @property
     def rmse(self) -> float:
@@ -159,7 +156,7 @@ class LeaveOneOut:
 
 
 def _kriging(soil_map: SoilMap) -> PoissonKriging | None:
-    """The kriging of a map; ``None`` if it is too large for a report or numerically singular."""
+    """Exact kriging of a map; ``None`` if it is too large for a report or numerically singular."""
     if not 1 <= len(soil_map.samples.xy) <= MAX_SAMPLES or not soil_map.variogram.sill > 0:
         return None
     try:
@@ -201,23 +198,10 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
 
     :returns: ``None`` if there are too many samples, or nothing to average
     """
-    rate_sd, (_, vwc_sd) = _means(soil_map)
-    return vwc_sd if moisture else rate_sd
-
-
-def _means(soil_map: SoilMap) -> tuple[float | None, tuple[float, float | None]]:
-    """Standard deviation of the mean rate, and expected mean moisture with its own."""
-    # Page and summary ask several times.
-    if soil_map not in _MEANS:
-        _MEANS[soil_map] = _mean_rate_sd(soil_map), _expected_moisture(soil_map)
-    return _MEANS[soil_map]
-
-
-def _mean_rate_sd(soil_map: SoilMap) -> float | None:
-    """:func:`mean_sd` of the rate."""
-    kriging = _kriging(soil_map)
-    cells = _some_cells(soil_map, MAX_CELLS)[0]
-    if kriging is None or not len(cells):
+    if moisture:
+        return _expected_moisture(soil_map)[1]
+    kriging, cells = _kriging(soil_map), _some_cells(soil_map, MAX_CELLS)[0]
+    if kriging is None:
         return None
     variance = float(kriging.covariance(cells).mean()) + soil_map.variogram.nugget / len(cells)
     return math.sqrt(max(variance, 0.0))
@@ -230,17 +214,21 @@ def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
     footprint most of it lies within the footprint, where no count shows it: the difference is then as uncertain as
     it is large. In simulated surveys of other people's surfaces the interval was too narrow without this.
     """
-    from soilmoist_ros.mapping import PoissonKriging
-
     if soil_map.curve is None:
         return math.nan, None
+    if soil_map not in _MOISTURES:  # page and summary ask several times
+        _MOISTURES[soil_map] = _mean_of_moistures(soil_map, soil_map.curve)
+    return _MOISTURES[soil_map]
+
+
+def _mean_of_moistures(soil_map: SoilMap, curve: MoistureCurve) -> tuple[float, float | None]:
     of_places = _of_places(soil_map)
     kriging = of_places or soil_map.kriging
     cells, rate, variance = _some_cells(soil_map, MAX_CELLS if of_places else sys.maxsize)
     if of_places:
         rate, variance = of_places.predict(cells)
-    value = float(np.mean(moisture_terms(soil_map.curve, rate, np.sqrt(variance))[0]))
-    above = value - float(np.mean(possible_moisture(soil_map.curve, rate)))
+    value = float(np.mean(moisture_terms(curve, rate, np.sqrt(variance))[0]))
+    above = value - float(np.mean(possible_moisture(curve, rate)))
     if not isinstance(kriging, PoissonKriging) or len(soil_map.samples) > MAX_SAMPLES:
         return value, None
     some = _evenly(len(cells), MAX_PAIRED_CELLS)
@@ -250,7 +238,7 @@ def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
     sd = np.sqrt(np.maximum(variance, 1e-300))
     correlation = covariance / np.outer(sd, sd)
     total, power = 0.0, np.ones_like(correlation)
-    for terms in moisture_terms(soil_map.curve, rate, sd)[1:]:
+    for terms in moisture_terms(curve, rate, sd)[1:]:
         power *= correlation
         total += float(terms @ power @ terms)
     within = above if of_places or soil_map.deconvolved_m else 0.0
@@ -262,8 +250,6 @@ def _of_places(soil_map: SoilMap) -> PoissonKriging | None:
 
     The curve of a mean is not the mean of the curve: within the footprint it is wetter than the mean rate says.
     """
-    from soilmoist_ros.mapping import PoissonKriging, estimate_variogram
-
     fit, samples, radius_m = soil_map.fit, soil_map.samples, soil_map.footprint_radius_m
     means = radius_m > 0 and not soil_map.deconvolved_m and len(samples) <= MAX_SAMPLES
     if fit is None or fit.method != "reml" or not means:
@@ -295,16 +281,14 @@ def calibration_sd(soil_map: SoilMap) -> float | None:
     return math.hypot(of_n0, of_density)
 
 
-@dataclass(frozen=True)
-class MeanMoisture:
+class MeanMoisture(NamedTuple):
     """Mean moisture of the field with its uncertainty [m^3/m^3].
 
     :param value: mean of the expected moisture of each cell, above the mean of the band ``vwc``: the curve is
         steep in wet soil, so what is uncertain may be much wetter, but not much drier
     :param between_sd: standard deviation by counting and kriging (block kriging)
     :param common_sd: standard deviation by the calibration, 0 if unknown
-    :param p05: quantile 0.05, both included
-    :param p95: quantile 0.95
+    :param p05: quantile 0.05, both included; ``p95`` the quantile 0.95
     """
 
     value: float
@@ -316,8 +300,8 @@ class MeanMoisture:
 
 def mean_moisture(soil_map: SoilMap) -> MeanMoisture | None:
     """Mean moisture of the field; ``None`` without a calibration, or where :func:`mean_sd` is ``None``."""
-    limits, (value, between) = soil_map.limits, _means(soil_map)[1]
-    if soil_map.curve is None or limits is None or between is None:
+    limits, (value, between) = soil_map.limits, _expected_moisture(soil_map)
+    if limits is None or between is None:
         return None
     common = calibration_sd(soil_map) or 0.0
     away = SoilMap.QUANTILE_SD * math.hypot(between, common)
@@ -326,11 +310,9 @@ def mean_moisture(soil_map: SoilMap) -> MeanMoisture | None:
     )
 
 
-def _some_cells(soil_map: SoilMap, most: int) -> tuple[NDArray[np.float64], ...]:
+def _some_cells(soil_map: SoilMap, most: int) -> tuple[Array, ...]:
     """Centres (n, 2), rates and their variances of an even subset of the field's cells."""
-    mask = np.asarray(soil_map.grid.mask, bool)
-    x, y = np.meshgrid(soil_map.grid.x_m, soil_map.grid.y_m)
-    cells = np.column_stack([x[mask], y[mask]])
+    mask, cells = soil_map.grid.mask, soil_map.grid.cells
     pick = _evenly(len(cells), most)
     return cells[pick], soil_map.rate[mask][pick], soil_map.variance[mask][pick]
 
@@ -340,8 +322,7 @@ def _evenly(count: int, most: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
 
 
-@dataclass(frozen=True)
-class TruthScore:
+class TruthScore(NamedTuple):
     """Errors of the rate against a known truth over the cells of the field [counts/s]: root mean squared error,
     mean of estimate minus truth, and share of cells whose 95 % interval contains the truth [0..1].
     """
@@ -359,9 +340,9 @@ def truth_score(soil_map: SoilMap, truth_rate: ArrayLike) -> TruthScore:
     truth = np.asarray(truth_rate, float)
     if truth.shape != soil_map.rate.shape:
         raise ValueError(f"the truth has shape {truth.shape}, the map {soil_map.rate.shape}")
-    mask = np.asarray(soil_map.grid.mask, bool) & np.isfinite(truth) & np.isfinite(soil_map.rate)
-    error = (soil_map.rate - truth)[mask]
-    inside = np.abs(error) <= INTERVAL_SD * soil_map.rate_sd[mask]
+    known = soil_map.grid.mask & np.isfinite(truth) & np.isfinite(soil_map.rate)
+    error = (soil_map.rate - truth)[known]
+    inside = np.abs(error) <= INTERVAL_SD * soil_map.rate_sd[known]
     return TruthScore(float(np.sqrt(np.mean(error**2))), float(error.mean()), float(inside.mean()))
 
 
@@ -381,8 +362,7 @@ class Interval(NamedTuple):
         return Interval(self.value * factor, low, high)
 
 
-@dataclass(frozen=True)
-class Importance:
+class Importance(NamedTuple):
     """What one covariate says of the map; zeros if it was left out, because the counts do not ask for it.
 
     :param rate_cps: change of the rate where the covariate is one standard deviation higher [counts/s]
@@ -400,11 +380,11 @@ class Importance:
 
 
 def covariate_importance(run: MapRun) -> list[Importance]:
-    """The covariates of a map, the most important first; empty without covariates."""
+    """The covariates of a map, the most important first."""
     soil_map, covariates = run.soil_map, run.covariates
-    prior = None if soil_map.fit is None else soil_map.fit.prior
     if covariates is None:
         return []
+    prior = None if soil_map.fit is None else soil_map.fit.prior
     effects = [Effect(name, 0.0, 0.0) for name in covariates.names] if prior is None else prior.effects
     covered, mask = covariates.coverage(soil_map.grid), soil_map.grid.mask
     rate, curve = float(soil_map.rate[mask].mean()), soil_map.curve
@@ -415,9 +395,9 @@ def covariate_importance(run: MapRun) -> list[Importance]:
     for effect in effects:
         low, high = effect.interval
         lowest = 0.0 if low <= 0 <= high else min(low**2, high**2)
-        share = Interval(effect.mean**2 + effect.sd**2, lowest, max(low**2, high**2)).times(1 / total)
+        shares = (effect.mean**2 + effect.sd**2, lowest, max(low**2, high**2))
+        share = Interval(*(min(one / total, 1.0) for one in shares))
         change = Interval(effect.mean, low, high)
         vwc = None if slope is None or not np.isfinite(slope) else change.times(slope)
-        bounded = Interval(*(min(one, 1.0) for one in share))
-        found.append(Importance(effect.name, change, vwc, bounded, covered[effect.name]))
+        found.append(Importance(effect.name, change, vwc, share, covered[effect.name]))
     return sorted(found, key=lambda one: -one.variance_share.value)

@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -49,10 +50,7 @@ PERCENT = "% by volume"
 def thinning(shape: tuple[int, ...]) -> int:
     """Step at which rows and columns are taken so that at most :data:`MAX_CELLS` remain."""
     rows, columns = shape
-    step = 1
-    while -(-rows // step) * -(-columns // step) > MAX_CELLS:
-        step += 1
-    return step
+    return next(step for step in itertools.count(1) if -(-rows // step) * -(-columns // step) <= MAX_CELLS)
 
 
 def pack(values: Array) -> dict[str, Any]:
@@ -87,14 +85,12 @@ def rounded(xy: Array, digits: int = 1) -> list[list[float]]:
 
 def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
     """Everything that the page's script draws, as plain JSON values."""
-    west, east, south, north = view(run)
-    one = run.soil_map.samples
+    edges, one = view(run), run.soil_map.samples
     samples = np.column_stack([one.xy, one.counts, one.exposure_s])
+    robots, known = len(run.tracks_xy), list(ROBOTS.items())
     return {
-        "view": [round(edge, 2) for edge in (west, east, south, north)],
-        "place": place_data(
-            run.frame, (west + east) / 2, (south + north) / 2, max(east - west, north - south) / 2
-        ),
+        "view": [round(edge, 2) for edge in edges],
+        "place": place_data(run.frame, edges),
         "rootDepth": run.irrigation.root_depth_mm if has_level(run) else 0,
         "grids": [grid_data(one.soil_map.grid) for one in run.properties],
         "layers": list(_layers(run, found)),
@@ -102,9 +98,16 @@ def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
         "edge": [rounded(ring) for ring in rings(run.soil_map)],
         "noGo": [rounded(hole) for hole in run.soil_map.grid.holes],
         "samples": [[round(x, 1), round(y, 1), int(z), round(t, 2)] for x, y, z, t in _thinned(samples).tolist()],
-        "robots": _robots(run),
+        "robots": [
+            {"name": f"robot {number + 1} {name}", "colour": colour}
+            for number in range(robots if robots > 1 else 0)
+            for name, colour in (known[number % len(known)],)
+        ],
         "paths": [rounded(_thinned(track)) for track in run.tracks_xy if len(track) > 1],
-        "visits": _visits(run),
+        "visits": [
+            [round(v.x_m, 1), round(v.y_m, 1), plain(v.name), round(v.dwell_s, 1), v.raw_counts, v.robot]
+            for v in (run.mission.visits if run.mission else ())
+        ],
         "quarantined": [
             [round(record.x_m, 1), round(record.y_m, 1), record.quarantine.replace("_", " ")]
             for record in run.quarantined
@@ -115,8 +118,8 @@ def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
 
 def view(run: MapRun) -> tuple[float, float, float, float]:
     """West, east, south, north [m] of the field, the samples and the track, with a margin."""
-    west, east, south, north = map_extent(run.soil_map)
-    points = np.vstack([[(west, south), (east, north)], run.soil_map.samples.xy, *run.tracks_xy])
+    corners = np.reshape(map_extent(run.soil_map), (2, 2)).T
+    points = np.vstack([corners, run.soil_map.samples.xy, *run.tracks_xy])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.03 * float(max(high - low))
     (west, south), (east, north) = (low - margin).tolist(), (high + margin).tolist()
@@ -162,109 +165,103 @@ def grid_data(grid: FieldGrid) -> dict[str, Any]:
 def _layers(run: MapRun, found: IrrigationAdvice) -> Iterator[dict[str, Any]]:
     """The layers in the order of the choice; those without a title are only read."""
     for index, one in enumerate(run.properties):
-        first, *more = _of_property(one, index, f"{one.label or one.name}: " if index else "")
+        name = f"{one.label or one.name}: " if index else ""
+        first, *more = _of_property(one, index, name)
         yield first
         if index == 0:
-            yield _zones(one, found)
+            yield _layer(
+                one, 0, "zone", found.number, title="Irrigation zones", kind="zones",
+                hatch=_hatch(one, np.isfinite(found.number) & ~found.sure), hatchText="zone not certain",
+                about=f"Zones as in the table. Hatched: the probability of the zone is below {percent(CERTAIN)}.",
+            )  # fmt: skip
         yield from more
         if one.change is not None:
-            yield from _change(one, one.change.change, index)
+            yield from _change(one, one.change.change, index, name)
         if one.truth_rate is not None:
-            yield from _truth(one, np.asarray(one.truth_rate, float), index)
-
-
-def _zones(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
-    unsure = np.isfinite(found.number) & ~found.sure
-    return {
-        **_raster(run, 0, "zone", found.number), "title": "Irrigation zones", "kind": "zones",
-        "hatch": pack_bits(_cells(run, unsure)), "hatchText": "zone not certain",
-        "about": f"Zones as in the table. Hatched: the probability of the zone is below {percent(CERTAIN)}.",
-    }  # fmt: skip
+            yield from _truth(one, np.asarray(one.truth_rate, float), index, name)
 
 
 def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]:
-    soil_map = run.soil_map
-    suffix = f"{index}" if index else ""
+    soil_map, end = run.soil_map, _end(index)
     if run.calibrated:
         unit = f"{PERCENT}, {ILLUSTRATIVE}" if calibration_of(run) == ILLUSTRATIVE else PERCENT
-        vwc, low, high = 100 * soil_map.vwc, 100 * soil_map.vwc_p05, 100 * soil_map.vwc_p95
-        inside = soil_map.beyond_limits & soil_map.grid.mask
-        yield {
-            **_raster(run, index, f"vwc{suffix}", vwc),
+        yield _layer(
+            run, index, "vwc", 100 * soil_map.vwc,
             **shown_as(f"{name}Soil moisture", unit, 1, WATER, moisture_limits(run)),
-            "low": f"p05{suffix}", "high": f"p95{suffix}", "fixed": FIXED_VWC,
-            "hatch": pack_bits(_cells(run, inside)),
-            "hatchText": "very unsure: the interval reaches a limit of the soil",
-            "about": "Pale is dry, dark blue is wet. Hatched: the interval reaches dry or saturated soil.",
-        }  # fmt: skip
-        yield _raster(run, index, f"p05{suffix}", low)
-        yield _raster(run, index, f"p95{suffix}", high)
-        yield {
-            **shown_as(f"{name}How sure", PERCENT, 1, UNCERTAIN, (0.0, colour_limits(interval_width(run))[1])),
-            "grid": index, "key": f"width{suffix}", "minus": [f"p95{suffix}", f"p05{suffix}"],
-            "name": "Width of the 90 % interval",
-            "about": "Width of the 90 % interval of the moisture: dark is unsure. Measure there next.",
-        }  # fmt: skip
+            low=f"p05{end}", high=f"p95{end}", fixed=FIXED_VWC,
+            hatch=_hatch(run, soil_map.beyond_limits & soil_map.grid.mask),
+            hatchText="very unsure: the interval reaches a limit of the soil",
+            about="Pale is dry, dark blue is wet. Hatched: the interval reaches dry or saturated soil.",
+        )  # fmt: skip
+        yield _layer(run, index, "p05", 100 * soil_map.vwc_p05)
+        yield _layer(run, index, "p95", 100 * soil_map.vwc_p95)
+        look = shown_as(f"{name}How sure", PERCENT, 1, UNCERTAIN, (0.0, colour_limits(interval_width(run))[1]))
+        yield _layer(
+            run, index, "width", **look, minus=[f"p95{end}", f"p05{end}"], name="Width of the 90 % interval",
+            about="Width of the 90 % interval of the moisture: dark is unsure. Measure there next.",
+        )  # fmt: skip
     rate, sd = soil_map.rate, soil_map.rate_sd
-    yield {
-        **_raster(run, index, f"rate{suffix}", rate),
-        **shown_as(f"{name}Neutron rate", "counts/s", 2, RATE, colour_limits(rate, sd)), "sd": f"rate_sd{suffix}",
-        "about": "What was measured, corrected for the atmosphere. More neutrons mean drier soil.",
-    }  # fmt: skip
-    yield {
-        **_raster(run, index, f"rate_sd{suffix}", sd),
-        **shown_as(f"{name}Rate uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(sd)[1])),
-        "about": "One standard deviation of the true rate, given all counts.",
-    }  # fmt: skip
+    look = shown_as(f"{name}Neutron rate", "counts/s", 2, RATE, colour_limits(rate, sd))
+    about = "What was measured, corrected for the atmosphere. More neutrons mean drier soil."
+    yield _layer(run, index, "rate", rate, **look, sd=f"rate_sd{end}", about=about)
+    look = shown_as(f"{name}Rate uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(sd)[1]))
+    about = "One standard deviation of the true rate, given all counts."
+    yield _layer(run, index, "rate_sd", sd, **look, about=about)
 
 
-def _change(run: MapRun, change: FieldChange, index: int) -> Iterator[dict[str, Any]]:
+def _change(run: MapRun, change: FieldChange, index: int, name: str) -> Iterator[dict[str, Any]]:
     """The change since an earlier survey: of the moisture if there is a calibration, else of the rate."""
-    end = f"{index}" if index else ""
-    name = f"{run.label or run.name}: " if index else ""
     moist = run.calibrated
     values, sd = (100 * change.vwc, 100 * change.vwc_sd) if moist else (change.rate, change.rate_sd)
     most = colour_limits(np.abs(values), sd)[1]
-    unit, digits = (PERCENT, 1) if moist else ("counts/s", 2)
-    unsure = (change.significant == 0) & run.soil_map.grid.mask
     # Brown is dry in both: less moisture, or more neutrons.
-    colour = DIFFERENCE if moist else f"{DIFFERENCE}_r"
-    yield {
-        **_raster(run, index, f"change{end}", values),
-        **shown_as(f"{name}Change", unit, digits, colour, (-most, most)), "sd": f"change_sd{end}",
-        "hatch": pack_bits(_cells(run, unsure)), "hatchText": "not significant",
-        "about": "Change since the latest earlier survey: brown is drier, green is wetter. Hatched: the change "
+    unit, digits, colour = (PERCENT, 1, DIFFERENCE) if moist else ("counts/s", 2, f"{DIFFERENCE}_r")
+    yield _layer(
+        run, index, "change", values, **shown_as(f"{name}Change", unit, digits, colour, (-most, most)),
+        sd=f"change_sd{_end(index)}", hatchText="not significant",
+        hatch=_hatch(run, (change.significant == 0) & run.soil_map.grid.mask),
+        about="Change since the latest earlier survey: brown is drier, green is wetter. Hatched: the change "
         "may be chance (false discovery rate 5 %).",
-    }  # fmt: skip
-    yield {**_raster(run, index, f"change_sd{end}", sd)}
+    )  # fmt: skip
+    yield _layer(run, index, "change_sd", sd)
 
 
-def _truth(run: MapRun, truth: Array, index: int) -> Iterator[dict[str, Any]]:
+def _truth(run: MapRun, truth: Array, index: int, name: str) -> Iterator[dict[str, Any]]:
     """The known truth of a simulation and the error of the map."""
-    soil_map, end = run.soil_map, f"{index}" if index else ""
-    name = f"{run.label or run.name}: " if index else ""
-    most = colour_limits(np.abs(soil_map.rate - truth))[1]
-    yield {
-        **_raster(run, index, f"truth{end}", truth),
-        **shown_as(f"{name}True rate", "counts/s", 2, RATE, colour_limits(soil_map.rate, soil_map.rate_sd)),
-        "about": "What the map of the rate should show, in the same colours.",
-    }  # fmt: skip
-    yield {
-        **shown_as(f"{name}Error", "counts/s", 2, f"{DIFFERENCE}_r", (-most, most)),
-        "grid": index, "key": f"error{end}", "minus": [f"rate{end}", f"truth{end}"], "name": "Map minus truth",
-        "about": "Estimate minus truth: brown where the map is too dry, green where it is too wet.",
-    }  # fmt: skip
+    rate, end = run.soil_map.rate, _end(index)
+    most = colour_limits(np.abs(rate - truth))[1]
+    look = shown_as(f"{name}True rate", "counts/s", 2, RATE, colour_limits(rate, run.soil_map.rate_sd))
+    yield _layer(
+        run, index, "truth", truth, **look, about="What the map of the rate should show, in the same colours."
+    )
+    yield _layer(
+        run, index, "error", **shown_as(f"{name}Error", "counts/s", 2, f"{DIFFERENCE}_r", (-most, most)),
+        minus=[f"rate{end}", f"truth{end}"], name="Map minus truth",
+        about="Estimate minus truth: brown where the map is too dry, green where it is too wet.",
+    )  # fmt: skip
+
+
+def _end(index: int) -> str:
+    """End of the keys of a property."""
+    return str(index) if index else ""
+
+
+def _layer(run: MapRun, index: int, key: str, values: Array | None = None, **look: Any) -> dict[str, Any]:
+    """A raster of the field's cells with its look; the script computes one without values from two others."""
+    packed = {} if values is None else pack(_cells(run, np.where(run.soil_map.grid.mask, values, np.nan)))
+    return {"key": f"{key}{_end(index)}", "grid": index, **packed, **look}
+
+
+def _hatch(run: MapRun, mask: NDArray[np.bool_]) -> str:
+    return pack_bits(_cells(run, mask))
 
 
 def shown_as(title: str, unit: str, digits: int, colour_map: str, limits: tuple[float, float]) -> dict[str, Any]:
     """Name, unit and colours of a layer."""
     low, high = limits
     ticks = [value for value, _ in round_ticks(low, high, 5)]
-    colours = hex_ramp(colour_map, STOPS)
-    return {
-        "title": title, "unit": unit, "digits": digits, "colours": colours,
-        "from": low, "to": high, "ticks": ticks,
-    }  # fmt: skip
+    colours = {"colours": hex_ramp(colour_map, STOPS), "from": low, "to": high, "ticks": ticks}
+    return {"title": title, "unit": unit, "digits": digits, **colours}
 
 
 def _cells(run: MapRun, values: Any) -> Any:
@@ -272,14 +269,13 @@ def _cells(run: MapRun, values: Any) -> Any:
     return values[::step, ::step]
 
 
-def _raster(run: MapRun, index: int, key: str, values: Array) -> dict[str, Any]:
-    """A raster of the field's cells."""
-    inside = np.where(run.soil_map.grid.mask, values, np.nan)
-    return {"key": key, "grid": index, **pack(_cells(run, inside))}
+def place_data(frame: LocalFrame, view: tuple[float, float, float, float]) -> dict[str, Any]:
+    """Latitude and longitude as quadratic polynomials of local kilometres about the middle of a view.
 
-
-def place_data(frame: LocalFrame, x_m: float, y_m: float, reach_m: float) -> dict[str, Any]:
-    """Latitude and longitude as quadratic polynomials of local kilometres about the middle of the view."""
+    :param view: west, east, south, north [m]
+    """
+    west, east, south, north = view
+    x_m, y_m, reach_m = (west + east) / 2, (south + north) / 2, max(east - west, north - south) / 2
     steps = np.linspace(-reach_m, reach_m, 5)
     dx, dy = (axis.ravel() / 1000 for axis in np.meshgrid(steps, steps))
     places = frame.to_geographic(np.column_stack([x_m + 1000 * dx, y_m + 1000 * dy]))
@@ -288,24 +284,8 @@ def place_data(frame: LocalFrame, x_m: float, y_m: float, reach_m: float) -> dic
     return {"x": x_m, "y": y_m, "latitude": weights[:, 0].tolist(), "longitude": weights[:, 1].tolist()}
 
 
-def _robots(run: MapRun) -> list[dict[str, str]]:
-    """Name and colour of each robot; empty for a single one."""
-    count, known = len(run.tracks_xy), list(ROBOTS.items())
-    shown = [known[number % len(known)] for number in range(count if count > 1 else 0)]
-    return [{"name": f"robot {i} {name}", "colour": colour} for i, (name, colour) in enumerate(shown, start=1)]
-
-
 def _thinned(rows: Array) -> Array:
     return rows[:: max(1, -(-len(rows) // MAX_PLACES))]
-
-
-def _visits(run: MapRun) -> list[list[Any]]:
-    """East, north [m], name, dwell [s], counts, robot of the stops in order."""
-    visits: Sequence[Any] = () if run.mission is None else run.mission.visits
-    return [
-        [round(v.x_m, 1), round(v.y_m, 1), plain(v.name), round(v.dwell_s, 1), v.raw_counts, v.robot]
-        for v in visits
-    ]
 
 
 # The map and its uncertainty for browsers without scripts -------------------------------------------------------
@@ -316,13 +296,11 @@ def pictures(run: MapRun) -> Iterator[dict[str, Any]]:
     for one in run.properties:
         soil_map, name = one.soil_map, f" of {one.label or one.name}" if run.others else ""
         looks = {layer["key"]: layer for layer in _of_property(one, 0, "")}
-        values = {"rate": soil_map.rate, "rate_sd": soil_map.rate_sd}
-        if one.calibrated:
-            values = {"vwc": 100 * soil_map.vwc, "width": interval_width(one)}
+        of_rate = {"rate": soil_map.rate, "rate_sd": soil_map.rate_sd}
+        of_moisture = {"vwc": 100 * soil_map.vwc, "width": interval_width(one)}
         west, east, _, _ = map_extent(soil_map)
-        for key, band in values.items():
-            look = looks[key]
-            inside = _cells(one, np.where(soil_map.grid.mask, band, np.nan))
+        for key, band in (of_moisture if one.calibrated else of_rate).items():
+            look, inside = looks[key], _cells(one, np.where(soil_map.grid.mask, band, np.nan))
             colours = np.array([list(bytes.fromhex(colour[1:])) for colour in look["colours"]], np.uint8)
             picture = coloured_png((inside[::-1] - look["from"]) / (look["to"] - look["from"]), colours)
             yield {

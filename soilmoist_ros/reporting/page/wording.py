@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from datetime import datetime
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,34 +27,16 @@ from soilmoist_ros.pipeline import (
 )
 from soilmoist_ros.reporting.geometry import distances_m, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
+from soilmoist_ros.reporting.page import statistics
 from soilmoist_ros.reporting.page.frame import area, duration, length, percent, volume
-from soilmoist_ros.reporting.page.statistics import (
-    band_statistics,
-    beyond_limits_share,
-    calibration_sd,
-    explained_share,
-    implausible_shares,
-    is_usable,
-    mean_sd,
-    resolution_m,
-    uncertain_share,
-    undefined_share,
-    unusable_share,
-)
-from soilmoist_ros.reporting.page.statistics import mean_moisture as field_moisture
+from soilmoist_ros.reporting.page.statistics import band_statistics, undefined_share
 from soilmoist_ros.sensing import n0_in_other_time, reason_text, unusual_factors
 
-_CHECK_ALL = "Check N0 and whether all tubes were counted."
-_UNFIT = (
-    "Do not use the soil moisture before N0, the bulk density and the tubes that were counted have been checked; "
-    "the map of the count rate holds."
-)
 _UNCERTAIN = "The map of the rate is not sure enough for a soil moisture yet: more or longer stops would help."
 """Advice for simulated counts, which use the calibration of the simulation."""
 
 
-@dataclass(frozen=True)
-class Fact:
+class Fact(NamedTuple):
     """One figure of the headline: value, unit and a short explanation."""
 
     value: str
@@ -70,17 +52,15 @@ def survey_time(run: MapRun | FailedRun) -> str:
     if start is None or end is None:
         return f"Duration {duration(seconds)}, on a simulated clock" if run.simulated else "Date unknown"
     text = f"{_span(start, end)} UTC"
-    zone = run.time_zone if isinstance(run, MapRun) else ""
-    if zone:
-        here = _span(local_time(start, zone), local_time(end, zone), since=start)
-        text += f", local time {here} ({zone})"
+    if isinstance(run, MapRun) and (zone := run.time_zone):
+        text += f", local time {_span(local_time(start, zone), local_time(end, zone), since=start)} ({zone})"
     return f"{text} ({duration(seconds)})"
 
 
 def _span(start: datetime, end: datetime, since: datetime | None = None) -> str:
     """Begin and end, each with its day unless that is known: from another time, or from the begin."""
-    first = "" if since is not None and since.date() == start.date() else f"{_day(start)}, "
-    last = "" if start.date() == end.date() else f"{_day(end)}, "
+    first = "" if since is not None and since.date() == start.date() else f"{start.day} {start:%B %Y}, "
+    last = "" if start.date() == end.date() else f"{end.day} {end:%B %Y}, "
     return f"{first}{start:%H:%M} to {last}{end:%H:%M}"
 
 
@@ -90,44 +70,34 @@ def place(run: MapRun | FailedRun) -> str:
     return " · ".join(filter(None, [run.field_name, run.site, f"report made {made}"]))
 
 
-def _day(when: datetime) -> str:
-    return f"{when.day} {when:%B %Y}"
-
-
 def facts(run: MapRun) -> list[Fact]:
     """The figures of the headline, the most important first."""
     if at_one_place(run):
         return _facts_of_place(run)
-    soil_map = run.soil_map
-    share = percent(uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share))
-    text: Callable[[float | None], str]
-    if run.calibrated:
-        mid, spread, unit = band_statistics(soil_map.vwc), band_statistics(soil_map.vwc_sd), "% vol."
-        sd, text, names = mean_sd(soil_map, moisture=True), volume, ("soil water content", "driest to wettest")
-        limit = f"± {volume(run.uncertain_vwc_sd)} {unit}"
-    else:
-        mid, spread, unit = band_statistics(soil_map.rate), band_statistics(soil_map.rate_sd), "counts/s"
-        sd, text, names = mean_sd(soil_map, moisture=False), _rate, ("corrected count rate", "wettest to driest")
-        limit = f"± {percent(run.uncertain_rate_share)}"
+    soil_map, moist = run.soil_map, run.calibrated
+    text, unit = (volume, "% vol.") if moist else (_rate, "counts/s")
+    spread = band_statistics(soil_map.vwc_sd if moist else soil_map.rate_sd)
+    mid, sd = band_statistics(soil_map.vwc if moist else soil_map.rate), statistics.mean_sd(soil_map, moist)
     mean, low, high = text(_mean(run)), text(mid.p05), text(mid.p95)
     if sd is not None and not mean.startswith(">"):
         mean += f" ± {text(sd)}"
+    limit = f"{volume(run.uncertain_vwc_sd)} {unit}" if moist else percent(run.uncertain_rate_share)
+    unsure = statistics.uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share)
+    order = "driest to wettest" if moist else "wettest to driest"
     return [
-        Fact(mean, unit, f"mean {names[0]}"),
-        Fact(low if low == high else f"{low} to {high}", unit, f"{names[1]} (5 % to 95 % of the area)"),
+        Fact(mean, unit, "mean soil water content" if moist else "mean corrected count rate"),
+        Fact(low if low == high else f"{low} to {high}", unit, f"{order} (5 % to 95 % of the area)"),
         Fact(f"± {text(spread.p50)}", unit, "typical uncertainty at one place"),
-        Fact(share, "", f"of the area less sure than {limit}"),
-        Fact(*area(float(field_polygon(run.soil_map).area)), "mapped area"),
+        Fact(percent(unsure), "", f"of the area less sure than ± {limit}"),
+        Fact(*area(float(field_polygon(soil_map).area)), "mapped area"),
         *_effort_facts(run),
     ]
 
 
 def _mean(run: MapRun) -> float:
     """Mean moisture of the field [m^3/m^3], the mean rate without a calibration [counts/s]."""
-    known = field_moisture(run.soil_map)
-    if known is not None:
-        return known.value
-    return band_statistics(run.soil_map.vwc if run.calibrated else run.soil_map.rate).mean
+    soil_map, known = run.soil_map, statistics.mean_moisture(run.soil_map)
+    return known.value if known else band_statistics(soil_map.vwc if run.calibrated else soil_map.rate).mean
 
 
 def _facts_of_place(run: MapRun) -> list[Fact]:
@@ -156,8 +126,7 @@ def _effort_facts(run: MapRun) -> list[Fact]:
         inside, placed = run.inside
         where = "all inside the field" if inside == placed else f"{inside} of {placed} inside the field"
         found.append(Fact(duration(seconds), "", f"of counting in {len(run.track)} records, {where}"))
-        value, unit = length(run.travelled_m)
-        found.append(Fact(value, unit, "travelled"))
+        found.append(Fact(*length(run.travelled_m), "travelled"))
     return found
 
 
@@ -166,32 +135,36 @@ def headline(run: MapRun) -> list[str]:
     if at_one_place(run):
         return _headline_of_place(run)
     soil_map = run.soil_map
-    value, unit = area(float(field_polygon(soil_map).area))
+    mapped, undefined = " ".join(area(float(field_polygon(soil_map).area))), undefined_share(soil_map)
     if not run.calibrated:
         return [
-            f"{value} {unit} were mapped as a neutron count rate. More neutrons mean drier soil, but without a "
+            f"{mapped} were mapped as a neutron count rate. More neutrons mean drier soil, but without a "
             "calibration the rate cannot be turned into water content.",
             _support(run),
         ]
-    wet = band_statistics(soil_map.vwc)
-    if undefined_share(soil_map) == 1:
+    if undefined == 1:
+        todo = _UNCERTAIN if run.simulated else "Check N0 and whether all tubes were counted."
         return [
-            f"{value} {unit} were mapped, but the count rate lies below the calibration curve everywhere, so no "
-            f"soil moisture could be computed. {_UNCERTAIN if run.simulated else _CHECK_ALL}"
+            f"{mapped} were mapped, but the count rate lies below the calibration curve everywhere, so no "
+            f"soil moisture could be computed. {todo}"
         ]
-    if not is_usable(soil_map):
+    if not statistics.is_usable(soil_map):
+        todo = (
+            "Do not use the soil moisture before N0, the bulk density and the tubes that were counted have been "
+            "checked; the map of the count rate holds."
+        )
         return [
-            f"{value} {unit} were mapped, but on {percent(unusable_share(soil_map))} of the area the soil "
+            f"{mapped} were mapped, but on {percent(statistics.unusable_share(soil_map))} of the area the soil "
             "moisture is impossible or not defined: the count rate does not fit the calibration. "
-            f"{_UNCERTAIN if run.simulated else _UNFIT}"
+            f"{_UNCERTAIN if run.simulated else todo}"
         ]
+    wet = band_statistics(soil_map.vwc)
     sentences = [
-        f"On average, 100 litres of soil hold {volume(_mean(run))} litres of water in the {value} {unit} mapped.",
+        f"On average, 100 litres of soil hold {volume(_mean(run))} litres of water in the {mapped} mapped.",
         f"The driest twentieth of the area is below {volume(wet.p05)} %, the wettest above {volume(wet.p95)} %.",
         _certainty(run),
         _support(run),
     ]
-    undefined = undefined_share(soil_map)
     if undefined > 0:
         sentences.append(
             f"On {percent(undefined)} of the area the rate lies below the calibration curve: the map shows "
@@ -202,7 +175,7 @@ def headline(run: MapRun) -> list[str]:
 
 def _support(run: MapRun) -> str:
     """What each value is of, and how fine the map is."""
-    size_m = resolution_m(run.soil_map, run.footprint_radius_m or 0.0)
+    size_m = statistics.resolution_m(run.soil_map, run.footprint_radius_m or 0.0)
     of = "a " if run.support_text.startswith("mean") else "that of "
     return f"Each value is {of}{run.support_text}. Structures below {size_m:.0f} m are not resolved."
 
@@ -230,7 +203,7 @@ def _certainty(run: MapRun) -> str:
     """The part of the uncertainty that is common to all places, and the part that differs."""
     between = volume(band_statistics(run.soil_map.vwc_sd).p50)
     text = f"Places are typically known to ± {between} % by volume against each other (one standard deviation)"
-    common = calibration_sd(run.soil_map)
+    common = statistics.calibration_sd(run.soil_map)
     if common is None:
         return f"{text}; an error of the calibration, common to all places, is not included."
     return f"{text}, and the calibration may shift all of them together by ± {volume(common)} %."
@@ -258,34 +231,16 @@ MIN_COVERAGE = 0.9
 """Share of the field that a covariate covers from which there is no note."""
 MIN_UNCLEAR = 0.01
 """Share of the area from which intervals that reach a limit of the soil need a note."""
-_ONE_PLACE = Note(
-    NoteCode.ONE_PLACE,
-    "All records lie at one place: its value is not a map of the surroundings. The series over time is what was "
-    "measured.",
-)
-_TOO_WET = "N0 or the bulk density is probably too high, or not all tubes were counted"
-_TOO_DRY = "N0 is probably too low, or lattice and organic water too high"
 
 
 def notes(run: MapRun) -> list[Note]:
     """The notes of a run and those that follow from its map, in the order of the report."""
-    return [
-        *run.notes,
-        *_on_quarantine(run),
-        *_on_place_and_date(run),
-        *_on_pressure(run),
-        *_on_factors(run),
-        *_on_calibration(run),
-        *_on_moisture(run),
-        *_on_covariates(run),
-        *_on_earlier(run),
-        *_on_change(run.soil_map),
-        *([_ONE_PLACE] if at_one_place(run) else _on_model(run.soil_map)),
-    ]
+    makers = (_on_records, _on_corrections, _on_calibration, _on_moisture, _on_knowledge, _on_model)
+    return [*run.notes, *(note for make in makers for note in make(run))]
 
 
-def _on_quarantine(run: MapRun) -> Iterator[Note]:
-    """Note on records that the map leaves out."""
+def _on_records(run: MapRun) -> Iterator[Note]:
+    """Notes on records that the map leaves out, that lie outside the field, or have impossible dates."""
     if run.quarantined:
         reasons = Counter(record.quarantine for record in run.quarantined).most_common()
         number, total = len(run.quarantined), len(run.quarantined) + len(run.track)
@@ -295,10 +250,6 @@ def _on_quarantine(run: MapRun) -> Iterator[Note]:
             f"{', '.join(f'{reason_text(reason)} ({count})' for reason, count in reasons)}. "
             "The map does not use them; records.csv lists them with their reasons.",
         )
-
-
-def _on_place_and_date(run: MapRun) -> Iterator[Note]:
-    """Notes on records outside the field, and on impossible dates."""
     inside, placed = run.inside
     if 2 * inside < placed:
         yield Note(
@@ -325,24 +276,19 @@ def _on_place_and_date(run: MapRun) -> Iterator[Note]:
             )
 
 
-def _on_pressure(run: MapRun) -> Iterator[Note]:
-    """Note on a reference pressure that is not one of the place."""
+def _on_corrections(run: MapRun) -> Iterator[Note]:
+    """Notes on a reference pressure that is not one of the place, and on factors far from 1."""
     row = next((row for row in run.corrections if "beta [1/hPa]" in row.parameters), None)
-    if row is None:
-        return
-    reference_hpa = float(row.parameters["P0 [hPa]"])
-    above_hpa = math.log(row.mean_factor) / float(row.parameters["beta [1/hPa]"])
-    if abs(above_hpa) > MAX_FROM_REFERENCE_HPA:
-        yield Note(
-            NoteCode.FAR_REFERENCE_PRESSURE,
-            f"The air pressure is {abs(above_hpa):.0f} hPa {'above' if above_hpa > 0 else 'below'} the reference "
-            f"of {reference_hpa:.0f} hPa on average. This is right only if N0 was calibrated with this reference; "
-            "'reference_hpa: auto' in the site file takes the one of the altitude.",
-        )
-
-
-def _on_factors(run: MapRun) -> Iterator[Note]:
-    """Notes on factors far from 1."""
+    if row is not None:
+        above_hpa = math.log(row.mean_factor) / float(row.parameters["beta [1/hPa]"])
+        if abs(above_hpa) > MAX_FROM_REFERENCE_HPA:
+            yield Note(
+                NoteCode.FAR_REFERENCE_PRESSURE,
+                f"The air pressure is {abs(above_hpa):.0f} hPa {'above' if above_hpa > 0 else 'below'} the "
+                f"reference of {float(row.parameters['P0 [hPa]']):.0f} hPa on average. This is right only if N0 "
+                "was calibrated with this reference; 'reference_hpa: auto' in the site file takes the one of "
+                "the altitude.",
+            )
     names = {"air humidity": "f_humidity", "incoming neutrons": "f_intensity"}
     factors = {names[row.name]: (row.min_factor, row.max_factor) for row in run.corrections if row.name in names}
     for doubt in unusual_factors(factors):
@@ -350,19 +296,21 @@ def _on_factors(run: MapRun) -> Iterator[Note]:
 
 
 def _on_calibration(run: MapRun) -> Iterator[Note]:
-    if run.calibration is not None and run.calibration.illustrative:
+    known = run.calibration
+    if known is not None and known.illustrative:
         yield Note(
             NoteCode.ILLUSTRATIVE_CALIBRATION,
             "The calibration is illustrative: patterns are real, absolute soil moisture is not.",
         )
-    elif run.calibration is not None and not (
-        run.simulated or run.calibration.source or run.calibration.n0_sd_cps
-    ):
+    elif known is not None and not (run.simulated or known.source or known.n0_sd_cps):
         yield Note(
             NoteCode.UNKNOWN_CALIBRATION,
             "The site file does not say where N0 comes from. If it is not from cores around this probe, write "
             "'illustrative: true' below 'calibration': patterns are real, absolute soil moisture is not.",
         )
+    curve = run.soil_map.curve
+    if not run.simulated and curve and (doubt := n0_in_other_time(mean_rate(run.soil_map.samples), curve)):
+        yield Note(NoteCode.OTHER_TIME_OF_N0, f"{doubt}.")
 
 
 def _on_moisture(run: MapRun) -> Iterator[Note]:
@@ -370,41 +318,40 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
     soil_map, limits = run.soil_map, run.soil_map.limits
     if limits is None:
         return
-    too_wet, negative = implausible_shares(soil_map)
-    below, reached = undefined_share(soil_map), beyond_limits_share(soil_map)
-    curve = soil_map.curve
-    if not run.simulated and curve and (doubt := n0_in_other_time(mean_rate(soil_map.samples), curve)):
-        yield Note(NoteCode.OTHER_TIME_OF_N0, f"{doubt}.")
+    too_wet, negative = statistics.implausible_shares(soil_map)
+    below = undefined_share(soil_map)
+    unclear = statistics.beyond_limits_share(soil_map) - below - too_wet - negative
     pores, unsure = volume(limits.saturation), "the map of the rate is not sure enough there"
-    if below > 0 and not run.simulated:
-        yield Note(
-            NoteCode.RATE_BELOW_CURVE,
-            f"On {percent(below)} of the area the count rate is too low for any soil moisture, and the map shows "
-            "saturated soil: check N0 and whether all tubes were counted.",
-        )
-    if too_wet > 0:
-        yield Note(
-            NoteCode.ABOVE_PORE_VOLUME,
-            f"On {percent(too_wet)} of the area the rate means more water than the pores of this soil can hold, "
-            f"and the map shows {pores} %: {unsure if run.simulated else _TOO_WET}.",
-        )
-    if negative > 0:
-        yield Note(
-            NoteCode.NEGATIVE_MOISTURE,
-            f"On {percent(negative)} of the area the rate means less than no water, and the map shows 0 %: "
-            f"{unsure if run.simulated else _TOO_DRY}.",
-        )
-    unclear = reached - below - too_wet - negative
-    if unclear >= MIN_UNCLEAR and not at_one_place(run):
-        yield Note(
-            NoteCode.BEYOND_LIMITS,
-            f"On {percent(unclear)} of the area the 90 % interval of the moisture reaches a limit of this soil, "
-            f"0 or {pores} %: {unsure}; longer or more stops would help.",
-        )
+    why_wet = "N0 or the bulk density is probably too high, or not all tubes were counted"
+    why_dry = "N0 is probably too low, or lattice and organic water too high"
+    for code, share, text in (
+        (
+            NoteCode.RATE_BELOW_CURVE, 0.0 if run.simulated else below,
+            "the count rate is too low for any soil moisture, and the map shows saturated soil: check N0 and "
+            "whether all tubes were counted.",
+        ),
+        (
+            NoteCode.ABOVE_PORE_VOLUME, too_wet,
+            "the rate means more water than the pores of this soil can hold, and the map shows "
+            f"{pores} %: {unsure if run.simulated else why_wet}.",
+        ),
+        (
+            NoteCode.NEGATIVE_MOISTURE, negative,
+            "the rate means less than no water, and the map shows 0 %: "
+            f"{unsure if run.simulated else why_dry}.",
+        ),
+        (
+            NoteCode.BEYOND_LIMITS, 0.0 if unclear < MIN_UNCLEAR or at_one_place(run) else unclear,
+            f"the 90 % interval of the moisture reaches a limit of this soil, 0 or {pores} %: {unsure}; longer or "
+            "more stops would help.",
+        ),
+    ):  # fmt: skip
+        if share > 0:
+            yield Note(code, f"On {percent(share)} of the area {text}")
 
 
-def _on_covariates(run: MapRun) -> Iterator[Note]:
-    """Note on covariates that much of the field lacks."""
+def _on_knowledge(run: MapRun) -> Iterator[Note]:
+    """Notes on covariates that much of the field lacks, and on doubtful earlier surveys."""
     shares = {} if run.covariates is None else run.covariates.coverage(run.soil_map.grid)
     gaps = [f"{name} ({percent(share)})" for name, share in shares.items() if share < MIN_COVERAGE]
     if gaps:
@@ -413,46 +360,25 @@ def _on_covariates(run: MapRun) -> Iterator[Note]:
             f"Some covariates cover a part of the field only: {', '.join(gaps)}. Elsewhere they count as average; "
             "check that their files reach over the field.",
         )
-
-
-def _on_earlier(run: MapRun) -> Iterator[Note]:
-    """Notes on earlier surveys whose date or count rate can hardly be right."""
     rate = mean_rate(run.soil_map.samples)
     for one in run.earlier:
         for doubt in earlier_doubts(one, rate, run.created_utc, run.survey_end_utc):
             yield Note(NoteCode.DOUBTFUL_EARLIER, f"The earlier survey {one.survey.name} {doubt}")
 
 
-def _on_change(soil_map: SoilMap) -> Iterator[Note]:
-    """Note on a mean rate that changed while the survey lasted."""
-    change = soil_map.change
-    if not change.text:
-        return
-    jump = change.jump
-    if jump is not None and jump.is_certain and jump.change_cps < 0:
+def _on_model(run: MapRun) -> Iterator[Note]:
+    """Notes on a mean rate that changed, and on a model that the counts hardly support or that is not exact."""
+    soil_map = run.soil_map
+    count, fit, accuracy = len(soil_map.samples), soil_map.fit, soil_map.accuracy
+    if soil_map.change.text:
+        yield _on_change(soil_map)
+    if at_one_place(run):
         yield Note(
-            NoteCode.RAIN_LIKELY,
-            f"Rain is likely during the survey{_at(jump.since_s)}: {jump.text}. The map is of the field at "
-            "the end; if it rained, visits to some of the first stops after it make the map better.",
+            NoteCode.ONE_PLACE,
+            "All records lie at one place: its value is not a map of the surroundings. The series over time is "
+            "what was measured.",
         )
         return
-    sure = "The field changed during the survey, as by drying"
-    what = sure if change.is_seen else "The field may have changed in between"
-    yield Note(
-        NoteCode.RATE_CHANGED,
-        f"{what}: {change.text}. The map is of the field at the end; visits to some of the first stops at the end "
-        "make the map better.",
-    )
-
-
-def _at(stamp_s: float) -> str:
-    """Time of a stamp, if its clock has a date."""
-    return "" if stamp_s < EARLIEST_STAMP_S else f" at about {str(np.datetime64(int(stamp_s), 's'))[11:16]} UTC"
-
-
-def _on_model(soil_map: SoilMap) -> Iterator[Note]:
-    """Notes on a model that the counts hardly support, or that is not computed exactly."""
-    count, fit, accuracy = len(soil_map.samples), soil_map.fit, soil_map.accuracy
     if accuracy is not None and accuracy.rate_error > MAX_RATE_ERROR:
         yield Note(
             NoteCode.TILE_ERROR,
@@ -471,7 +397,7 @@ def _on_model(soil_map: SoilMap) -> Iterator[Note]:
             "The counts say little about how similar the soil moisture of neighbouring places is: the variogram "
             "rests mostly on prior assumptions. More places, near and far from each other, would help.",
         )
-    explained = explained_share(soil_map)
+    explained = statistics.explained_share(soil_map)
     if explained < MIN_EXPLAINED:
         yield Note(
             NoteCode.NO_BETTER_THAN_MEAN,
@@ -480,3 +406,23 @@ def _on_model(soil_map: SoilMap) -> Iterator[Note]:
         )
     if fit is not None and not fit.converged:
         yield Note(NoteCode.NOT_CONVERGED, f"The fit of the variogram did not converge: {fit.message}.")
+
+
+def _on_change(soil_map: SoilMap) -> Note:
+    """Note on a mean rate that changed while the survey lasted."""
+    change, jump = soil_map.change, soil_map.change.jump
+    if jump is not None and jump.is_certain and jump.change_cps < 0:
+        dated = jump.since_s >= EARLIEST_STAMP_S
+        at = f" at about {str(np.datetime64(int(jump.since_s), 's'))[11:16]} UTC" if dated else ""
+        return Note(
+            NoteCode.RAIN_LIKELY,
+            f"Rain is likely during the survey{at}: {jump.text}. The map is of the field at "
+            "the end; if it rained, visits to some of the first stops after it make the map better.",
+        )
+    sure = "The field changed during the survey, as by drying"
+    what = sure if change.is_seen else "The field may have changed in between"
+    return Note(
+        NoteCode.RATE_CHANGED,
+        f"{what}: {change.text}. The map is of the field at the end; visits to some of the first stops at the end "
+        "make the map better.",
+    )

@@ -14,8 +14,8 @@ from soilmoist_ros.recording import write_records
 from soilmoist_ros.reporting import open_run, write_geotiff
 from soilmoist_ros.reporting.exports.source import RunSource, open_source
 from soilmoist_ros.reporting.outputs import _tags
-from soilmoist_ros.reporting.run_summary import write_summary
-from soilmoist_ros.reporting.text_files import write_samples, write_visits
+from soilmoist_ros.reporting.run_summary import summary
+from soilmoist_ros.reporting.text_files import write_json, write_samples, write_visits
 from soilmoist_ros.sensing.records import CountRecord
 
 
@@ -42,5 +42,5 @@ def exported(make_run, uncalibrated, tmp_path_factory):
         write_samples(folder / f"samples{end}.geojson", one)
         write_records(folder / f"records{end}.csv", one.all_records)
     write_visits(folder / "visits.csv", SimpleNamespace(visits=[visit]))
-    write_summary(folder / "summary.json", run, "EPSG:32630")
+    write_json(folder / "summary.json", summary(run, "EPSG:32630"))
     return Exported(folder, run, open_source(open_run(folder)))

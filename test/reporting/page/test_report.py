@@ -129,9 +129,7 @@ def test_no_text_is_small():
 
 
 def test_figures_are_there(page):
-    assert {"variogram", "validation", "histogram", "rate-series", "factors", "map", "irrigation"} <= set(
-        ids(page)
-    )
+    assert {"variogram", "validation", "rate-series", "factors", "map", "irrigation"} <= set(ids(page))
     assert len(page.all("img")) == 2, "the map and its uncertainty, for browsers without scripts"
 
 
