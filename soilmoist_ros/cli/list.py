@@ -101,10 +101,10 @@ def _sites() -> Iterator[Item]:
 
 
 def _exports() -> Iterator[Item]:
-    from soilmoist_ros.reporting import EXPORTS, export_kind
+    from soilmoist_ros.reporting import EXPORTS
 
     for name in EXPORTS.names():
-        kind = export_kind(name)
+        kind = EXPORTS.get(name)
         yield _item(name, f"{kind.label}: {kind.description}", suffix=kind.suffix)
 
 

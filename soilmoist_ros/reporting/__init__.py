@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.colours import robust_range as robust_range
     from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS
     from soilmoist_ros.reporting.exports.registry import Export as Export
-    from soilmoist_ros.reporting.exports.registry import export_kind as export_kind
     from soilmoist_ros.reporting.exports.registry import export_run as export_run
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings
     from soilmoist_ros.reporting.exports.source import RunSource as RunSource
@@ -80,7 +79,7 @@ _open, __dir__, __all__ = open_door(
     __name__,
     {
         "colours": "BLUE FAINT INK ORANGE RATE SOFT UNCERTAIN between data_uri palette_png robust_range",
-        "exports.registry": "EXPORTS Export export_kind export_run",
+        "exports.registry": "EXPORTS Export export_run",
         "exports.source": "ExportSettings RunSource",
         "geotiff": "write_geotiff",
         "live_view": "DRY_TO_WET LiveMap LiveMission LiveRobot render",

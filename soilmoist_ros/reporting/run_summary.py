@@ -20,7 +20,7 @@ from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, NoteCode, trac
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.page import statistics
-from soilmoist_ros.reporting.page.irrigation import absolute_limits, has_level, irrigation
+from soilmoist_ros.reporting.page.irrigation import has_level, irrigation
 from soilmoist_ros.reporting.page.report import relations
 from soilmoist_ros.reporting.page.statistics import band_statistics, calibration_sd
 from soilmoist_ros.reporting.page.wording import notes
@@ -380,7 +380,7 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
         "root_depth_mm": limits.root_depth_mm,
         "field_capacity_vwc": limits.field_capacity if has_level(run) else None,
         "moisture_usable": statistics.is_usable(run.soil_map) if run.calibrated else None,
-        "zone_limits_vwc": absolute_limits(run),
+        "zone_limits_vwc": found.edges,
         "zones": zones,
         "advice": found.advice,
     }

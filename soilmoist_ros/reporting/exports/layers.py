@@ -51,7 +51,7 @@ class Layer:
 
     name: str
     kind: str
-    shapes: Sequence[BaseGeometry]
+    shapes: Sequence[BaseGeometry] | NDArray[Any]
     columns: Mapping[str, NDArray[Any]]
     description: str = ""
     style: str = ""
@@ -69,7 +69,7 @@ def texts(values: Sequence[str]) -> NDArray[Any]:
     return np.array(list(values), dtype=object)
 
 
-def to_crs(shapes: Sequence[BaseGeometry], frame: LocalFrame, crs: CRS) -> NDArray[Any]:
+def to_crs(shapes: Sequence[BaseGeometry] | NDArray[Any], frame: LocalFrame, crs: CRS) -> NDArray[Any]:
     """Shapes of the plane of a field in another reference system; exteriors counter-clockwise.
 
     Longitudes are continuous about the datum, and may exceed +-180 where a field lies on the antimeridian.
@@ -87,10 +87,8 @@ def to_crs(shapes: Sequence[BaseGeometry], frame: LocalFrame, crs: CRS) -> NDArr
             x = frame.longitude_deg + (np.asarray(x) - frame.longitude_deg + 180) % 360 - 180
         return np.column_stack([x, y])
 
-    several = np.empty(len(shapes), object)
-    several[:] = shapes
-    several = np.asarray(transform(several, moved), object)
-    several[:] = [right_handed(shape) for shape in several]
+    several = np.empty(len(shapes), object)  # numpy would take multipolygons for sequences
+    several[:] = [right_handed(transform(shape, moved)) for shape in shapes]
     return several
 
 
@@ -104,10 +102,9 @@ def write_layers(
     from shapely import to_wkb
 
     raw = optional_module("pyogrio.raw")
-    configure = optional_module("pyogrio").set_gdal_config_options
     path.unlink(missing_ok=True)
     # One sync of the whole file follows; a sync for each step takes seconds on a busy disk.
-    configure({"OGR_SQLITE_SYNCHRONOUS": "OFF"})
+    optional_module("pyogrio").set_gdal_config_options({"OGR_SQLITE_SYNCHRONOUS": "OFF"})
     for number, layer in enumerate(layers):
         table = not layer.kind
         stamped = [name for name, column in layer.columns.items() if column.dtype == np.dtype("datetime64[ms]")]
@@ -157,7 +154,7 @@ def field_layer(source: RunSource) -> Layer:
     """The field without its no-go areas."""
     from shapely.geometry import MultiPolygon
 
-    parts = list(getattr(source.boundary, "geoms", [source.boundary]))
+    shape = MultiPolygon(list(getattr(source.boundary, "geoms", [source.boundary])))
     about, survey = source.run.summary, source.survey
     begin, end = (one.timestamp() for one in survey) if survey else (math.nan, math.nan)
     columns = {
@@ -170,7 +167,7 @@ def field_layer(source: RunSource) -> Layer:
         "calibrated": texts([source.properties[0].calibration]),
         "software": texts([f"soilmoist_ros {about.get('version', '')}".strip()]),
     }
-    return Layer("field", "MultiPolygon", [MultiPolygon(parts)], columns, "Field without its no-go areas")
+    return Layer("field", "MultiPolygon", [shape], columns, "Field without its no-go areas")
 
 
 def no_go_layer(source: RunSource) -> Layer:
@@ -190,14 +187,11 @@ def track_layer(source: RunSource) -> Layer:
 
 def visits_layer(source: RunSource) -> Layer:
     """Places where a robot stopped to count, with the reason."""
-    visits = source.run.visits
     columns: dict[str, NDArray[Any]] = {}
     for one in fields(Visit):
-        values = [getattr(visit, one.name) for visit in visits]
+        values = [getattr(visit, one.name) for visit in source.run.visits]
         numbers = {"int": np.int32, "float": np.float64}.get(str(one.type))
-        columns[one.name] = (
-            texts([str(value) for value in values]) if numbers is None else np.array(values, numbers)
-        )
+        columns[one.name] = np.array(values, numbers) if numbers else texts(list(map(str, values)))
     columns["arrival_utc"] = times(_dated(columns["arrival_stamp_s"]))
     columns["end_utc"] = times(_dated(columns["end_stamp_s"]))
     return Layer("visits", "Point", _points(columns["x_m"], columns["y_m"]), columns, "Stops of the robot")
@@ -234,18 +228,14 @@ def records_layers(one: ExportedProperty) -> list[Layer]:
         "raw_counts": columns["raw_counts"].astype(np.int32),
         "rate_cps": columns["raw_counts"] / columns["effective_exposure_s"],
     }
-    layers = []
-    good = reason == ""
-    for name, own, about in (
-        ("records", good, "Corrected records in order of time"),
-        ("quarantined", ~good, "Records that no map uses, with the reason"),
+    layers, good = [], reason == ""
+    for name, own, more, about in (
+        ("records", good, {}, "Corrected records in order of time"),
+        ("quarantined", ~good, {"reason": reason}, "Records that no map uses, with the reason"),
     ):
         if own.any():
-            chosen = {key: column[own] for key, column in columns.items()}
-            if name == "quarantined":
-                chosen["reason"] = reason[own]
-            kept = [shape for shape, keep in zip(shapes, own, strict=True) if keep]
-            layers.append(Layer(f"{name}{one.suffix}", "Point", kept, chosen, about))
+            chosen = {key: column[own] for key, column in {**columns, **more}.items()}
+            layers.append(Layer(f"{name}{one.suffix}", "Point", shapes[own], chosen, about))
     return layers
 
 
@@ -274,13 +264,12 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
     """
     about: Mapping[str, Any] = source.run.summary.get("irrigation") or {}
     moist, usable = one.quantity is MOISTURE and not one.name, about.get("moisture_usable") is not False
-    absolute = one.calibration in ("own", "simulated") and usable
-    limits = [100 * limit for limit in about.get("zone_limits_vwc") or ()] if moist and absolute else []
-    full = about.get("field_capacity_vwc") if moist and absolute else None
+    absolute = moist and usable and one.calibration in ("own", "simulated")
+    limits = [100 * limit for limit in about.get("zone_limits_vwc") or ()] if absolute else []
+    full = about.get("field_capacity_vwc") if absolute else None
+    full_percent = None if full is None else 100 * full
     smallest = None if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
-    zones = management_zones(
-        one, source.boundary, settings.zones, smallest, limits or None, None if full is None else 100 * full
-    )
+    zones = management_zones(one, source.boundary, settings.zones, smallest, limits or None, full_percent)
     known = usable or not moist
     if not known:
         source.notes.append("the moisture is impossible on much of the area, see the report: no zone is certain")
@@ -295,8 +284,8 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
         "OTHER_PCT": np.round([100 * zone.other for zone in zones], 1),
         "AREA_HA": np.round([zone.area_ha for zone in zones], 4),
     }
-    if moist and absolute:
-        depth = root_depth_mm(source, settings)
+    if absolute:
+        depth = settings.root_depth_mm or float(about.get("root_depth_mm") or ROOT_DEPTH_MM)
         columns["WATER_MM"] = np.round([zone.water_mm(depth) for zone in zones], 1)
         if full is not None:
             missing = np.array([zone.missing for zone in zones]).reshape(-1, 3) / 100 * depth
@@ -312,8 +301,7 @@ def _lost(
     one: ExportedProperty, area_m2: float, zones: Sequence[Zone], limits: Sequence[float], names: Sequence[str]
 ) -> Iterator[str]:
     """Zones of the advice whose parts are too small for a polygon, in sentences."""
-    values = one.values[one.cells[0]]
-    number = np.searchsorted(limits, values, side="right") + 1
+    number = np.searchsorted(limits, one.values[one.cells[0]], side="right") + 1
     for index, name in enumerate(names, 1):
         of_map = float((number == index).mean()) * area_m2 / 1e4
         kept = sum(zone.area_ha for zone in zones if zone.number == index)
@@ -323,12 +311,6 @@ def _lost(
                 "parts are so small that they joined their neighbours, see OTHER_PCT; a smaller --min-zone keeps "
                 "them"
             )
-
-
-def root_depth_mm(source: RunSource, settings: ExportSettings) -> float:
-    """Depth of the root zone [mm]."""
-    known = (source.run.summary.get("irrigation") or {}).get("root_depth_mm")
-    return settings.root_depth_mm or float(known or ROOT_DEPTH_MM)
 
 
 def _origin(source: RunSource, one: ExportedProperty, count: int) -> dict[str, NDArray[Any]]:
@@ -344,14 +326,14 @@ def _dated(stamps_s: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(stamps_s >= EARLIEST_STAMP_S, stamps_s, np.nan)
 
 
-def _points(x_m: NDArray[np.float64], y_m: NDArray[np.float64]) -> Sequence[BaseGeometry]:
-    from shapely import points
-    from shapely.geometry import Point
+def _points(x_m: NDArray[np.float64], y_m: NDArray[np.float64]) -> NDArray[Any]:
+    """Points; without a place an empty one."""
+    from shapely import Point, points
 
     known = np.isfinite(x_m) & np.isfinite(y_m)
     shapes = np.full(len(x_m), Point(), dtype=object)
     shapes[known] = points(x_m[known], y_m[known])
-    return list(shapes)
+    return shapes
 
 
 def write_contours(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:

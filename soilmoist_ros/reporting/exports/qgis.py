@@ -112,10 +112,6 @@ def _zone_categories(layer: Layer) -> Iterable[tuple[int, str, str]]:
         yield number, label, ",".join(map(str, (*colour, 200)))
 
 
-def _style(look: dict[str, Any]) -> str:
-    return fill_template("qgis.xml.j2", look=look)
-
-
 def run_layers(source: RunSource, settings: ExportSettings) -> list[Layer]:
     """All layers that the run has, the ones to draw below first, each with its style.
 
@@ -128,7 +124,11 @@ def run_layers(source: RunSource, settings: ExportSettings) -> list[Layer]:
     for one in source.properties:
         layers += [*records_layers(one), samples_layer(source, one)]
     layers.append(visits_layer(source))
-    return [replace(layer, style=_style(layer_look(layer))) for layer in layers if len(layer.shapes)]
+    return [
+        replace(layer, style=fill_template("qgis.xml.j2", look=layer_look(layer)))
+        for layer in layers
+        if len(layer.shapes)
+    ]
 
 
 def write_geopackage(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
@@ -143,19 +143,13 @@ def _write_package(source: RunSource, folder: Path, layers: Sequence[Layer]) -> 
     """Write layers and the table from which QGIS takes the style of a layer when it is opened."""
     blank, names = texts([""] * len(layers)), texts([layer.name for layer in layers])
     columns = {
-        "f_table_catalog": blank,
-        "f_table_schema": blank,
-        "f_table_name": names,
+        "f_table_catalog": blank, "f_table_schema": blank, "f_table_name": names,
         "f_geometry_column": texts(["geom"] * len(layers)),
-        "styleName": names,
-        "styleQML": texts([layer.style for layer in layers]),
-        "styleSLD": blank,
+        "styleName": names, "styleQML": texts([layer.style for layer in layers]), "styleSLD": blank,
         "useAsDefault": np.ones(len(layers), bool),
-        "description": texts([layer.description for layer in layers]),
-        "owner": blank,
-        "ui": blank,
+        "description": texts([layer.description for layer in layers]), "owner": blank, "ui": blank,
         "update_time": np.full(len(layers), np.datetime64("now", "ms")),
-    }
+    }  # fmt: skip
     crs, styles = source.properties[0].crs, Layer("layer_styles", "", (), columns)
     # Version 1.3 is read by older programs too.
     return write_layers(folder / FILE, [*layers, styles], source.frame, crs, "GPKG", {"VERSION": "1.3"})
@@ -173,7 +167,7 @@ def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> lis
     for one in source.properties:
         copy, style = folder / f"map{one.suffix}.tif", folder / f"map{one.suffix}.qml"
         shutil.copyfile(source.run.folder / copy.name, copy)
-        style.write_text(_style(map_look(one)), encoding="utf-8")
+        style.write_text(fill_template("qgis.xml.j2", look=map_look(one)), encoding="utf-8")
         written += [copy, style]
     crs = source.properties[0].crs
     shown = [(layer, f"./{FILE}|layername={layer.name}") for layer in layers]

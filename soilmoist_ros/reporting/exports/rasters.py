@@ -9,7 +9,6 @@ import zipfile
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +23,7 @@ from soilmoist_ros.reporting.exports.zones import shown_range
 from soilmoist_ros.reporting.geotiff import BANDS, CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.page.frame import fill_template, round_step
 
+DATE_TIME = "%Y-%m-%dT%H:%M:%SZ"
 NODATA, MAX_VALUE = 255, 254
 """Pixel without a value, and largest value, of a coloured GeoTIFF."""
 STANDARD_NAME = "volume_fraction_of_condensed_water_in_soil"
@@ -150,7 +150,7 @@ def _write_kmz(source: RunSource, one: ExportedProperty, path: Path) -> Path:
         "map.kml.j2",
         title=f"{source.title}{label}: {one.quantity.title.lower()}{guessed}",
         about=_in_words(source, one),
-        survey=source.survey and [f"{time:%Y-%m-%dT%H:%M:%SZ}" for time in source.survey],
+        survey=source.survey and [time.strftime(DATE_TIME) for time in source.survey],
         overlay=one.title,
         box=box,
         field=source.title,
@@ -193,8 +193,8 @@ def _overlay(one: ExportedProperty) -> tuple[bytes, dict[str, float]]:
 
     values = one.values
     height, width = values.shape
-    edge = np.array([(c, r) for c in (-0.5, width - 0.5) for r in np.linspace(-0.5, height - 0.5, 9)])
-    edge = np.vstack([edge, [(c, r) for r in (-0.5, height - 0.5) for c in np.linspace(-0.5, width - 0.5, 9)]])
+    column, row = np.meshgrid(np.linspace(-0.5, width - 0.5, 9), np.linspace(-0.5, height - 0.5, 9))
+    edge = np.column_stack([column.ravel(), row.ravel()])  # as far as the edge of the raster
     lat, lon = one.frame.to_geographic(one.to_local(edge)).T
     centre = one.frame.longitude_deg
     # Longitudes count from the datum, so that a field on the antimeridian is one piece.
@@ -245,29 +245,22 @@ def _legend(source: RunSource, one: ExportedProperty) -> bytes:
 def _sample_marks(one: ExportedProperty) -> Iterator[tuple[str, str, str, str, str]]:
     """Name, description, time, colour and place of each sample, coloured like the map."""
     samples, quantity = one.samples, one.quantity
-    values = samples.get("vwc" if quantity is MOISTURE else "rate_cps", np.empty(0)) * quantity.scale
-    ends = samples.get("last_stamp_s", np.full(len(values), np.nan)).tolist()
-    ramp = colour_ramp(quantity.colours, COLOURS).tolist()
-    for row, share in enumerate(_shares(one, values).tolist()):
-        known = bool(np.isfinite(values[row]))
-        red, green, blue = ramp[round(share * (COLOURS - 1))] if known else (160, 160, 160)
-        dated = ends[row] >= EARLIEST_STAMP_S
-        yield (
-            f"{values[row]:.1f} {one.unit}" if known else "no value",
-            _row_text(samples, row),
-            f"{datetime.fromtimestamp(ends[row], UTC):%Y-%m-%dT%H:%M:%SZ}" if dated else "",
-            f"ff{blue:02x}{green:02x}{red:02x}",
-            f"{samples['longitude_deg'][row]:.7f},{samples['latitude_deg'][row]:.7f}",
-        )
-
-
-def _row_text(samples: Any, row: int) -> str:
-    """What is known of a sample, a line each."""
     words = {
         "raw_counts": ("{:.0f} counts", 1.0), "effective_exposure_s": ("{:.0f} s of exposure", 1.0),
         "rate_cps": ("{:.3f} counts/s", 1.0), "vwc": ("moisture {:.1f} % by volume", 100.0),
         "vwc_p05": ("90 % interval from {:.1f} %", 100.0), "vwc_p95": ("to {:.1f} %", 100.0),
     }  # fmt: skip
-    known = {key: float(samples[key][row]) for key in words if key in samples}
-    found = [words[key][0].format(words[key][1] * value) for key, value in known.items() if np.isfinite(value)]
-    return "\n".join(found)
+    values = samples.get("vwc" if quantity is MOISTURE else "rate_cps", np.empty(0)) * quantity.scale
+    ends = samples.get("last_stamp_s", np.full(len(values), np.nan)).tolist()
+    ramp = colour_ramp(quantity.colours, COLOURS).tolist()
+    for row, share in enumerate(_shares(one, values).tolist()):
+        known, dated = bool(np.isfinite(values[row])), ends[row] >= EARLIEST_STAMP_S
+        red, green, blue = ramp[round(share * (COLOURS - 1))] if known else (160, 160, 160)
+        about = {key: float(samples[key][row]) for key in words if key in samples}
+        yield (
+            f"{values[row]:.1f} {one.unit}" if known else "no value",
+            "\n".join(words[key][0].format(words[key][1] * at) for key, at in about.items() if np.isfinite(at)),
+            datetime.fromtimestamp(ends[row], UTC).strftime(DATE_TIME) if dated else "",
+            f"ff{blue:02x}{green:02x}{red:02x}",
+            f"{samples['longitude_deg'][row]:.7f},{samples['latitude_deg'][row]:.7f}",
+        )

@@ -7,7 +7,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from filecmp import cmp
 from pathlib import Path
 from typing import Any
@@ -31,14 +31,12 @@ class Export:
     :param label: name for readers
     :param description: who needs it, in a sentence
     :param suffix: end of the names of its files, such as ``.gpkg``
-    :param name: name by which it is chosen; set by the registry
     """
 
     write: Write
     label: str
     description: str
     suffix: str
-    name: str = ""
 
 
 BUILT_IN = {
@@ -74,10 +72,7 @@ BUILT_IN = {
 
 
 def _checked(plug_in: Any) -> Export:
-    """An export of another package.
-
-    :raises TypeError: if it is no :class:`Export`
-    """
+    """An export of another package."""
     if not isinstance(plug_in, Export):
         raise TypeError("an export must be a soilmoist_ros.reporting.Export")
     return plug_in
@@ -85,14 +80,6 @@ def _checked(plug_in: Any) -> Export:
 
 EXPORTS: Registry[Export] = Registry("soilmoist_ros.exports", "export", BUILT_IN, _checked)
 """Exports by name; another package adds one with an entry point ``soilmoist_ros.exports``."""
-
-
-def export_kind(name: str) -> Export:
-    """An export by its name.
-
-    :raises InputError: for an unknown name
-    """
-    return replace(EXPORTS.get(name), name=name)
 
 
 def export_run(
@@ -113,7 +100,7 @@ def export_run(
     :raises InputError: for an unknown name, a run without a map, a missing library, or a folder that
         cannot be written, holds another run, or has files that must not be replaced
     """
-    kinds = [export_kind(name) for name in dict.fromkeys(names)]
+    kinds = [EXPORTS.get(name) for name in dict.fromkeys(names)]
     if not kinds:
         raise InputError("no export is given", f"use one of: {', '.join(EXPORTS.names())}")
     source = open_source(open_run(run))
@@ -127,19 +114,18 @@ def export_run(
         raise InputError(f"cannot be written: {error.strerror}", "choose another folder", target) from None
     try:
         chosen = settings or ExportSettings()
-        paths = dict.fromkeys(path for kind in kinds for path in kind.write(source, workshop, chosen))
-        written = [target / path.relative_to(workshop) for path in paths]
-        earlier = zip(paths, written, strict=True)
-        held = [end.name for path, end in earlier if end.exists() and not cmp(path, end, shallow=False)]
+        paths = [path for kind in kinds for path in kind.write(source, workshop, chosen)]
+        final = {path: target / path.relative_to(workshop) for path in paths}
+        held = [end.name for path, end in final.items() if end.exists() and not cmp(path, end, shallow=False)]
         if held and not replaces(f"{', '.join(held)} of an earlier export"):
             message = f"has {', '.join(held)} of an earlier export"
             raise InputError(message, "choose another folder, or give --overwrite to replace them", target)
-        for path in paths:
+        for path in final:
             sync_file(path)
-        for path, final in zip(paths, written, strict=True):
-            path.replace(final)
+        for path, end in final.items():
+            path.replace(end)
     finally:
         shutil.rmtree(workshop, ignore_errors=True)
     for text in dict.fromkeys(source.notes):
         note(text)
-    return written
+    return list(final.values())

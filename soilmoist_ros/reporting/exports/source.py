@@ -8,12 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, install
+from soilmoist_ros.mapping import SoilMap
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S, curve_of, is_illustrative, shape_of
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_state, class_probability
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
@@ -51,8 +52,7 @@ def transformed(transform: Any, x: ArrayLike, y: ArrayLike) -> tuple[Array, Arra
     return a * right + b * down + c, d * right + e * down + f
 
 
-@dataclass(frozen=True)
-class Quantity:
+class Quantity(NamedTuple):
     """What a map shows to readers: the band of ``map.tif`` times the scale, in the unit.
 
     :param column: name with unit for tables, at most ten ASCII characters
@@ -132,12 +132,10 @@ class ExportedProperty:
 
     def quantile(self, end: str) -> Array:
         """Quantile ``p05`` or ``p95`` of :attr:`values`; by the standard deviation where there is no such band."""
-        from soilmoist_ros.mapping import SoilMap
-
         band = self.bands.get(f"{self.quantity.band}_{end}")
-        if band is None:
-            return self.values + (SoilMap.QUANTILE_SD if end == "p95" else -SoilMap.QUANTILE_SD) * self.sd
-        return band * self.quantity.scale
+        if band is not None:
+            return band * self.quantity.scale
+        return self.values + (SoilMap.QUANTILE_SD if end == "p95" else -SoilMap.QUANTILE_SD) * self.sd
 
     def probability(self, number: int, edges: Array, relative: bool) -> Array:
         """Probability of a class at each cell, see :func:`class_probability`; 0 outside the field."""
@@ -181,11 +179,8 @@ class ExportedProperty:
 class RunSource:
     """A run for exports; shapes are in the plane of the field [m].
 
-    :param run: the opened folder
     :param properties: maps of all properties, at least one
-    :param frame: plane of the field
     :param boundary: the field without its no-go areas
-    :param no_go: no-go areas
     :param tracks: driven lines
     :param notes: what the user should know, such as what the folder lacks; exports add to it
     """
@@ -215,12 +210,9 @@ class RunSource:
         first, last = float(about.get("first_stamp_s") or 0), float(about.get("last_stamp_s") or 0)
         if min(first, last) < EARLIEST_STAMP_S:
             return None
-        begin = about.get("survey_start_utc")
-        return datetime.fromisoformat(begin) if begin else _time(first), _time(last)
-
-
-def _time(stamp_s: float) -> datetime:
-    return datetime.fromtimestamp(stamp_s, UTC)
+        begin, end = (datetime.fromtimestamp(stamp_s, UTC) for stamp_s in (first, last))
+        known = about.get("survey_start_utc")
+        return datetime.fromisoformat(known) if known else begin, end
 
 
 def open_source(run: OpenedRun) -> RunSource:
@@ -237,18 +229,18 @@ def open_source(run: OpenedRun) -> RunSource:
     labels = {one.get("name", ""): one.get("label", "") for one in about.get("properties") or ()}
     maps = []
     for name in run.properties:
-        records = run.records(name)
-        if not records:
-            table = f"records{f'_{name}' if name else ''}.csv"
-            notes.append(f"{run.folder} has no {table}: the exports have no layers of records and quarantine")
         label = labels.get(name) or name or next(iter(labels.values()), "")
         bands, transform, crs, tags = run.raster(name)
         state = calibration_state(MOISTURE.band in bands, not is_illustrative(about), bool(about.get("simulated")))
         tags = {CALIBRATION_TAG: state, **tags}  # older GeoTIFFs do not say it
-        curve = None if name else curve_of(about, run.folder)
-        maps.append(
-            ExportedProperty(name, label, bands, transform, crs, tags, frame, run.samples(name), records, curve)
-        )
+        one = ExportedProperty(
+            name, label, bands, transform, crs, tags, frame, run.samples(name), run.records(name),
+            None if name else curve_of(about, run.folder),
+        )  # fmt: skip
+        if not one.records:
+            lacks = f"has no records{one.suffix}.csv: the exports have no layers of records and quarantine"
+            notes.append(f"{run.folder} {lacks}")
+        maps.append(one)
     return RunSource(run, maps, frame, boundary, no_go, tracks, notes)
 
 
@@ -269,8 +261,7 @@ def _shapes(
     run: OpenedRun, frame: LocalFrame, notes: list[str]
 ) -> tuple[BaseGeometry, list[BaseGeometry], list[BaseGeometry]]:
     """Field, no-go areas and tracks in the plane of the field."""
-    from shapely import transform, union_all
-    from shapely.geometry import Polygon
+    from shapely import Polygon, get_parts, transform, union_all
 
     found: dict[str, list[BaseGeometry]] = {"field": [], "no_go": [], "track": []}
     for feature in run.features():
@@ -281,9 +272,7 @@ def _shapes(
     if not found["field"]:
         raise InputError("samples.geojson has no field", "make the run again", run.folder)
     boundary = union_all(found["field"])
-    parts = list(getattr(boundary, "geoms", [boundary]))
-    holes: list[BaseGeometry] = [Polygon(ring) for part in parts for ring in part.interiors]
+    holes: list[BaseGeometry] = [Polygon(ring) for part in get_parts(boundary) for ring in part.interiors]
     if holes and not found["no_go"]:
         notes.append("the run does not list no-go areas: the holes of the field stand for them")
-    lines = [line for track in found["track"] for line in getattr(track, "geoms", [track])]
-    return boundary, found["no_go"] or holes, lines
+    return boundary, found["no_go"] or holes, list(get_parts(found["track"]))

@@ -42,11 +42,10 @@ def levels(values: ArrayLike, step: float | None = None, about: int = 8) -> Arra
     :param step: distance of the levels; by default one from the 1-2-5 series
     :raises InputError: if the step is so small that there are more than :data:`MAX_LEVELS` levels
     """
-    finite = np.asarray(values, float)
-    finite = finite[np.isfinite(finite)]
-    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
-    if high - low < 1e-9:
+    finite = _finite(values)
+    if not finite.size or np.ptp(finite) < 1e-9:
         return np.empty(0)
+    low, high = float(finite.min()), float(finite.max())
     chosen = step or round_step((high - low) / about)
     if (high - low) / chosen > MAX_LEVELS:
         raise InputError(
@@ -62,18 +61,21 @@ def zone_limits(values: ArrayLike, classes: int) -> Array:
 
     :param values: any shape, one value for each cell; NaN is ignored
     """
-    finite = np.asarray(values, float)
-    finite = finite[np.isfinite(finite)]
-    edges = np.unique(np.quantile(finite, np.arange(1, classes) / classes)) if finite.size else np.empty(0)
+    finite = _finite(values)
+    edges = np.unique(np.quantile(finite, np.arange(1, classes) / classes)) if finite.size else finite
     return edges[(edges > finite.min()) & (edges < finite.max())] if finite.size else edges
 
 
 def shown_range(values: ArrayLike) -> tuple[float, float]:
     """Range of a colour scale: quantiles 0.02 and 0.98, never empty."""
-    finite = np.asarray(values, float)
-    finite = finite[np.isfinite(finite)]
+    finite = _finite(values)
     low, high = np.quantile(finite, [0.02, 0.98]).tolist() if finite.size else (0.0, 1.0)
     return (low, high) if high - low > 1e-6 else (low - 0.5, high + 0.5)
+
+
+def _finite(values: ArrayLike) -> Array:
+    found: Array = np.asarray(values, float)
+    return found[np.isfinite(found)]
 
 
 # Contour lines of a map at round values -------------------------------------------------------------------------
@@ -109,19 +111,17 @@ def contour_lines(
     :param step: distance of the values; by default a round one
     :raises InputError: if the step is far too small
     """
-    from shapely import line_merge
+    from shapely import get_parts, line_merge
 
-    raster = continued(the_map.values)
-    lines: list[BaseGeometry] = []
-    values: list[float] = []
-    for level in levels(the_map.values, step):
-        for line in level_lines(the_map, raster, float(level)):
-            inside = line_merge(line.intersection(boundary))
-            for part in getattr(inside, "geoms", [inside]):
-                if part.geom_type == "LineString" and part.length >= MIN_CELLS * the_map.cell_m:
-                    lines.append(part)
-                    values.append(float(level))
-    return lines, np.array(values)
+    raster, least_m = continued(the_map.values), MIN_CELLS * the_map.cell_m
+    found = [
+        (part, level)
+        for level in levels(the_map.values, step).tolist()
+        for line in level_lines(the_map, raster, level)
+        for part in get_parts(line_merge(line.intersection(boundary)))
+        if part.geom_type == "LineString" and part.length >= least_m
+    ]
+    return [line for line, _ in found], np.array([level for _, level in found])
 
 
 # Management zones: classes of a map as workable polygons that share their borders and cover the field -----------
@@ -177,6 +177,12 @@ def management_zones(
     :param full: value that nothing should be missing to, such as field capacity, in the unit for readers
     :raises InputError: for a number of classes, an area or limits out of range, or an old shapely
     """
+    from scipy.ndimage import gaussian_filter
+
+    try:
+        from shapely import coverage_simplify
+    except ImportError:
+        raise InputError("zones need shapely 2.1", install("reports")) from None
     if not 1 <= classes <= 20:
         raise InputError(f"{classes} zones are not possible", "choose from 1 to 20")
     smallest_m2 = SHARE_OF_FIELD * boundary.area if min_area_m2 is None else min_area_m2
@@ -185,19 +191,16 @@ def management_zones(
     edges = zone_limits(the_map.values, classes) if limits is None else np.asarray(limits, float)
     if (np.diff(edges) <= 0).any():
         raise InputError(f"the limits of zones {list(edges)} do not rise", "give them in rising order")
-    raster = _smoothed(the_map, smallest_m2)
+    raster = gaussian_filter(
+        continued(the_map.values), SMOOTHING * np.sqrt(smallest_m2) / the_map.cell_m, mode="nearest"
+    )
     faces = _faces(the_map, boundary, raster, edges)
     number = _classes(the_map, raster, edges, faces)
     shapes, number = _joined(faces, number, smallest_m2)
     shapes, number = _dissolved(shapes, number)
-    return _described(the_map, _simplified(shapes, the_map.cell_m / 2), number, edges, limits is None, full)
-
-
-def _smoothed(the_map: ExportedProperty, smallest_m2: float) -> Array:
-    from scipy.ndimage import gaussian_filter
-
-    sigma = SMOOTHING * np.sqrt(smallest_m2) / the_map.cell_m
-    return np.asarray(gaussian_filter(continued(the_map.values), sigma, mode="nearest"), float)
+    # Common borders get fewer corners; the boundary of the field stays as it is.
+    shapes = list(coverage_simplify(shapes, the_map.cell_m / 2, simplify_boundary=False))
+    return _described(the_map, shapes, number, edges, limits is None, full)
 
 
 def _faces(the_map: ExportedProperty, boundary: BaseGeometry, raster: Array, edges: Array) -> list[BaseGeometry]:
@@ -266,20 +269,12 @@ def _dissolved(
     """Neighbours of one class become one polygon; each polygon is connected."""
     from shapely import get_parts, union_all
 
-    parts = {one: get_parts(union_all([s for s, n in zip(shapes, number, strict=True) if n == one]))
-             for one in np.unique(number)}  # fmt: skip
-    return [part for every in parts.values() for part in every], np.repeat(
-        list(parts), [len(every) for every in parts.values()]
-    )
-
-
-def _simplified(shapes: list[BaseGeometry], tolerance_m: float) -> list[BaseGeometry]:
-    """Common borders with fewer corners; the boundary of the field stays as it is."""
-    try:
-        from shapely import coverage_simplify
-    except ImportError:
-        raise InputError("zones need shapely 2.1", install("reports")) from None
-    return list(coverage_simplify(shapes, tolerance_m, simplify_boundary=False))
+    found = [
+        (part, one)
+        for one in np.unique(number)
+        for part in get_parts(union_all([s for s, n in zip(shapes, number, strict=True) if n == one]))
+    ]
+    return [part for part, _ in found], np.array([one for _, one in found])
 
 
 def _described(

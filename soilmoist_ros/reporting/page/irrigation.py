@@ -80,7 +80,7 @@ class IrrigationAdvice:
     :param sure: whether a cell is certain of its zone, shape (ny, nx)
     :param not_dry: whether a cell is certain not to be in the first zone, shape (ny, nx)
     :param by_calibration: whether only the calibration leaves open if a cell is in it, shape (ny, nx)
-    :param relative: whether the zones only compare places of this field
+    :param edges: limits between the zones [m^3/m^3]; ``None`` if they only compare places of this field
     :param basis: where the limits of the zones come from, as a sentence
     :param water: water in the root zone of the mean of the field, as a sentence; empty without a real calibration
     :param level: what is known of the absolute moisture, as a sentence
@@ -92,7 +92,7 @@ class IrrigationAdvice:
     sure: NDArray[np.bool_]
     not_dry: NDArray[np.bool_]
     by_calibration: NDArray[np.bool_]
-    relative: bool
+    edges: tuple[float, ...] | None
     basis: str
     water: str
     level: str
@@ -106,13 +106,14 @@ class IrrigationAdvice:
     @property
     def sure_share(self) -> float:
         """Share of the field whose zone is certain [0..1]."""
-        inside = np.isfinite(self.number)
-        return float(self.sure[inside].mean()) if inside.any() else math.nan
+        return float(self.sure[np.isfinite(self.number)].mean())
 
 
 def irrigation(run: MapRun) -> IrrigationAdvice:
     """Zones, water and advice of a map; of its count rate if there is no calibration."""
-    values = _values(run)
+    soil_map, of_moisture = run.soil_map, _of_moisture(run)
+    # Minus the rate where no moisture can be used: more is moister.
+    values = np.where(soil_map.grid.mask, soil_map.vwc if of_moisture else -soil_map.rate, np.nan)
     names, edges, basis = _edges(run, values)
     relative = names == RELATIVE
     number = np.where(np.isfinite(values), np.searchsorted(edges, np.nan_to_num(values), side="right"), np.nan)
@@ -122,15 +123,9 @@ def irrigation(run: MapRun) -> IrrigationAdvice:
     dry, by_counts = (_probability(run, first, edges, alone) for alone in (relative, True))
     not_dry = (number > 0) & (1 - dry >= CERTAIN)
     by_calibration = (np.abs(dry - 0.5) < CERTAIN - 0.5) & (np.abs(by_counts - 0.5) >= CERTAIN - 0.5)
-    water, level, sure = _water(run), _level(run), probability >= CERTAIN
-    found = IrrigationAdvice(zones, number, sure, not_dry, by_calibration, relative, basis, water, level)
+    limits, sure = None if relative else tuple(edges.tolist()), probability >= CERTAIN
+    found = IrrigationAdvice(zones, number, sure, not_dry, by_calibration, limits, basis, _water(run), _level(run))
     return replace(found, steps=tuple(_steps(run, found)))
-
-
-def absolute_limits(run: MapRun) -> tuple[float, ...] | None:
-    """Limits between dry, medium and moist [m^3/m^3]; ``None`` where zones only compare places of the field."""
-    names, edges, _ = _edges(run, _values(run))
-    return None if names == RELATIVE else tuple(edges.tolist())
 
 
 def stress_point(limits: IrrigationLimits) -> float | None:
@@ -154,12 +149,6 @@ def _of_moisture(run: MapRun) -> bool:
     return run.calibrated and is_usable(run.soil_map)
 
 
-def _values(run: MapRun) -> Array:
-    """Moisture, or minus the rate where none can be used: more is moister. NaN outside the field."""
-    soil_map = run.soil_map
-    return np.where(soil_map.grid.mask, soil_map.vwc if _of_moisture(run) else -soil_map.rate, np.nan)
-
-
 def _probability(run: MapRun, number: Array, edges: Array, relative: bool) -> Array:
     """Probability of a zone in each cell; of a rate map the zones count from many to few neutrons."""
     soil_map = run.soil_map
@@ -180,8 +169,7 @@ def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
             f"({volume(limits.wilting_point)} %) is used up. Above field capacity the soil drains."
         )
         return BY_PLANT, np.array([stress, limits.field_capacity]), basis
-    finite = values[np.isfinite(values)]
-    edges = np.quantile(finite, (1 / 3, 2 / 3)) if finite.size else np.zeros(2)
+    edges = np.nanquantile(values, (1 / 3, 2 / 3))
     basis = "The zones only compare places of this field: each is about a third of the area, dry or wet."
     if stress is None and limits.dry_below is None:
         basis += (
@@ -197,16 +185,16 @@ def _zone(
     run: MapRun, index: int, name: str, edges: Array, values: Array, number: Array, probability: Array
 ) -> IrrigationZone:
     chosen, soil_map = number == index, run.soil_map
-    share = np.count_nonzero(chosen) / np.count_nonzero(soil_map.grid.mask)
+    share = _share(run, chosen)
     depth, full = run.irrigation.root_depth_mm, run.irrigation.field_capacity
-    known: dict[str, float] = {}
+    known: list[float] = []
     if has_level(run) and chosen.any():
-        known["water_mm"] = float(values[chosen].mean()) * depth
+        known = [float(values[chosen].mean()) * depth]
         if full is not None:
-            bands = {"missing_mm": values, "missing_mm_p05": soil_map.vwc_p95, "missing_mm_p95": soil_map.vwc_p05}
-            known |= {key: missing_mm(band[chosen], full, depth) for key, band in bands.items()}
+            bands = (values, soil_map.vwc_p95, soil_map.vwc_p05)  # less is missing where it is wetter
+            known += [missing_mm(band[chosen], full, depth) for band in bands]
     size_m2, text = share * float(field_polygon(soil_map).area), _range_text(run, index, edges)
-    return IrrigationZone(name, text, COLOURS[index], size_m2, share, certainty(probability[chosen]), **known)
+    return IrrigationZone(name, text, COLOURS[index], size_m2, share, certainty(probability[chosen]), *known)
 
 
 def missing_mm(vwc: Array, field_capacity: float, root_depth_mm: float) -> float:
@@ -259,10 +247,10 @@ def _level(run: MapRun) -> str:
             "Illustrative: the calibration is a guess. Trust where it is drier and wetter, but not the "
             "percentages and millimetres."
         )
-    if not is_usable(run.soil_map) and not run.simulated:
-        return "The count rate does not fit the calibration: do not use the percentages and millimetres."
     if run.simulated:
         return "Simulated: no real field was measured."
+    if not is_usable(run.soil_map):
+        return "The count rate does not fit the calibration: do not use the percentages and millimetres."
     source = f" ({run.calibration.source})" if run.calibration and run.calibration.source else ""
     if calibration_sd(run.soil_map) is None:
         return (
@@ -275,10 +263,9 @@ def _level(run: MapRun) -> str:
 def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
     """The next steps that help most. They never rest on a zone that is not certain."""
     samples = len(run.soil_map.samples)
-    if not run.calibrated:
-        yield "Next: take soil cores and calibrate the sensor, so that the map shows water."
-    elif not absolute(run):
-        yield "Next: take soil cores and calibrate the sensor, so that the amounts of water can be used."
+    if not absolute(run):
+        aim = "the amounts of water can be used" if run.calibrated else "the map shows water"
+        yield f"Next: take soil cores and calibrate the sensor, so that {aim}."
     elif not is_usable(run.soil_map):
         share = percent(unusable_share(run.soil_map))
         todo = (
@@ -289,11 +276,12 @@ def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
         )
         yield f"Next: {todo}. Until then the map says where it is drier and wetter, not if water is needed."
     elif at_one_place(run):
-        yield from [] if found.relative else _on_place(run, found)
+        if found.edges:
+            yield _on_place(run, found)
         yield "Next: for a map of the surroundings, drive the sensor over the field or move it between places."
     elif samples < FEW_PLACES:
         yield f"Next: measure at more places; {samples} are too few to know how sure the map is."
-    elif not found.relative:
+    elif found.edges:
         yield from _on_dry(run, found)
         yield from _on_wet(found)
     elif not (found.zones[0].certainty.certain and found.zones[2].certainty.certain):
@@ -305,18 +293,15 @@ def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
         yield "Next: compare the zones with what you see in the field, and measure again after rain or irrigation."
 
 
-def _on_place(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
+def _on_place(run: MapRun, found: IrrigationAdvice) -> str:
     """Advice for a probe that stays at one place, by the last step of its series."""
-    bands, edges = moisture_series(run.track, run.soil_map.curve).bands, np.array(absolute_limits(run))
+    bands, edges = moisture_series(run.track, run.soil_map.curve).bands, np.array(found.edges)
     dry = float(class_probability(bands.rate[-1:], bands.rate_sd[-1:], 0, edges, run.soil_map.curve, False)[0])
-    name, is_dry = found.zones[0].name, float(bands.vwc[-1]) < edges[0]
+    is_dry = float(bands.vwc[-1]) < edges[0]
+    seen = f"at the end it was {'' if is_dry else 'not '}{found.zones[0].name} here"
     if max(dry, 1 - dry) < CERTAIN:
-        seems = name if is_dry else f"not {name}"
-        yield f"At the end it was {seems} here, but that is not certain: count longer first."
-    elif is_dry:
-        yield f"Irrigate: at the end it was {name} here."
-    else:
-        yield f"No irrigation needed now: at the end it was not {name} here."
+        return f"{seen.capitalize()}, but that is not certain: count longer first."
+    return f"{'Irrigate' if is_dry else 'No irrigation needed now'}: {seen}."
 
 
 def _on_dry(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
@@ -354,10 +339,14 @@ def _remedy(run: MapRun, found: IrrigationAdvice, chosen: NDArray[np.bool_]) -> 
     return f"count longer there first{_where(run, chosen)}"
 
 
+def _share(run: MapRun, chosen: NDArray[np.bool_]) -> float:
+    return np.count_nonzero(chosen) / np.count_nonzero(run.soil_map.grid.mask)
+
+
 def _area(run: MapRun, chosen: NDArray[np.bool_]) -> str:
     """Area of cells, in the unit of the field."""
     whole_m2 = float(field_polygon(run.soil_map).area)
-    return part_of_area(whole_m2 * np.count_nonzero(chosen) / np.count_nonzero(run.soil_map.grid.mask), whole_m2)
+    return part_of_area(whole_m2 * _share(run, chosen), whole_m2)
 
 
 def _on_wet(found: IrrigationAdvice) -> Iterator[str]:
@@ -373,13 +362,10 @@ def _on_wet(found: IrrigationAdvice) -> Iterator[str]:
 def _where(run: MapRun, chosen: NDArray[np.bool_]) -> str:
     """Part of the field where cells lie, in words; empty if they are spread over the field."""
     soil_map = run.soil_map
-    rows, columns = np.nonzero(chosen & soil_map.grid.mask)
-    every_row, every_column = np.nonzero(soil_map.grid.mask)
-    if not rows.size:
+    every, own = soil_map.grid.cells, chosen[soil_map.grid.mask]
+    if not own.any():
         return ""
-    x, y = soil_map.grid.x_m, soil_map.grid.y_m
-    east = float(x[columns].mean() - x[every_column].mean()) / max(float(np.ptp(x[every_column])), 1e-9)
-    north = float(y[rows].mean() - y[every_row].mean()) / max(float(np.ptp(y[every_row])), 1e-9)
+    east, north = (every[own].mean(axis=0) - every.mean(axis=0)) / np.maximum(np.ptp(every, axis=0), 1e-9)
     if math.hypot(east, north) < 0.12:
         return ""
     points = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")

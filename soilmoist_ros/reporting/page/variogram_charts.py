@@ -10,18 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping import Samples, Supports, Variogram, default_edges, sample_correlation
+from soilmoist_ros.mapping import Samples, SoilMap, Supports, Variogram, default_edges, sample_correlation
 from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, Mark
 from soilmoist_ros.reporting.page.frame import number, percent
-
-if TYPE_CHECKING:
-    from soilmoist_ros.mapping import SoilMap
 
 Array = NDArray[np.float64]
 
@@ -62,12 +58,6 @@ class Classes:
         return float(np.mean((self.gamma >= self.low) & (self.gamma <= self.high)))
 
 
-def fitted_mode(soil_map: SoilMap) -> Variogram:
-    """The variogram that fits the counts best; the map may use another one."""
-    fit, used = soil_map.fit, soil_map.variogram
-    return used if fit is None or used.amplitude is not None else fit.mode
-
-
 def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, spread: Array) -> Array:
     """Semivariance of two samples at distances ``h_m`` > 0, averaged over their supports and over directions.
 
@@ -77,7 +67,9 @@ def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, sprea
     :param angle_deg: direction, anticlockwise from east [deg]; ``None`` for all
     :param spread: spread of each sample, shape (4,); as of ``Samples``
     """
-    points, weights = _support_points(spread)
+    layers = Supports(np.zeros((1, 2)), spread.reshape(1, -1)).layers  # a support around the origin
+    points = np.array([found[0] for _, found, _ in layers])
+    weights = np.array([1.0 if weight is None else float(np.ravel(weight)[0]) for _, _, weight in layers])
     apart = (points[:, None] - points).reshape(-1, 2)
     product = np.outer(weights, weights).ravel()
     width = TOLERANCE_DEG if angle_deg is not None else 90.0
@@ -91,11 +83,6 @@ def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, sprea
 def mean_spread(soil_map: SoilMap) -> Array:
     """Mean spread of the samples, shape (4,), as of ``Samples``."""
     return np.asarray(np.mean(np.asarray(soil_map.samples.spread, float).reshape(-1, 4), axis=0))
-
-
-def directions(variogram: Variogram) -> tuple[float, ...]:
-    """Main directions of a variogram, longest range first [deg]; empty if it has none."""
-    return () if variogram.anisotropy == 1 else (variogram.angle_deg, (variogram.angle_deg + 90) % 180)
 
 
 def sample_variogram(soil_map: SoilMap) -> list[Classes]:
@@ -112,40 +99,34 @@ def sample_variogram(soil_map: SoilMap) -> list[Classes]:
 
 
 def _classes(soil_map: SoilMap, places: Samples, noise: Array) -> Iterator[Classes]:
-    covariance = _sample_covariance(soil_map.variogram, places)
+    variogram, t, rate = soil_map.variogram, places.exposure_s, places.rate_cps
+    covariance = _sample_covariance(variogram, places)
     simulated = _simulated(covariance + np.diag(noise))
-    i, j = np.triu_indices(len(places), 1)
-    step = places.xy[j] - places.xy[i]
+    one, other = np.triu_indices(len(places), 1)
+    step = places.xy[other] - places.xy[one]
     h = np.hypot(*step.T)
     angle = np.degrees(np.arctan2(step[:, 1], step[:, 0])) % 180
     edges = default_edges(places.xy)
-    for direction in directions(soil_map.variogram) or (None,):
+    main = (variogram.angle_deg, (variogram.angle_deg + 90) % 180)
+    for direction in (None,) if variogram.anisotropy == 1 else main:
         off = 0.0 if direction is None else np.abs((angle - direction + 90) % 180 - 90)
         number = np.where((h > 0) & (off <= TOLERANCE_DEG), np.searchsorted(edges, h, side="left") - 1, -1)
-        found = [
-            _one(places, covariance, noise, simulated, i[chosen], j[chosen], h[chosen])
-            for chosen in (np.flatnonzero(number == k) for k in range(len(edges) - 1))
-            if len(chosen) >= (MIN_PAIRS if len(places) > FEW_PLACES else FEW_PAIRS)
-        ]
+        found = []
+        for chosen in (np.flatnonzero(number == k) for k in range(len(edges) - 1)):
+            if len(chosen) < (MIN_PAIRS if len(places) > FEW_PLACES else FEW_PAIRS):
+                continue
+            i, j = one[chosen], other[chosen]
+            weight = t[i] * t[j] / (t[i] + t[j])
+            total = weight.sum()
+            counting = weight @ (noise[i] + noise[j]) / (2 * total)
+            gamma = weight @ (rate[i] - rate[j]) ** 2 / (2 * total) - counting
+            spread = covariance[i, i] + covariance[j, j] - 2 * covariance[i, j]
+            of_surveys = weight @ (simulated[i] - simulated[j]) ** 2 / (2 * total) - counting
+            lag_m, expected = weight @ h[chosen] / total, weight @ spread / (2 * total)
+            found.append((lag_m, gamma, len(chosen), expected, *np.quantile(of_surveys, (0.05, 0.95))))
         if found:
-            lag, gamma, pairs, expected, low, high = (np.array(column) for column in zip(*found, strict=True))
-            yield Classes(direction, lag, gamma, pairs.astype(int), expected, low, high)
-
-
-def _one(
-    places: Samples, covariance: Array, noise: Array, simulated: Array, i: NDArray[np.intp], j: NDArray[np.intp],
-    h: Array,
-) -> tuple[float, ...]:  # fmt: skip
-    """Lag, semivariance, pairs, expectation and interval of one class."""
-    t, rate = places.exposure_s, places.rate_cps
-    weight = t[i] * t[j] / (t[i] + t[j])
-    total = weight.sum()
-    counting = weight @ (noise[i] + noise[j]) / (2 * total)
-    gamma = weight @ (rate[i] - rate[j]) ** 2 / (2 * total) - counting
-    spread = covariance[i, i] + covariance[j, j] - 2 * covariance[i, j]
-    of_surveys = weight @ (simulated[i] - simulated[j]) ** 2 / (2 * total) - counting
-    low, high = np.quantile(of_surveys, (0.05, 0.95))
-    return weight @ h / total, gamma, len(h), weight @ spread / (2 * total), low, high
+            lag, gammas, pairs, *others = (np.array(column) for column in zip(*found, strict=True))
+            yield Classes(direction, lag, gammas, pairs.astype(int), *others)
 
 
 def _sample_covariance(variogram: Variogram, places: Samples) -> Array:
@@ -168,27 +149,16 @@ def _correlation(variogram: Variogram, displacement_m: Array) -> Array:
     return variogram.correlation_of_square((scaled**2).sum(axis=-1))
 
 
-def _support_points(spread: Array) -> tuple[Array, Array]:
-    """Points and weights that represent a support around the origin."""
-    points: list[Array] = []
-    weights: list[float] = []
-    for _, found, weight in Supports(np.zeros((1, 2)), spread.reshape(1, -1)).layers:
-        points.append(found[0])
-        weights.append(1.0 if weight is None else float(np.ravel(weight)[0]))
-    return np.array(points), np.array(weights)
-
-
 # The variogram chart: circles, the interval that they should lie in, and the fitted and the used model ----------
 
 
 def variogram_charts(run: MapRun) -> Iterator[tuple[Chart, Classes]]:
     """A chart for all directions, or one for each main direction of an anisotropic model, with its numbers."""
     found = sample_variogram(run.soil_map)
-    top = 1.08 * max(
-        (float(max(c.gamma.max(), np.minimum(c.high, 2 * c.expected).max())) for c in found), default=1.0
-    )
-    reach = 1.04 * max((float(c.lag_m.max()) for c in found), default=1.0)
-    lowest = min((float(c.gamma.min()) for c in found), default=0.0)
+    if not found:
+        return
+    top = 1.08 * max(float(max(c.gamma.max(), np.minimum(c.high, 2 * c.expected).max())) for c in found)
+    reach, lowest = 1.04 * max(float(c.lag_m.max()) for c in found), min(float(c.gamma.min()) for c in found)
     bottom = 0.0 if lowest > 0.03 * top else lowest - 0.05 * top
     for index, classes in enumerate(found):
         yield _chart(run, classes, index, (0.0, reach), (bottom, max(top, 1e-12))), classes
@@ -203,9 +173,10 @@ def _chart(run: MapRun, classes: Classes, index: int, x: tuple[float, float], y:
         Area(classes.lag_m, classes.low, classes.high, "line", "circles of 9 in 10 surveys under the model used"),
         Line(h, used, "line", f"used for the map ({soil_map.variogram.model})"),
     ]
-    mode = fitted_mode(soil_map)
-    if mode != soil_map.variogram:
-        marks.append(Line(h, model_curve(mode, h, angle, spread), "orange", "most likely (fitted)", dashed=True))
+    fit, varies = soil_map.fit, soil_map.variogram.amplitude is not None
+    if fit is not None and not varies and fit.mode != soil_map.variogram:
+        likely = model_curve(fit.mode, h, angle, spread)
+        marks.append(Line(h, likely, "orange", "most likely (fitted)", dashed=True))
     size_px = 7 + 8 * np.sqrt(classes.pairs / max(classes.pairs.max(), 1))
     marks.append(Dots(classes.lag_m, classes.gamma, "ink", "samples (pairs: above)", size_px, True))
     title = "All directions" if classes.angle_deg is None else _direction(run, classes.angle_deg, index)

@@ -14,20 +14,19 @@ import rasterio
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.exports import registry
-from soilmoist_ros.reporting.exports.registry import EXPORTS, Export, export_kind, export_run
+from soilmoist_ros.reporting.exports.registry import EXPORTS, Export, export_run
 from soilmoist_ros.reporting.exports.source import RATE
 
 
 def test_each_export_has_its_traits():
     assert EXPORTS.names() == ["qgis", "gpkg", "styled", "zones", "contours", "kmz", "netcdf"]
     for name in EXPORTS.names():
-        kind = export_kind(name)
-        assert kind.name == name
+        kind = EXPORTS.get(name)
         assert kind.label
         assert kind.description
         assert kind.suffix.startswith(".")
     with pytest.raises(InputError, match=r"there is no export 'zone' -> .*did you mean 'zones'"):
-        export_kind("zone")
+        EXPORTS.get("zone")
 
 
 @pytest.mark.slow
