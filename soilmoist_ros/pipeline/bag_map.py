@@ -226,7 +226,7 @@ def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arm
         records = process_logs([log], site, survey.field.frame, track, arms)
     except InputError as fault:
         raise with_position_doubts(fault, problems) from None
-    return RawSurvey(records.all_records, [*records.problems, *problems], log.format_title, problems)
+    return RawSurvey(records.all_records, [*records.problems, *problems], log.logger.title, problems)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

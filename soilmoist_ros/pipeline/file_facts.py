@@ -306,7 +306,7 @@ def log_findings(
     lost = sum(log.records_lost for log in logs)
     repeated = len(records) - len({(one.stamp_s, one.record_number, str(one.tube_counts)) for one in records})
     extra = "".join(f", {number} {what}" for number, what in ((lost, "lost"), (repeated, "repeated")) if number)
-    yield FileFinding("log", f"{logs[0].format_title}: {len(records)} records{extra}")
+    yield FileFinding("log", f"{logs[0].logger.title}: {len(records)} records{extra}")
     for key, text in reading.items():
         yield FileFinding(key, text)
     if not records:

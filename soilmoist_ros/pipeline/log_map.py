@@ -199,7 +199,7 @@ def map_logs(
         },
         title=settings.title or ("Soil moisture over time" if site.curve and len(soil_map.samples) == 1 else None),
         inputs=_inputs(read, settings),
-        logger_format=logs[0].format_title,
+        logger_format=logs[0].logger.title,
         losses=[*loss_rows([*survey.problems, *read.track_problems]), *loss_rows_of(field_map.snapshot())],
         simulated=simulated,
         earlier=earlier,

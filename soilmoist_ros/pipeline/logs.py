@@ -95,7 +95,7 @@ def read_logs(
                 logs[path] = log
                 continue
             mistakes += error.mistakes
-    orders = (log.logger.time.date_order for log in logs.values() if log.logger and log.logger.time.rivals)
+    orders = (log.logger.time.date_order for log in logs.values() if log.logger.time.rivals)
     order = next(orders, "auto")
     if undecided and form is not None and order != "auto":
         ordered = form.model_copy(update={"time": form.time.model_copy(update={"date_order": order})})
@@ -155,8 +155,7 @@ def reading_of(logs: Sequence[LogFile]) -> dict[str, str]:
     """Reading of logs, for the user to check: tubes, clock, notation, columns without use."""
     texts: dict[str, dict[str, None]] = {"counts of": {}, "clock": {}, "notation": {}, "not used": {}}
     for log in logs:
-        if (form := log.logger) is None:
-            continue
+        form = log.logger
         left = [name for number, name in log.tubes.items() if number in form.counts.left_out]
         used = [name for number, name in log.tubes.items() if number not in form.counts.left_out]
         unit = "" if form.counts.unit == "counts" else f" ({form.counts.unit.replace('_', ' ')})"
@@ -196,8 +195,8 @@ def position_source(
         return PositionSource(nmea[0].name, field_file=field_file)
     if not any(record.position for log in logs for record in log.records):
         return PositionSource("'location' in the site file", field_file=field_file)
-    side = site.longitude if any(log.unsigned_longitude for log in logs) else "signed"
-    return PositionSource(logs[0].path.name, side, field_file)
+    unsigned = any(place and not place.longitude_signed for place in (log.logger.position for log in logs))
+    return PositionSource(logs[0].path.name, site.longitude if unsigned else "signed", field_file)
 
 
 def within(logs: Sequence[LogFile], times_s: tuple[float, float]) -> list[LogFile]:

@@ -144,9 +144,11 @@ class Finding:
     :param message: what is wrong, with values
     :param remedy: what the user can do about it
     :param bad: whether the record is bad as a whole
+    :param column: name of the column, empty if it concerns the whole line
     """
 
     kind: Kind
     message: str
-    remedy: str
+    remedy: str = ""
     bad: bool = False
+    column: str = ""

@@ -42,6 +42,7 @@ class LoggerRecord:
     :param position: position logged with the record, ``None`` without a fix
     :param line: line of the log, counted from 1; 0 without a file
     :param record_number: running number from the logger, -1 if there is none
+    :param clock_ahead_s: logger's clock minus GNSS time [s], 0 if unknown
     """
 
     stamp_s: float
@@ -53,6 +54,7 @@ class LoggerRecord:
     position: Position | None = None
     line: int = 0
     record_number: int = -1
+    clock_ahead_s: float = 0.0
 
     def __repr__(self) -> str:
         present = [count for count in self.tube_counts if not math.isnan(count)]

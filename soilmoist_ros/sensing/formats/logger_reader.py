@@ -5,15 +5,16 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import re
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
+from statistics import median_low
+from typing import Any
 
 from soilmoist_ros.foundation import InputError, Mistake
-from soilmoist_ros.sensing.clock_drift import ClockDrift
-from soilmoist_ros.sensing.formats import log_values as units
 from soilmoist_ros.sensing.formats.log_layout import (
     HeaderReader,
     Layout,
@@ -22,12 +23,17 @@ from soilmoist_ros.sensing.formats.log_layout import (
     build_layout,
     split_fields,
 )
-from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Reading, Remark
-from soilmoist_ros.sensing.formats.log_values import decode_line, read_number, read_time, strip_checksum
+from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError
+from soilmoist_ros.sensing.formats.log_values import (
+    decode_line,
+    read_number,
+    read_time,
+    strip_checksum,
+    to_seconds,
+)
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.notation import (
     HEADER_LINES,
-    _known_format,
     header_candidates,
     matching_formats,
     separated_as,
@@ -35,13 +41,14 @@ from soilmoist_ros.sensing.formats.notation import (
     stamp_text,
 )
 from soilmoist_ros.sensing.lines import MAX_LINE, read_lines
-from soilmoist_ros.sensing.problems import Kind, Problem, Severity
+from soilmoist_ros.sensing.problems import Finding, Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
 MAX_PERIOD_S = 90_000.0
 REMEMBERED_RECORDS = 10_000
 """Latest records of a live link by which a repeated one is known: more than a day of records of 10 s."""
-CLOCK_TOLERANCE_S = 5.0
+MAX_CLOCK_CHANGE_S = 5.0  # offset of the logger's clock, or change of it, that is reported [s]
+CLOCK_COMPARISONS = 5  # a clock that was set is known after most of them; single wrong ones do not matter
 _LEADING_NUMBER = re.compile(r"[0-9.]{1,20}", re.ASCII)
 _GNSS_SENTENCE = re.compile(rb"\s*\$G[A-Z](GGA|RMC|GST|GLL|GSA|GSV|VTG|ZDA),")
 
@@ -53,11 +60,6 @@ class LogFile:
     :param problems: all faults, in the order of the file
     :param metadata: all ``key = value`` lines of the header
     :param period_s: nominal duration of a record [s], NaN if unknown
-    :param clock_offset_s: logger's clock minus GNSS time [s], median since it was last set, NaN if unknown.
-        Subtract it from the stamps before joining them with positions of another receiver
-    :param unsigned_longitude: whether the site file gave the longitudes their sign
-    :param clock: logger's clock against GNSS time
-    :param utc_offset_hours: logger's clock minus UTC, as it was read [h]; 0 with a time zone
     :param logger: format with all that was decided from the file
     :param choices: these decisions in words
     :param unused: names of the columns that the format does not read
@@ -67,18 +69,13 @@ class LogFile:
     """
 
     path: Path
-    format_title: str
+    logger: LoggerFormat
     records: tuple[LoggerRecord, ...]
     problems: tuple[Problem, ...]
     serial: str
     metadata: Mapping[str, str]
     period_s: float
-    clock_offset_s: float
     n_lines: int
-    unsigned_longitude: bool = False
-    clock: ClockDrift = field(default_factory=ClockDrift, compare=False)
-    utc_offset_hours: float = 0.0
-    logger: LoggerFormat | None = field(default=None, compare=False)
     choices: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
     unused: tuple[str, ...] = ()
@@ -122,10 +119,12 @@ class RecordParser:
         self.format = load_logger_format(logger) if isinstance(logger, str) else logger
         self.problems: list[Problem] = []
         self.line_number = 0
-        self.clock = ClockDrift()
-        """Logger's clock against the GNSS time in the lines."""
         self.earlier_header: LogHeader | None = None
         """The header of :meth:`use_header`, while lines are read by it."""
+        self.left_out_counts: dict[int, float] = {}
+        """Counts of the tubes that the format leaves out, by number."""
+        self.clock_offsets_s: list[float] = []
+        """Logger's clock minus the receiver's in each record of a log [s], NaN if unknown; only without limit."""
         if longitude not in ("signed", "east", "west"):
             raise InputError(f"longitude {longitude!r} is unknown", "use signed, east or west", path)
         place = self.format.position
@@ -140,12 +139,13 @@ class RecordParser:
         self._remembered = remembered
         self._header = HeaderReader(self.format)
         self._reader: FieldReader | None = None
-        self._bad_header: MissingColumnsError | None = None
-        self._seen: dict[float, None] = {}
+        self.missing_columns: tuple[str, ...] = ()
+        """Columns that the header lacks."""
+        self._seen: dict[int, None] = {}
         self._stamps: dict[float, None] = {}
         self._previous: LoggerRecord | None = None
-        self.left_out_counts: dict[int, float] = {}
-        """Counts of the tubes that the format leaves out, by number."""
+        self._recent_offsets_s: deque[float] = deque(maxlen=CLOCK_COMPARISONS)
+        self._clock_ahead_s = 0.0
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -158,7 +158,7 @@ class RecordParser:
         period = self.format.record_period
         match = _LEADING_NUMBER.match(self._header.value_of(period.header_key))
         number = read_number(match[0]) if match else None
-        period_s = units.to_seconds(period.unit)(number) if number else 0.0
+        period_s = to_seconds(period.unit)(number) if number else 0.0
         return period_s if 0 < period_s <= MAX_PERIOD_S else period.default_s
 
     @property
@@ -179,11 +179,6 @@ class RecordParser:
         if not left_out or self.layout is None:
             return frozenset()
         return frozenset(index for index, tube in enumerate(self.layout.tubes) if tube in left_out)
-
-    @property
-    def missing_columns(self) -> tuple[str, ...]:
-        """Columns that the header lacks."""
-        return self._bad_header.columns if self._bad_header else ()
 
     @property
     def header(self) -> LogHeader | None:
@@ -207,58 +202,58 @@ class RecordParser:
         :param complete: whether the line had an end; the last line of a file may be cut off
         """
         self.line_number += 1
-        if len(line) > MAX_LINE:
-            self._lose(Remark(Kind.TOO_LONG, f"the line has {len(line)} bytes"))
-            return None
-        line = line.strip(b"\r\n")
-        if not line.strip(b" \t\x03\x04\x1a"):  # includes end marks of text, transmission and DOS file
-            return None
-        if b"\x00" in line:  # the power failed while a line was written
-            line = line.strip(b"\x00") if self.format.checksum == "nmea" else line.lstrip(b"\x00")
-            before, _, after = line.rpartition(b"\x00")
-            if before and not after.strip():
-                line, complete = before, False
-            elif before and self._has_record(after):
-                self._lose(Remark(Kind.TRUNCATED, "zero bytes end the line, and another one begins"))
-                line = after
-            if not line.strip():
+        try:
+            if len(line) > MAX_LINE:
+                raise LostRecordError(Kind.TOO_LONG, f"the line has {len(line)} bytes")
+            line = line.strip(b"\r\n")
+            if b"\x00" in line:
+                line, complete = self._without_zeros(line, complete)
+            if not line.strip(b" \t\x03\x04\x1a"):  # includes end marks of text, transmission and DOS file
                 return None
-        if self.format.checksum == "nmea":
-            body, mark = strip_checksum(line), self.format.header.comment.encode()
-            if body is None and mark and line.lstrip().startswith(mark) and b"*" not in line:
-                return None  # a remark added by a person
-            if body is None:
-                body = self._after_foreign_text(line)
-            if body is None:
-                kind = Kind.CHECKSUM if complete else Kind.TRUNCATED
-                self._lose(
-                    Remark(kind, "the checksum is absent or wrong", "", "check the connection to the logger")
-                )
+            body = self._checked(line, complete) if self.format.checksum == "nmea" else line
+            if not body:
                 return None
-            line = body
-        text = decode_line(line)
-        comment = self.format.header.comment
-        if comment and text.lstrip().startswith(comment):
-            self._header.take_comment(text.lstrip()[len(comment) :])
+            text, comment = decode_line(body), self.format.header.comment
+            if comment and text.lstrip().startswith(comment):
+                self._header.take_comment(text.lstrip()[len(comment) :])
+                return None
+            return self._read(text, complete)
+        except LostRecordError as error:
+            self._report(error.finding, lost=True)
             return None
-        return self._take_record(text, complete)
 
-    def _after_foreign_text(self, line: bytes) -> bytes | None:
-        """The record or header at the end of a line, if its checksum proves it: devices on the way insert text."""
-        comment = self.format.header.comment.encode()
+    def _without_zeros(self, line: bytes, complete: bool) -> tuple[bytes, bool]:
+        """A line without zero bytes, and if it is complete: the power failed while a line was written."""
+        line = line.strip(b"\x00") if self.format.checksum == "nmea" else line.lstrip(b"\x00")
+        before, _, after = line.rpartition(b"\x00")
+        if before and not after.strip():
+            return before, False
+        if before and self._has_record(after):
+            message = "zero bytes end the line, and another one begins"
+            self._report(Finding(Kind.TRUNCATED, message), lost=True)
+            return after, complete
+        return line, complete
+
+    def _checked(self, line: bytes, complete: bool) -> bytes:
+        """A line without its checksum; of the remark of a person, which has none, nothing."""
+        body, mark = strip_checksum(line), self.format.header.comment.encode()
+        if body is not None:
+            return body
+        if mark and line.lstrip().startswith(mark) and b"*" not in line:
+            return b""
+        # Devices on the way insert text: the checksum proves the record or header at the end of the line.
         for start in range(1, len(line)):
-            if not (line[start : start + 1].isdigit() or (comment and line.startswith(comment, start))):
+            if not (line[start : start + 1].isdigit() or (mark and line.startswith(mark, start))):
                 continue
             body = strip_checksum(line[start:])
-            if body is None or not (body.startswith(comment or b"\x00") or self._has_record(body)):
+            if body is None or not ((mark and body.startswith(mark)) or self._has_record(body)):
                 continue
-            text = line[:start].decode("ascii", "backslashreplace")
+            message = f"the text {line[:start].decode('ascii', 'backslashreplace')[:60]!r} stands before it"
             remedy = "switch off the heartbeat or banner of the serial server"
-            self._report(
-                Remark(Kind.FOREIGN_TEXT, f"the text {text[:60]!r} stands before it", "", remedy), lost=False
-            )
+            self._report(Finding(Kind.FOREIGN_TEXT, message, remedy))
             return body
-        return None
+        kind = Kind.CHECKSUM if complete else Kind.TRUNCATED
+        raise LostRecordError(kind, "the checksum is absent or wrong", "", "check the connection to the logger")
 
     def _has_record(self, body: bytes) -> bool:
         """True if a text has the fields of a record and begins with its time."""
@@ -276,91 +271,98 @@ class RecordParser:
         try:
             layout = build_layout(self.format, self._header.names, self._header.units)
         except MissingColumnsError as error:
-            self._reader = None
-            self._bad_header = error
-            note = Remark(Kind.BAD_HEADER, f"the header has {error}", "", "is this the right logger format?")
-            self._report(note, lost=False)
+            self._reader, self.missing_columns = None, error.columns
+            remedy = "is this the right logger format?"
+            self._report(Finding(Kind.BAD_HEADER, f"the header has {error}", remedy))
             return
-        self._reader = FieldReader(self.format, layout, self._side)
-        self._bad_header = None
+        self._reader, self.missing_columns = FieldReader(self.format, layout, self._side), ()
         for quantity, settings in self.format.air.items():
             if settings and not layout.air[quantity]:
-                self._report(Remark(Kind.MISSING_COLUMN, f"no column of the {quantity}"), lost=False)
+                self._report(Finding(Kind.MISSING_COLUMN, f"no column of the {quantity}"))
         for column, remark in layout.remarks:
-            self._report(
-                Remark(Kind.OTHER_UNIT, remark, column, "check the unit in the logger format"), lost=False
-            )
+            remedy = "check the unit in the logger format"
+            self._report(Finding(Kind.OTHER_UNIT, remark, remedy, column=column))
 
-    def _take_record(self, text: str, complete: bool) -> LoggerRecord | None:
+    def _read(self, text: str, complete: bool) -> LoggerRecord | None:
+        """The record of a line; ``None`` if it is part of the header."""
         if not text.replace("\t", " ").strip("\ufeff").isprintable():
-            self._lose(Remark(Kind.UNREADABLE, "the line has bytes that are not text"))
-            return None
+            raise LostRecordError(Kind.UNREADABLE, "the line has bytes that are not text")
         fields = split_fields(self.format, text)
         if self._header.takes(fields):
             return None
         self._use_new_header()
-        if self._reader is None:
+        reader = self._reader
+        if reader is None:
             remedy = "is this the right logger format?"
-            self._report(Remark(Kind.NO_HEADER, "no usable header before this line", "", remedy), lost=True)
-            return None
-        names = self._reader.layout.names
-        fitted = self._reader.layout.fit(fields)
+            raise LostRecordError(Kind.NO_HEADER, "no usable header before this line", "", remedy)
+        n_names, n_fields, fitted = len(reader.layout.names), len(fields), reader.layout.fit(fields)
         if fitted is None:
             kind = Kind.WRONG_FIELDS if complete else Kind.TRUNCATED
-            commas = self.format.delimiter == "comma" and len(fields) > len(names) + 2
-            remedy = (
-                "if it has decimal commas, export the table with semicolons between the columns" if commas else ""
-            )
-            self._lose(Remark(kind, f"the line has {len(fields)} fields, the header {len(names)}", "", remedy))
-            return None
-        fields = fitted
-        if not complete and self.format.checksum == "none" and self._reader.layout.last_needed == len(names) - 1:
-            self._lose(Remark(Kind.TRUNCATED, "the last line has no end: its last number may have been cut"))
-            return None
+            remedy = "if it has decimal commas, export the table with semicolons between the columns"
+            remedy = remedy if self.format.delimiter == "comma" and n_fields > n_names + 2 else ""
+            message = f"the line has {n_fields} fields, the header {n_names}"
+            raise LostRecordError(kind, message, "", remedy)
+        if not complete and self.format.checksum == "none" and reader.layout.last_needed == n_names - 1:
+            raise LostRecordError(Kind.TRUNCATED, "the last line has no end: its last number may have been cut")
         try:
-            reading = self._reader.read(fields, self.period_s, self.line_number)
+            record = reader.read(fitted, self.period_s, self.line_number)
         except LostRecordError as error:
-            self._lose(error.note if complete else Remark(Kind.TRUNCATED, error.note.message))
-            return None
-        return self._accept(reading)
+            if complete:
+                raise
+            raise LostRecordError(Kind.TRUNCATED, error.finding.message) from None
+        return self._accept(record, fitted, reader)
 
-    def _accept(self, reading: Reading) -> LoggerRecord | None:
+    def _accept(self, record: LoggerRecord, fields: Sequence[str], reader: FieldReader) -> LoggerRecord:
         """Check a record against the earlier ones; drop a duplicate."""
-        record, notes, key = reading.record, reading.notes, reading.key
+        notes, stamp_s, before = reader.notes, record.stamp_s, self._previous
+        # As the line has them: counts of a rate depend on the time since the line before, as may the stamp.
+        texts = [fields[source.index] for source in reader.layout.counts]
+        key = hash((record.record_number, reader.stamp_s, *texts))  # the texts need five times the memory
         if key in self._seen:
-            self._lose(Remark(Kind.DUPLICATE, f"record {record.record_number} is repeated, and dropped"))
-            return None
-        if record.stamp_s in self._stamps:
-            notes.append(Remark(Kind.SAME_TIME, "another record has the same time and other counts"))
-        elif self._previous and record.stamp_s < self._previous.stamp_s:
-            back_s = self._previous.stamp_s - record.stamp_s
-            notes.append(Remark(Kind.CLOCK_BACKWARDS, f"the clock went back by {back_s:g} s"))
-        if self._previous and 0 <= self._previous.record_number < record.record_number - 1:
-            gap = record.record_number - self._previous.record_number - 1
-            notes.append(Remark(Kind.GAP, f"{gap} record(s) missing before this one"))
-        self._seen[key] = self._stamps[record.stamp_s] = None
-        for memory in (self._seen, self._stamps):
+            message = f"record {record.record_number} is repeated, and dropped"
+            raise LostRecordError(Kind.DUPLICATE, message)
+        if stamp_s in self._stamps:
+            notes.append(Finding(Kind.SAME_TIME, "another record has the same time and other counts"))
+        elif before and stamp_s < before.stamp_s:
+            message = f"the clock went back by {before.stamp_s - stamp_s:g} s"
+            notes.append(Finding(Kind.CLOCK_BACKWARDS, message))
+        if before and 0 <= before.record_number < record.record_number - 1:
+            gap = record.record_number - before.record_number - 1
+            notes.append(Finding(Kind.GAP, f"{gap} record(s) missing before this one"))
+        self._seen[key] = self._stamps[stamp_s] = None
+        memories: tuple[dict[Any, None], ...] = (self._seen, self._stamps)
+        for memory in memories:
             if self._remembered is not None and len(memory) > self._remembered:
                 del memory[next(iter(memory))]
-        self._previous = record
-        for tube, counts in reading.left_out.items():
+        for tube, counts in reader.left_out(fields).items():
             self.left_out_counts[tube] = self.left_out_counts.get(tube, 0.0) + counts
-        offset_s = reading.gnss_offset_s
-        if abs(offset_s) > CLOCK_TOLERANCE_S and not len(self.clock):
+        self._compare_clocks(reader.clock_ahead_s(fields, record), notes)
+        for note in notes:
+            self._report(note)
+        self._previous = replace(record, clock_ahead_s=self._clock_ahead_s) if self._clock_ahead_s else record
+        return self._previous
+
+    def _compare_clocks(self, offset_s: float, notes: list[Finding]) -> None:
+        """Offset of the logger's clock from one more comparison with the receiver's."""
+        if self._remembered is None:
+            self.clock_offsets_s.append(offset_s)
+        if math.isnan(offset_s):
+            return
+        before_s, recent = self._clock_ahead_s, self._recent_offsets_s
+        recent.append(offset_s)
+        self._clock_ahead_s = median_low(recent)
+        if len(recent) == 1 and abs(offset_s) > MAX_CLOCK_CHANGE_S:
             message = f"the logger's clock is {offset_s:+.0f} s off GNSS time"
             remedy = "set it, or consider it when you join the records with other positions"
-            notes.append(Remark(Kind.CLOCK_OFFSET, message, "", remedy))
-        self.clock.add(record.stamp_s, offset_s)
-        for note in notes:
-            self._report(note, lost=False)
-        return record
+            notes.append(Finding(Kind.CLOCK_OFFSET, message, remedy))
+        elif len(recent) == CLOCK_COMPARISONS and abs(self._clock_ahead_s - before_s) > MAX_CLOCK_CHANGE_S:
+            now = f"{before_s:+.0f} s off GNSS time, now {self._clock_ahead_s:+.0f} s"
+            remedy = "set it before each survey; live, the places of the two records before are wrong"
+            notes.append(Finding(Kind.CLOCK_OFFSET, f"the logger's clock was set: {now}", remedy))
 
-    def _lose(self, note: Remark) -> None:
-        self._report(note, lost=True)
-
-    def _report(self, note: Remark, lost: bool) -> None:
-        mistake = Mistake(note.message, note.remedy, self._path, self.line_number, note.column)
-        self._on_problem(Problem(note.kind, mistake, lost))
+    def _report(self, finding: Finding, lost: bool = False) -> None:
+        mistake = Mistake(finding.message, finding.remedy, self._path, self.line_number, finding.column)
+        self._on_problem(Problem(finding.kind, mistake, lost))
 
 
 def read_log(
@@ -397,33 +399,46 @@ def parse_log(
     parser = RecordParser(form, longitude, path=path, remembered=None)
     last = len(lines) - 1
     fed = [parser.feed(line, complete=number < last or last_is_complete) for number, line in enumerate(lines)]
-    records = tuple(record for record in fed if record is not None)
-    if parser.layout is None:
-        raise InputError([unreadable_header(path, lines, parser.format, parser.missing_columns)])
-    lost = [problem for problem in parser.problems if problem.lost]
+    records = [record for record in fed if record is not None]
+    layout, lost = parser.layout, [problem.mistake for problem in parser.problems if problem.lost]
+    if layout is None:
+        raise InputError([_unreadable_header(path, lines, form, parser.missing_columns)])
     if lost and not records:
-        raise InputError([nothing_usable(path, lines, parser.format, [problem.mistake for problem in lost])])
+        raise InputError([_nothing_usable(path, lines, form, lost)])
     return LogFile(
         path=path,
-        format_title=parser.format.title,
-        records=records,
+        logger=form,
+        records=_with_clock(records, parser.clock_offsets_s),
         problems=tuple(parser.problems),
         serial=parser.serial,
-        metadata=MappingProxyType(dict(parser.metadata)),
+        metadata=parser.metadata,
         period_s=parser.period_s or NAN,
-        clock_offset_s=parser.clock.median_s,
         n_lines=len(lines),
-        unsigned_longitude=parser.format.position is not None and not parser.format.position.longitude_signed,
-        clock=parser.clock,
-        utc_offset_hours=parser.format.time.utc_offset_hours,
-        logger=form,
         choices=choices,
-        columns=parser.layout.names,
-        unused=parser.layout.unused,
-        tubes=dict(zip(parser.layout.tubes, (one.name for one in parser.layout.counts), strict=True)),
+        columns=layout.names,
+        unused=layout.unused,
+        tubes=dict(zip(layout.tubes, (one.name for one in layout.counts), strict=True)),
         left_out_counts=parser.left_out_counts,
-        count_rate=parser.layout.count_rate,
+        count_rate=layout.count_rate,
     )
+
+
+def _with_clock(records: Sequence[LoggerRecord], offsets_s: Sequence[float]) -> tuple[LoggerRecord, ...]:
+    """Records with the offset of the clock about each: it may drift, be set, and be compared wrongly at times."""
+    known = [(number, offset_s) for number, offset_s in enumerate(offsets_s) if not math.isnan(offset_s)]
+    if not known:
+        return tuple(records)
+    reach = CLOCK_COMPARISONS - 1
+    around = [
+        median_low([offset_s for _, offset_s in known[max(at - reach, 0) : at + reach + 1]])
+        for at in range(len(known))
+    ]
+    ahead_s, at = [], 0
+    for number in range(len(records)):
+        if at + 1 < len(known) and known[at + 1][0] <= number:
+            at += 1
+        ahead_s.append(around[at])
+    return tuple(replace(one, clock_ahead_s=ahead) for one, ahead in zip(records, ahead_s, strict=True))
 
 
 def detect_format(path: Path | str) -> LoggerFormat:
@@ -437,28 +452,31 @@ def format_of_lines(lines: Sequence[bytes], path: Path) -> LoggerFormat:
 
     :raises InputError: if no known format fits
     """
+
+    def reads(logger: LoggerFormat) -> bool:
+        parser = RecordParser(logger, "east")
+        return any(parser.feed(line) is not None for line in lines[:HEADER_LINES])
+
     fitting = [load_logger_format(name) for name in matching_formats(lines)]
     for logger in fitting:
-        parser = RecordParser(separated_as(logger, lines), "east")
-        if any(parser.feed(line) is not None for line in lines[:HEADER_LINES]):
+        if reads(separated_as(logger, lines)):
             return logger
-    for logger in fitting:
-        return logger
-    for name in logger_names():
-        logger = load_logger_format(name)
-        if logger.header.columns:
-            parser = RecordParser(logger, "east")
-            if any(parser.feed(line) is not None for line in lines[:HEADER_LINES]):
-                return logger
-    raise InputError("has no known logger format", other_format(lines), path)
+    if fitting:
+        return fitting[0]
+    for logger in map(load_logger_format, logger_names()):
+        if logger.header.columns and reads(logger):
+            return logger
+    raise InputError("has no known logger format", _other_format(lines), path)
 
 
-# Finds and reads logger files, and explains unreadable files ----------------------------------------------------
+# Explanations of unreadable files --------------------------------------------------------------------------------
 
 
-def unreadable_header(path: Path, lines: Sequence[bytes], logger: LoggerFormat, missing: Sequence[str]) -> Mistake:
+def _unreadable_header(
+    path: Path, lines: Sequence[bytes], logger: LoggerFormat, missing: Sequence[str]
+) -> Mistake:
     """Reason why a file does not have a format, and the format that may fit."""
-    remedy = other_format(lines)
+    remedy = _other_format(lines)
     if not missing:
         wanted = " or ".join(repr(name) for name in logger.time.columns)
         return Mistake(f"{logger.title}: no header line, which would name a column {wanted}", remedy, path)
@@ -469,22 +487,21 @@ def unreadable_header(path: Path, lines: Sequence[bytes], logger: LoggerFormat, 
     return Mistake(f"{logger.title}: the header has no column {lacks}{have}", remedy, path, number)
 
 
-def nothing_usable(
+def _nothing_usable(
     path: Path, lines: Sequence[bytes], logger: LoggerFormat, mistakes: Sequence[Mistake]
 ) -> Mistake:
     """Reason why no record of a file is usable; its columns were found."""
     first = mistakes[0]
-    fitting = [_known_format(name) for name in matching_formats(lines)[:1]]
-    other = [one for one in fitting if one.title != logger.title and one.header.columns == ()]
-    remedy = first.remedy or (other_format(lines) if other else "correct the logger format or the file")
+    best = [load_logger_format(name) for name in matching_formats(lines)[:1]]
+    other = any(one.title != logger.title and not one.header.columns for one in best)
+    remedy = first.remedy or (_other_format(lines) if other else "correct the logger format or the file")
     message = f"{logger.title}: none of the {len(mistakes)} records is usable; the first: {first.message}"
     return Mistake(message, remedy, path, first.line, first.column)
 
 
-def other_format(lines: Sequence[bytes]) -> str:
+def _other_format(lines: Sequence[bytes]) -> str:
     """Advice on the format that a file may have."""
-    fitting = matching_formats(lines)
-    if fitting:
+    if fitting := matching_formats(lines):
         return f"this looks like {fitting[0]}: pass --logger {fitting[0]}"
     if any(_GNSS_SENTENCE.match(line) for line in lines[:HEADER_LINES]):
         return "this looks like the log of a GNSS receiver: pass it with --nmea, together with the neutron log"

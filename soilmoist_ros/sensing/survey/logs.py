@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +19,16 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, listing
 from soilmoist_ros.sensing.checks.weather import unlikely_weather
 from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
-from soilmoist_ros.sensing.formats.logger_reader import LogFile
+from soilmoist_ros.sensing.formats.logger_reader import MAX_CLOCK_CHANGE_S, LogFile
 from soilmoist_ros.sensing.gnss import utc_text
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms, Track
-from soilmoist_ros.sensing.problems import Kind, Problem
+from soilmoist_ros.sensing.problems import Finding, Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.correction import counting_interval_s, unusual_factors, unusual_pressure
 from soilmoist_ros.sensing.survey.survey import Survey
 
+MIN_DRIFT_S = 3.0  # drift of the logger's clock over a log that matters: a rover drives 30 m in this time [s]
 MIN_OVERLAP = 0.2  # share of a counting interval that lies before the record before, from which the two overlap
 MIN_OVERLAP_S = 5.0  # overlap that rounded stamps and late lines do not cause [s]
 MONTH_S = 20 * 86_400.0  # time between two days that is one of months [s]
@@ -37,6 +39,8 @@ BARE_SHARE = 0.7
 """Counts of a tube relative to the others below which it may be bare: a thermal tube counts about half."""
 MIN_ALIKE = 20  # number of records from which common factors of all counts are no chance
 _CHANGED = re.compile(r"corr|smooth|mov_?avg|filtered|norm")
+_Entry = tuple[Path, LoggerRecord]
+"""A log and one of its records."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,15 +82,6 @@ class SurveyRecords:
         return np.array([record.effective_exposure_s for record in self.records], dtype=float)
 
 
-@dataclass(frozen=True)
-class _Entry:
-    """A record, its log, and the logger's clock minus GNSS time [s], 0 if unknown."""
-
-    log: LogFile
-    record: LoggerRecord
-    clock_ahead_s: float
-
-
 def process_logs(
     logs: Sequence[LogFile],
     site: Site,
@@ -105,34 +100,47 @@ def process_logs(
         or no record can be placed and corrected
     """
     _require_clock(logs, site.logger_clock)
-    entries = [one for one in _in_order_of_time(logs) if times_s[0] < one.record.stamp_s <= times_s[1]]
+    entries = [one for one in _in_order_of_time(logs) if times_s[0] < one[1].stamp_s <= times_s[1]]
     problems = [*(problem for log in logs for problem in log.problems), *log_doubts(logs)]
-    remedy = "set the clock before each survey; places are found with the drift taken off"
-    set_before = "set the clock before each survey; each part of the log is placed by its own offset"
-    for log in logs:
-        drifting = [clock for clock in log.clock.segments if clock.is_clear]
-        problems += [Problem(Kind.CLOCK_DRIFT, Mistake(clock.message, remedy, log.path)) for clock in drifting]
-        problems += [Problem(Kind.CLOCK_OFFSET, Mistake(step, set_before, log.path)) for step in log.clock.steps]
     entries = _without_duplicates(entries, problems)
-    problems += _require_same_time(entries, track, site)
-    if any(log.clock.n_steps for log in logs):
-        entries = _by_gnss_time(entries)
-    survey = _survey_of([entry.record for entry in entries], site, frame, track, problems, arms)
-    # Positions in a log have the time of the logger's clock; positions of a separate receiver have GNSS time.
-    ahead_s = [0.0 if track is None else entry.clock_ahead_s for entry in entries]
+    problems += _require_same_time([record for _, record in entries], track, site)
+    changes_s = [_clock_changes_s(log) for log in logs]
+    for log, changes in zip(logs, changes_s, strict=True):
+        drift_s = math.fsum(change_s for change_s in changes if abs(change_s) <= MAX_CLOCK_CHANGE_S)
+        if abs(drift_s) > MIN_DRIFT_S:
+            message = f"the logger's clock drifts by {drift_s:+.1f} s against GNSS time in this log"
+            remedy = "set the clock before each survey; places are found with the drift taken off"
+            problems.append(Problem(Kind.CLOCK_DRIFT, Mistake(message, remedy, log.path)))
+    if any(abs(change_s) > MAX_CLOCK_CHANGE_S for changes in changes_s for change_s in changes):
+        # A clock that was set mixes or parts the records of a survey: their order is that of GNSS time.
+        shifted = ((path, _by_gnss_time(record)) for path, record in entries)
+        entries = sorted(shifted, key=lambda entry: entry[1].stamp_s)
+    elif track is None:  # positions in a log have the time of the logger's clock, those of a receiver GNSS time
+        entries = [(path, replace(record, clock_ahead_s=0.0)) for path, record in entries]
+    records = [record for _, record in entries]
+    survey = _survey_of(records, site, frame, track, problems, arms)
     if frame is None:
-        survey.frame = _frame_about(survey, entries, ahead_s)
+        survey.frame = _frame_about(survey, records)
     found: list[CountRecord] = []
-    for entry, clock_ahead_s in zip(entries, ahead_s, strict=True):
-        survey.take_record(entry.record, clock_ahead_s=clock_ahead_s, path=entry.log.path)
+    for path, record in entries:
+        survey.take_record(record, clock_ahead_s=record.clock_ahead_s, path=path)
         found += survey.take_ready()
-    whole = [*survey.checks.totals.findings, *unlikely_weather([entry.record for entry in entries])]
+    whole = [*survey.checks.totals.findings, *unlikely_weather(records)]
     problems += [Problem(finding.kind, Mistake(finding.message, finding.remedy)) for finding in whole]
-    records = tuple(record for record in found if not record.quarantine)
+    good = tuple(record for record in found if not record.quarantine)
     quarantined = tuple(record for record in found if record.quarantine)
-    if not records or survey.frame is None or survey.tube_share is None:
+    if not good or survey.frame is None or survey.tube_share is None:
         raise InputError(_all_lost(logs, problems))
-    return SurveyRecords(records, survey.frame, tuple(problems), survey.tube_share, quarantined)
+    return SurveyRecords(good, survey.frame, tuple(problems), survey.tube_share, quarantined)
+
+
+def _clock_changes_s(log: LogFile) -> list[float]:
+    """Changes of the logger's clock against GNSS time from record to record [s]."""
+    return [after.clock_ahead_s - before.clock_ahead_s for before, after in pairwise(log.records)]
+
+
+def _by_gnss_time(record: LoggerRecord) -> LoggerRecord:
+    return replace(record, stamp_s=record.stamp_s - record.clock_ahead_s, clock_ahead_s=0.0)
 
 
 def why_unplaced(records: Sequence[LoggerRecord], track: Track, clock_known: bool = False) -> Mistake | None:
@@ -145,12 +153,11 @@ def why_unplaced(records: Sequence[LoggerRecord], track: Track, clock_known: boo
     return track.heard.why_not_at(begin_s, last.stamp_s, clock_known)
 
 
-def _require_same_time(entries: Sequence[_Entry], track: Track | None, site: Site) -> list[Problem]:
+def _require_same_time(records: Sequence[LoggerRecord], track: Track | None, site: Site) -> list[Problem]:
     """Check that positions of a separate receiver are of the time of the records that have none."""
     if track is None or not track.heard.epochs:
         return []
-    records = [replace(entry.record, stamp_s=entry.record.stamp_s - entry.clock_ahead_s) for entry in entries]
-    why = why_unplaced(records, track, site.logger_clock is not None)
+    why = why_unplaced(list(map(_by_gnss_time, records)), track, site.logger_clock is not None)
     if why is None:
         return []
     if not any(record.position for record in records):
@@ -161,24 +168,19 @@ def _require_same_time(entries: Sequence[_Entry], track: Track | None, site: Sit
 
 def _require_clock(logs: Sequence[LogFile], clock: float | str | None) -> None:
     """Check that logs were read with the site's clock: otherwise all times are wrong by hours."""
-    if clock is None:
-        return
-    used = [(log.logger.time.zone if log.logger else "") or log.utc_offset_hours for log in logs]
+
+    def text(clock: float | str) -> str:
+        return clock if isinstance(clock, str) else f"UTC{clock:+g} h"
+
+    used = [(log.path, log.logger.time.zone or log.logger.time.utc_offset_hours) for log in logs]
+    remedy = "read_log(path, utc_offset_hours=site.logger_clock)"
     mistakes = [
-        Mistake(
-            f"was read with a clock of {_clock_text(read)}, and the site has {_clock_text(clock)}",
-            "read_log(path, utc_offset_hours=site.logger_clock)",
-            log.path,
-        )
-        for log, read in zip(logs, used, strict=True)
-        if read != clock
+        Mistake(f"was read with a clock of {text(read)}, and the site has {text(clock)}", remedy, path)
+        for path, read in used
+        if clock is not None and read != clock
     ]
     if mistakes:
         raise InputError(mistakes)
-
-
-def _clock_text(clock: float | str) -> str:
-    return clock if isinstance(clock, str) else f"UTC{clock:+g} h"
 
 
 @dataclass(frozen=True)
@@ -234,7 +236,7 @@ def calibration_counts(
 
     :raises InputError: if the logs are of different probes, or no good record lies between the times
     """
-    everything = [entry.record for entry in _in_order_of_time(logs)]
+    everything = [record for _, record in _in_order_of_time(logs)]
     raw = [record for record in everything if start_s < record.stamp_s <= end_s]
     if not raw:
         first, last = (utc_text(everything[index].stamp_s) for index in (0, -1))
@@ -242,24 +244,26 @@ def calibration_counts(
             "has no record between these times", f"the log lasts from {first} to {last} UTC", logs[0].path
         )
     problems: list[Problem] = []
-    survey = _survey_of(everything, site, None, None, problems, keep_unplaced=True)
-    for record in everything:
-        survey.take_record(record)
-    found = [record for record in survey.take_ready() if start_s < record.stamp_s <= end_s]
-    good = [record for record in found if not record.quarantine]
+    found = _corrected(everything, site, problems)
+    good = [record for record in found if start_s < record.stamp_s <= end_s and not record.quarantine]
     if not any(record.raw_counts for record in good):
         reasons = [problem for problem in problems if problem.kind is not Kind.NO_POSITION]
         if not any(problem.consequence != "kept" for problem in reasons):
             raise InputError("has no counts between these times", "check the detector", logs[0].path)
         raise InputError(_reasons([*(problem for log in logs for problem in log.problems), *reasons]))
-    air = [record for record in raw if math.isfinite(record.temperature_degc + record.relative_humidity)]
+    pressures = [record.pressure_hpa for record in raw]
+    humidities = [
+        absolute_humidity_gm3(record.temperature_degc, record.relative_humidity)
+        for record in raw
+        if math.isfinite(record.temperature_degc + record.relative_humidity)
+    ]
     return CalibrationCounts(
         sum(record.raw_counts for record in good),
         math.fsum(record.effective_exposure_s for record in good),
         len(good),
         len(raw) - len(good),
-        _mean([record.pressure_hpa for record in raw if math.isfinite(record.pressure_hpa)]),
-        _mean([absolute_humidity_gm3(record.temperature_degc, record.relative_humidity) for record in air]),
+        _mean(pressures),
+        _mean(humidities),
         raw[0].stamp_s,
         raw[-1].stamp_s,
         {
@@ -267,7 +271,7 @@ def calibration_counts(
             for name in ("f_pressure", "f_humidity", "f_intensity")
             if (values := [getattr(record, name) for record in good])
         },
-        next((str(one.message) for one in _reasons(problems)), ""),
+        next((one.message for one in _reasons(problems)), ""),
     )
 
 
@@ -276,60 +280,55 @@ def stationary_records(logs: Sequence[LogFile], site: Site) -> list[CountRecord]
 
     :raises InputError: if the logs are of different probes
     """
-    everything = [entry.record for entry in _in_order_of_time(logs)]
-    survey = _survey_of(everything, site, None, None, [], keep_unplaced=True)
-    for record in everything:
+    found = _corrected([record for _, record in _in_order_of_time(logs)], site, [])
+    return [record for record in found if not record.quarantine]
+
+
+def _corrected(records: Sequence[LoggerRecord], site: Site, problems: list[Problem]) -> list[CountRecord]:
+    """Corrected records with or without a position."""
+    survey = _survey_of(records, site, None, None, problems, keep_unplaced=True)
+    for record in records:
         survey.take_record(record)
-    return [record for record in survey.take_ready() if not record.quarantine]
+    return survey.take_ready()
 
 
 def _mean(values: Sequence[float]) -> float:
-    return math.fsum(values) / len(values) if values else math.nan
+    finite = [value for value in values if math.isfinite(value)]
+    return math.fsum(finite) / len(finite) if finite else math.nan
 
 
 def _in_order_of_time(logs: Sequence[LogFile]) -> list[_Entry]:
     """All records of one probe, at least one."""
-    probes: dict[str, LogFile] = {}
+    probes: dict[str, Path] = {}
     for log in logs:
         if log.serial:
-            probes.setdefault(log.serial, log)
+            probes.setdefault(log.serial, log.path)
     if len(probes) > 1:
         remedy = "map the logs of each probe separately: probes differ in sensitivity"
-        raise InputError(
-            [Mistake(f"was written by probe {serial}", remedy, log.path) for serial, log in probes.items()]
-        )
-    entries = [_Entry(log, *one) for log in logs for one in zip(log.records, _clock_ahead_s(log), strict=True)]
+        raise InputError([Mistake(f"was written by probe {one}", remedy, path) for one, path in probes.items()])
+    entries = [(log.path, record) for log in logs for record in log.records]
     if not entries:
         raise InputError(_all_lost(logs, [problem for log in logs for problem in log.problems]))
-    return sorted(entries, key=lambda entry: entry.record.stamp_s)
+    return sorted(entries, key=lambda entry: entry[1].stamp_s)
+
+
+def _identity(record: LoggerRecord) -> tuple[float, int, str]:
+    """Key of a record that is in two files; NaN differs from itself, so a missing tube is compared by its text."""
+    return record.stamp_s, record.record_number, str(record.tube_counts)
 
 
 def _without_duplicates(entries: list[_Entry], problems: list[Problem]) -> list[_Entry]:
     """Drop records that occur in two files."""
-    seen: dict[tuple[object, ...], _Entry] = {}
+    seen: dict[tuple[float, int, str], _Entry] = {}
     for entry in entries:
-        record = entry.record
-        # NaN differs from itself, so a missing tube is compared by its text.
-        key = (record.stamp_s, record.record_number, str(record.tube_counts))
-        first = seen.setdefault(key, entry)
+        path, record = entry
+        first = seen.setdefault(_identity(record), entry)
         if first is not entry:
-            message = f"repeats the record of {first.log.path}:{first.record.line}"
-            mistake = Mistake(message, "give every log once", entry.log.path, record.line)
+            mistake = Mistake(
+                f"repeats the record of {first[0]}:{first[1].line}", "give every log once", path, record.line
+            )
             problems.append(Problem(Kind.DUPLICATE, mistake, lost=True))
     return list(seen.values())
-
-
-def _by_gnss_time(entries: Sequence[_Entry]) -> list[_Entry]:
-    """Entries with stamps in GNSS time, in its order: a clock that was set mixes or parts those of a survey."""
-    shifted = [
-        replace(
-            entry,
-            record=replace(entry.record, stamp_s=entry.record.stamp_s - entry.clock_ahead_s),
-            clock_ahead_s=0.0,
-        )
-        for entry in entries
-    ]
-    return sorted(shifted, key=lambda entry: entry.record.stamp_s)
 
 
 def _survey_of(
@@ -352,29 +351,12 @@ def _survey_of(
         raise InputError(f"the logs cannot be used: {error}", "check the detector") from None
 
 
-def _clock_ahead_s(log: LogFile) -> list[float]:
-    """Logger's clock minus GNSS time at each record of a log [s], 0 if unknown."""
-    if not len(log.clock):
-        return [log.clock_offset_s if math.isfinite(log.clock_offset_s) else 0.0] * len(log.records)
-    ahead_s: list[float] = []
-    rest = iter(log.records)
-    # In the order of the file: after the clock was set back, its times come again.
-    for clock in log.clock.segments:
-        is_last, is_clear, median_s = clock is log.clock, clock.is_clear, clock.median_s
-        for record in rest:
-            ahead_s.append(clock.ahead_s(record.stamp_s) if is_clear else median_s)
-            if record.stamp_s == clock.last_s and not is_last:
-                break
-    return ahead_s
-
-
-def _frame_about(survey: Survey, entries: Sequence[_Entry], ahead_s: Sequence[float]) -> LocalFrame | None:
+def _frame_about(survey: Survey, records: Sequence[LoggerRecord]) -> LocalFrame | None:
     """The plane centred on the mean position, ``None`` if no position is known."""
     places: list[Position] = []
     previous: LoggerRecord | None = None
-    for entry, clock_ahead_s in zip(entries, ahead_s, strict=True):
-        record = entry.record
-        place = survey.position(record, counting_interval_s(record, previous), clock_ahead_s)
+    for record in records:
+        place = survey.position(record, counting_interval_s(record, previous), record.clock_ahead_s)
         places += [] if place is None else [place]
         previous = record
     if not places:
@@ -422,110 +404,105 @@ def _reasons(problems: Sequence[Problem]) -> list[Mistake]:
 
 def log_doubts(logs: Sequence[LogFile]) -> Iterator[Problem]:
     """Doubts about the logs of one probe."""
-    unique = {(one.stamp_s, one.record_number, str(one.tube_counts)): one for log in logs for one in log.records}
+    unique = {_identity(record): record for log in logs for record in log.records}
     records = sorted(unique.values(), key=lambda record: record.stamp_s)
     if not records:
         return
-    found = [*_rates(records, logs), *_overlaps(records), *_units(records), *_months(records), *_tubes(logs)]
-    for kind, message, remedy in found:
-        yield Problem(kind, Mistake(message, remedy, logs[0].path))
+    stamps = np.array([record.stamp_s for record in records])
+    live_s = np.array([max((live for live in one.tube_live_s if live > 0), default=0.0) for one in records])
+    for found in (
+        *_rates(records, logs[0]),
+        *_overlaps(stamps, live_s, records),
+        *_units(stamps, live_s),
+        *_months(stamps),
+        *_tubes(logs),
+    ):
+        yield Problem(found.kind, Mistake(found.message, found.remedy, logs[0].path))
 
 
-def _rates(records: Sequence[LoggerRecord], logs: Sequence[LogFile]) -> Iterator[tuple[Kind, str, str]]:
+def _rates(records: Sequence[LoggerRecord], log: LogFile) -> Iterator[Finding]:
     """Numbers that are read as counts, and seem to be a rate, or corrected."""
-    log = logs[0]
-    if log.logger is None:
-        return
     names = listing(name for number, name in log.tubes.items() if number not in log.left_out_counts)
     if _CHANGED.search(names.casefold()):
         message = f"by their name, {names} are corrected or smoothed: they would be corrected twice"
-        yield Kind.NOT_COUNTS, message, "take the raw counts, whose counting statistics hold"
+        yield Finding(Kind.NOT_COUNTS, message, "take the raw counts, whose counting statistics hold")
     if log.logger.counts.unit != "counts":
         return
-    unit, factor = log.count_rate, 0
+    unit, why = log.count_rate, "so the header says"
     if not unit and len(records) >= MIN_ALIKE:
-        numbers = [count for record in records for count in record.tube_counts if count > 0]
-        factor = math.gcd(*(int(count) for count in numbers))
-        unit = "counts_per_hour" if len(set(numbers)) > 3 and factor % 60 == 0 else ""
+        numbers = {int(count) for record in records for count in record.tube_counts if count > 0}
+        factor = math.gcd(*numbers)
+        unit = "counts_per_hour" if len(numbers) > 3 and factor % 60 == 0 else ""
+        why = f"all are multiples of {factor}"
     if unit:
-        why = f"all are multiples of {factor}" if factor else "so the header says"
         message = f"the counts of {names} may be a rate, {unit.replace('_', ' ')}: {why}"
-        yield (
-            Kind.NOT_COUNTS,
-            message,
-            f"if it is, write 'unit: {unit}' below 'counts' in a copy of the logger format",
-        )
+        remedy = f"if it is, write 'unit: {unit}' below 'counts' in a copy of the logger format"
+        yield Finding(Kind.NOT_COUNTS, message, remedy)
 
 
-def _overlaps(records: Sequence[LoggerRecord]) -> Iterator[tuple[Kind, str, str]]:
+def _overlaps(
+    stamps: NDArray[np.float64], live_s: NDArray[np.float64], records: Sequence[LoggerRecord]
+) -> Iterator[Finding]:
     """Counting intervals that begin before the record before: a clock was set back, or a live time is too long."""
-    live_s = [max((live for live in one.tube_live_s if live > 0), default=0.0) for one in records]
-    over = [
-        (overlap_s, after)
-        for (before, after), live in zip(pairwise(records), live_s[1:], strict=True)
-        if (overlap_s := live - (after.stamp_s - before.stamp_s)) > max(MIN_OVERLAP * live, MIN_OVERLAP_S)
-    ]
-    if not over:
+    overlap_s = live_s[1:] - np.diff(stamps)
+    over = np.flatnonzero(overlap_s > np.maximum(MIN_OVERLAP * live_s[1:], MIN_OVERLAP_S)) + 1
+    if not len(over):
         return
-    span_s = records[-1].stamp_s - records[0].stamp_s + live_s[0]
-    first = over[0][1]
-    begin, end = _minute_utc(records[0].stamp_s), _minute_utc(records[-1].stamp_s)
-    many = f"{len(over)} record{'s' * (len(over) > 1)} began to count before the record before ended"
+    first = records[over[0]]
+    begin, end, at = (
+        f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d %H:%M UTC}"
+        for stamp_s in (stamps[0], stamps[-1], first.stamp_s)
+    )
     message = (
-        f"{_hours(math.fsum(live_s))} were counted in the {_hours(span_s)} from {begin} to {end}: "
-        f"{many}, first at {_minute_utc(first.stamp_s)} (line {first.line})"
+        f"{_hours(math.fsum(live_s))} were counted in the {_hours(stamps[-1] - stamps[0] + live_s[0])} from "
+        f"{begin} to {end}: {len(over)} record{'s' * (len(over) > 1)} began to count before the record before "
+        f"ended, first at {at} (line {first.line})"
+    )
+    remedy = (
+        "if the clock of the logger changes to summer time, name its zone in the site file "
+        "(logger_time_zone: Europe/Berlin); else check if the clock was set there, or if the record was shorter"
     )
     if len(over) > len(records) / 2:
-        yield Kind.OVERLAP, message, "check live_time and record_period of the logger format, and their units"
-        return
-    yield (
-        Kind.OVERLAP,
-        message,
-        "if the clock of the logger changes to summer time, name its zone in the site file "
-        "(logger_time_zone: Europe/Berlin); else check if the clock was set there, or if the record was shorter",
-    )
+        remedy = "check live_time and record_period of the logger format, and their units"
+    yield Finding(Kind.OVERLAP, message, remedy)
 
 
-def _units(records: Sequence[LoggerRecord]) -> Iterator[tuple[Kind, str, str]]:
+def _units(stamps: NDArray[np.float64], live_s: NDArray[np.float64]) -> Iterator[Finding]:
     """A live time whose unit is another one: it is a sixtieth of the time between records, for example."""
-    live_s = float(
-        np.median([max((live for live in one.tube_live_s if live > 0), default=0.0) for one in records])
-    )
-    steps = [step_s for a, b in pairwise(records) if (step_s := b.stamp_s - a.stamp_s) > 0]
-    share = live_s / float(np.median(steps)) if steps else 1.0
+    steps_s, usual_s = np.diff(stamps), float(np.median(live_s))
+    steps_s = steps_s[steps_s > 0]
+    share = usual_s / float(np.median(steps_s)) if len(steps_s) else 1.0
     for factor, words in ((60, "minutes"), (3600, "hours")):
         if 0.8 < share * factor < 1.1:
-            message = (
-                f"records count {live_s:g} s, 1/{factor} of the time between them: the live time may be in {words}"
-            )
-            yield Kind.LIVE_TIME_UNIT, message, "correct 'unit' below 'live_time' in the logger format"
+            part = f"{usual_s:g} s, 1/{factor} of the time between them"
+            message = f"records count {part}: the live time may be in {words}"
+            remedy = "correct 'unit' below 'live_time' in the logger format"
+            yield Finding(Kind.LIVE_TIME_UNIT, message, remedy)
 
 
-def _months(records: Sequence[LoggerRecord]) -> Iterator[tuple[Kind, str, str]]:
-    days = sorted({int(record.stamp_s // 86_400) for record in records})
-    jumps = [(one, other) for one, other in pairwise(days) if 86_400 * (other - one) > MONTH_S]
+def _months(stamps: NDArray[np.float64]) -> Iterator[Finding]:
+    """Days that lie months apart: day and month may be swapped."""
+    days = np.unique(stamps // 86_400)
+    jumps = np.flatnonzero(86_400 * np.diff(days) > MONTH_S)
     if len(jumps) < MIN_MONTHS or 2 * len(jumps) < len(days) - 1:
         return
-    one, other = (f"{datetime.fromtimestamp(86_400 * day, UTC):%Y-%m-%d}" for day in jumps[0])
+    one, other = (f"{datetime.fromtimestamp(86_400 * days[jumps[0] + k], UTC):%Y-%m-%d}" for k in (0, 1))
     message = (
         f"the records lie on {len(days)} days, {len(jumps)} times a month or more apart, as {one} and {other}"
     )
     remedy = "if day and month are swapped, correct time.formats of the logger format; else map each survey alone"
-    yield Kind.MONTHS_APART, message, remedy
+    yield Finding(Kind.MONTHS_APART, message, remedy)
 
 
-def _tubes(logs: Sequence[LogFile]) -> Iterator[tuple[Kind, str, str]]:
+def _tubes(logs: Sequence[LogFile]) -> Iterator[Finding]:
     """Tubes that count as if another one were the moderated tube."""
-    log = logs[0]
-    records = [record for one in logs for record in one.records if len(record.tube_counts) == len(log.tubes)]
-    if not log.tubes or not records:
+    numbers, out = list(logs[0].tubes), logs[0].left_out_counts
+    counts = [one.tube_counts for log in logs for one in log.records if len(one.tube_counts) == len(numbers)]
+    if not numbers or not counts:
         return
-    numbers = list(log.tubes)
-    totals = np.nansum([record.tube_counts for record in records], axis=0)
-    left_out = {
-        number: sum(one.left_out_counts.get(number, 0.0) for one in logs) for number in log.left_out_counts
-    }
-    used = {number: total for number, total in zip(numbers, totals, strict=True) if number not in left_out}
+    totals = dict(zip(numbers, np.nansum(counts, axis=0).tolist(), strict=True))
+    left_out = {number: sum(log.left_out_counts.get(number, 0.0) for log in logs) for number in out}
+    used = {number: total for number, total in totals.items() if number not in left_out}
     mean = float(np.mean(list(used.values()))) if used else 0.0
     for number, total in left_out.items():
         if mean > 0 and total - CHANCE_SD * math.sqrt(total) > mean / BARE_SHARE:
@@ -534,20 +511,17 @@ def _tubes(logs: Sequence[LogFile]) -> Iterator[tuple[Kind, str, str]]:
                 f"{', '.join(map(str, used))} counts: a moderated tube counts more than a bare one"
             )
             remedy = f"if tube {number} is the moderated one, copy the logger format and leave the other one out"
-            yield Kind.OTHER_TUBE, message, remedy
+            yield Finding(Kind.OTHER_TUBE, message, remedy)
     strong = float(np.median(sorted(used.values())[len(used) // 2 :])) if len(used) > 1 else 0.0
     for weak, total in used.items():
-        if total <= MIN_BARE * strong or total + CHANCE_SD * math.sqrt(total) >= BARE_SHARE * strong:
-            continue
-        message = f"tube {weak} counts {total / strong:.2f} times what the others count: it may be bare (thermal)"
-        remedy = f"if it is bare, copy the logger format and write 'left_out: [{weak}]' below 'counts'"
-        yield Kind.OTHER_TUBE, message, remedy
+        if MIN_BARE * strong < total < BARE_SHARE * strong - CHANCE_SD * math.sqrt(total):
+            message = (
+                f"tube {weak} counts {total / strong:.2f} times what the others count: it may be bare (thermal)"
+            )
+            remedy = f"if it is bare, copy the logger format and write 'left_out: [{weak}]' below 'counts'"
+            yield Finding(Kind.OTHER_TUBE, message, remedy)
 
 
 def _hours(time_s: float) -> str:
     hours = time_s / 3600
     return f"{hours:.2f} h" if hours < 10 else f"{hours:,.0f} h"
-
-
-def _minute_utc(stamp_s: float) -> str:
-    return datetime.fromtimestamp(stamp_s, UTC).strftime("%Y-%m-%d %H:%M UTC")

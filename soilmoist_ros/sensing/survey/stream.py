@@ -6,12 +6,11 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from itertools import pairwise
-from statistics import median_low
+from statistics import median, median_low
 
 from soilmoist_ros.foundation import LocalFrame, Mistake
-from soilmoist_ros.sensing.clock_drift import STEP_PAIRS, ClockDrift
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
-from soilmoist_ros.sensing.formats.logger_reader import RecordParser
+from soilmoist_ros.sensing.formats.logger_reader import MAX_CLOCK_CHANGE_S, RecordParser
 from soilmoist_ros.sensing.formats.notation import matching_formats
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site
@@ -22,6 +21,7 @@ from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.survey import Survey
 
 LAST_RECORDS = 20  # number of latest records for the diagnostics
+CLOCK_COMPARISONS = 9  # number of comparisons of the logger's clock with GNSS time from which it is known
 SURE_GAPS = 3  # number of times between records from which they count more than the nominal period
 MAX_LINES = 50  # number of lines kept for the search of their format
 MAX_EXAMPLE = 80  # number of characters shown of a line
@@ -95,22 +95,17 @@ class SensorStream:
         self._stamps: deque[float] = deque(maxlen=LAST_RECORDS)
         self._period_s = 0.0
         self._good: deque[bool] = deque(maxlen=LAST_RECORDS)
-        self.clock = ClockDrift()
-        """Logger's clock against the last epoch of the receiver; lines may be late by a second or two."""
-        self._drift_reported = False
+        self._gnss_offsets_s: deque[float] = deque(maxlen=CLOCK_COMPARISONS)
+        self._gnss_offset_s = NAN
         self._clock_differences_s: deque[float] = deque(maxlen=LAST_RECORDS)
 
     def take_logger_line(self, line: bytes, now_s: float) -> LoggerRecord | None:
         """Process a line of the logger; returns the raw record, if any, with the logged weather."""
         self.faulty.take_line(line)
-        n_steps = self.parser.clock.n_steps
         record = self.parser.feed(line)
         if record is None:
             return None
         self.last_record = record
-        if self.parser.clock.n_steps > n_steps:
-            remedy = f"the places of the {STEP_PAIRS - 1} records before this one are wrong"
-            self._on_problem(Problem(Kind.CLOCK_OFFSET, Mistake(self.parser.clock.steps[-1], remedy)))
         self._compare_with_gnss(record)
         self._stamps.append(record.stamp_s)
         # The median, because a break or a clock that was set is one gap of many.
@@ -118,26 +113,26 @@ class SensorStream:
         if len(gaps_s) >= SURE_GAPS or not self.parser.period_s:
             self._period_s = median_low(gaps_s or [0.0])
         self.survey.take_record(
-            record,
-            now_s,
-            clock_ahead_s=self.parser.clock.ahead_s(record.stamp_s),
-            unused_tubes=self.parser.unused_tubes,
+            record, now_s, clock_ahead_s=record.clock_ahead_s, unused_tubes=self.parser.unused_tubes
         )
         return record
 
     def _compare_with_gnss(self, record: LoggerRecord) -> None:
-        if self._new_fix is not None:  # a receiver that is silent shows no drift
-            n_steps = self.clock.n_steps
-            self.clock.add(record.stamp_s, record.stamp_s - self._new_fix.stamp_s)
-            self._new_fix = None
-            if self.clock.n_steps > n_steps and not len(self.parser.clock):
-                # Not for places: lines that come late from now on look like a clock that was set.
-                remedy = "set it by GNSS: records are placed by it"
-                self._on_problem(Problem(Kind.CLOCK_OFFSET, Mistake(self.clock.steps[-1], remedy)))
-        if not self._drift_reported and self.clock.is_clear:
-            self._drift_reported = True
-            mistake = Mistake(self.clock.message, "set the logger's clock by GNSS")
-            self._on_problem(Problem(Kind.CLOCK_DRIFT, mistake))
+        """Report a clock that has changed against the receiver's, for which a late line stands now and then."""
+        if self._new_fix is None:  # a receiver that is silent shows no change
+            return
+        self._gnss_offsets_s.append(record.stamp_s - record.clock_ahead_s - self._new_fix.stamp_s)
+        self._new_fix = None
+        if len(self._gnss_offsets_s) < CLOCK_COMPARISONS:
+            return
+        now_s = median(self._gnss_offsets_s)
+        change_s = now_s - self._gnss_offset_s
+        if not abs(change_s) <= MAX_CLOCK_CHANGE_S:
+            self._gnss_offset_s = now_s
+        if abs(change_s) > MAX_CLOCK_CHANGE_S:
+            message = f"the logger's clock has changed by {change_s:+.1f} s against GNSS time"
+            remedy = "set it by GNSS, and do not change it in a survey: records are placed by it"
+            self._on_problem(Problem(Kind.CLOCK_DRIFT, Mistake(message, remedy)))
 
     def take_nmea_line(self, line: bytes, now_s: float = NAN) -> Fix | None:
         """Process a line of the GNSS receiver; returns the fix that it completes, if any."""

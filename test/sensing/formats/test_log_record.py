@@ -4,9 +4,8 @@
 
 import math
 
-from soilmoist_ros.sensing.formats.log_layout import build_layout
-from soilmoist_ros.sensing.formats.log_record import FieldReader
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
+from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 
 FORMAT = LoggerFormat.model_validate(
     {
@@ -34,28 +33,24 @@ FIELDS = {
 }  # fmt: skip
 
 
-def read(side="west", **changes):
-    reader = FieldReader(FORMAT, build_layout(FORMAT, NAMES), side)
-    return reader.read(list({**FIELDS, **changes}.values()), 60.0, 3)
-
-
-def notes(reading):
-    return [note.kind for note in reading.notes]
+def read(**changes):
+    parser = RecordParser(FORMAT, "west")
+    assert parser.feed(",".join(NAMES).encode()) is None
+    return parser.feed(",".join({**FIELDS, **changes}.values()).encode()), parser.problems
 
 
 def test_units_side_and_end_of_the_interval():
-    reading = read()
-    record = reading.record
+    record, problems = read()
     assert (record.tube_counts, record.tube_live_s) == ((40, 44), (59, 60))
-    assert (record.relative_humidity, record.record_number, record.line) == (0.5, 7, 3)
+    assert (record.relative_humidity, record.record_number, record.line) == (0.5, 7, 2)
     assert (record.position.latitude_deg, record.position.longitude_deg) == (38.7, -97.4)
     assert record.stamp_s == 1714557660  # the stamp marks the start, the period is 60 s
-    assert reading.gnss_offset_s == 5.0
-    assert notes(reading) == []
+    assert record.clock_ahead_s == 5.0
+    assert problems == []
 
 
 def test_a_missing_tube_is_nan_and_a_value_slightly_above_saturation_is_saturation():
-    record = read(n2="-1", rh="103").record
+    record, _ = read(n2="-1", rh="103")
     assert math.isnan(record.tube_counts[1])
     assert math.isnan(record.tube_live_s[1])
     assert record.relative_humidity == 1.0

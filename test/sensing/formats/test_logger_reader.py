@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import replace
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -111,7 +112,7 @@ def test_problems_of_the_real_log(roving_record) -> None:
         (Kind.CLOCK_OFFSET, 22),
     ]
     assert log.records_lost == 0
-    assert log.clock_offset_s == pytest.approx(206, abs=2)
+    assert {one.clock_ahead_s for one in log.records} == {204, 206}
 
 
 def test_a_log_without_signs_needs_a_side(roving_record) -> None:
@@ -238,6 +239,38 @@ def test_clock_backwards_is_kept() -> None:
     assert kinds(problems) == [Kind.CLOCK_BACKWARDS]
 
 
+def minutes(ahead_s) -> list[bytes]:
+    """A record a minute of a logger whose clock is ahead of the receiver's by these times."""
+    clocks = [(datetime(2024, 5, 1, 10, n), timedelta(seconds=ahead)) for n, ahead in enumerate(ahead_s)]
+    return [
+        line(number=str(n), n1=str(40 + n), time=f"{at + ahead:%Y/%m/%d %H:%M:%S}", gps=f"0{at:%H%M%S}")
+        for n, (at, ahead) in enumerate(clocks)
+    ]
+
+
+def test_the_offset_of_a_clock_that_drifts_and_is_set_is_known_for_each_record() -> None:
+    true = [200 + n // 4 for n in range(20)] + [0] * 20
+    written = [40 if n in (7, 30) else ahead for n, ahead in enumerate(true)]  # two wrong comparisons
+    lines = [*ROVER_HEADER.splitlines(), *minutes(written)]
+    log = parse_log(lines, "hydroinnova_rover", "east", Path("x"))
+    assert [one.clock_ahead_s for one in log.records] == pytest.approx(true, abs=1)
+    found = [problem.mistake.message for problem in log.problems if problem.kind is Kind.CLOCK_OFFSET]
+    assert [text.partition(" is ")[2] or text for text in found] == [
+        "+200 s off GNSS time",
+        "the logger's clock was set: +204 s off GNSS time, now +0 s",
+    ]
+    live, _ = rover(*minutes(true))
+    assert [one.clock_ahead_s for one in live[:22]] == pytest.approx([*true[:20], 204, 204], abs=1)
+    assert [one.clock_ahead_s for one in live[22:]] == true[22:]
+
+
+def test_a_first_comparison_that_is_wrong_is_no_clock_that_was_set() -> None:
+    lines = [*ROVER_HEADER.splitlines(), *minutes([40] + [0] * 9)]
+    log = parse_log(lines, "hydroinnova_rover", "east", Path("x"))
+    assert {one.clock_ahead_s for one in log.records} == {0.0}
+    assert [problem.mistake.line for problem in log.problems if problem.kind is Kind.CLOCK_OFFSET] == [7]
+
+
 def test_gap_in_the_numbers() -> None:
     _, problems = rover(line(), line(time="2024/05/01 10:03:00", number="10", gps="0100300"))
     assert kinds(problems) == [Kind.GAP]
@@ -264,7 +297,7 @@ def after_a_restart() -> tuple[RecordParser, RecordParser]:
 
 def test_an_earlier_header_is_used_until_the_logger_sends_one() -> None:
     first, later = after_a_restart()
-    again = line(number="8", time="2024/05/01 10:01:00")
+    again = line(number="8", time="2024/05/01 10:01:00", gps="0100100")
     assert later.feed(again) == replace(first.feed(again), line=1)
     assert (later.period_s, later.serial, later.header) == (60.0, "4711", None)
     assert later.earlier_header == first.header

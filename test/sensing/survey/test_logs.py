@@ -13,7 +13,6 @@ import pytest
 from crnpy import crnpy
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.clock_drift import ClockDrift
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
@@ -96,18 +95,16 @@ def test_a_separate_track_is_joined_by_gnss_time_where_the_loggers_clock_is_off(
     moving = track((0, 50.0), (60, 50.006))
     with pytest.raises(InputError, match="not one of 5 records"):
         process_logs([log], NO_CORRECTIONS, track=moving)
-    late = process_logs([replace(log, clock_offset_s=200.0)], NO_CORRECTIONS, track=moving)
+    late = process_logs([with_clock(log, [200.0] * 5)], NO_CORRECTIONS, track=moving)
     expected = 50.0005 + 0.001 * np.arange(5)
     assert late.frame.to_geographic(late.xy_m)[:, 0] == pytest.approx(expected, abs=1e-8)
 
 
 def test_a_drift_of_the_loggers_clock_is_reported_and_taken_off(tmp_path):
     log = write_log(tmp_path / "a.log", [record(10.0 * k * 1.05, 5.0 + k % 2) for k in range(1, 40)])
-    clock = ClockDrift()
-    for one in log.records:
-        clock.add(one.stamp_s, (one.stamp_s - T0) * (1 - 1 / 1.05))
+    log = with_clock(log, [(one.stamp_s - T0) * (1 - 1 / 1.05) for one in log.records])
     moving = track((0, 50.0), (400, 50.04))
-    survey = process_logs([replace(log, clock=clock)], NO_CORRECTIONS, track=moving)
+    survey = process_logs([log], NO_CORRECTIONS, track=moving)
     assert [problem.consequence for problem in survey.problems if problem.kind is Kind.CLOCK_DRIFT] == ["kept"]
     expected = 50.0 + 1e-4 * (10.0 * np.arange(2, 38) - 5.0)
     assert survey.frame.to_geographic(survey.xy_m)[1:37, 0] == pytest.approx(expected, abs=1e-4)
@@ -120,22 +117,23 @@ def test_a_log_whose_clock_was_set_is_placed_by_the_offset_of_each_part(separate
         tmp_path / "a.log",
         [record(10.0 * k + ahead, 5.0 + k % 2, record_number=k) for k, ahead in enumerate(ahead_s, 1)],
     )
-    clock = ClockDrift()
-    for one, ahead in zip(log.records, ahead_s, strict=True):
-        clock.add(one.stamp_s, ahead)
+    log = with_clock(log, ahead_s)
     if not separate:
         places = [Position(50.0 + 1e-3 * k, 10.0) for k in range(1, 36)]
         pairs = zip(log.records, places, strict=True)
         log = replace_records(log, [replace(one, position=place) for one, place in pairs])
     moving = track((0, 50.0), (400, 50.04)) if separate else None
-    survey = process_logs([replace(log, clock=clock)], NO_CORRECTIONS, track=moving)
+    survey = process_logs([log], NO_CORRECTIONS, track=moving)
     north_deg = {one.stamp_s - T0: survey.frame.to_geographic((one.x_m, one.y_m))[0, 0] for one in survey.records}
     expected = {10.0 * k: 50.0 + 1e-4 * (10.0 * k - 5.0) for k in range(1, 36)}
     first = expected.pop(10.0), north_deg.pop(10.0)
     assert north_deg == pytest.approx(expected, abs=1e-6)
     assert first[1] == pytest.approx(first[0], abs=1e-6 if separate else 6e-4)  # no place before its middle
-    [found] = [problem for problem in survey.problems if problem.kind is Kind.CLOCK_OFFSET]
-    assert "was set: +105 s off GNSS time, now +0 s" in found.mistake.message
+
+
+def with_clock(log, ahead_s):
+    pairs = zip(log.records, ahead_s, strict=True)
+    return replace_records(log, [replace(one, clock_ahead_s=ahead) for one, ahead in pairs])
 
 
 def replace_records(log, records):

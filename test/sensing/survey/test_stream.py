@@ -180,7 +180,6 @@ def test_a_drift_of_the_loggers_clock_is_reported_once_and_a_silent_receiver_is_
             one = record(number, tube_counts=counts)
             live.take_logger_line(line(replace(one, stamp_s=one.stamp_s + drift * 10.0 * number)), 0.0)
     assert drifting.logger_problems.noted[Kind.CLOCK_DRIFT] == 1
-    assert drifting.clock.slope == pytest.approx(0.02, rel=0.05)
     assert silent.logger_problems.noted[Kind.CLOCK_DRIFT] == 0
 
 
