@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from soilmoist_ros.sensing.checks.tubes import BadTube, TubeChecks, alarm_probability, tube_shares
 from soilmoist_ros.sensing.checks.weather import WeatherChecks
@@ -42,15 +43,10 @@ MAX_TUBE_RATE_CPS = 1000.0
 
 @dataclass(frozen=True)
 class Checked:
-    """A record after the checks.
-
-    :param record: the record; impossible weather and the counts of bad tubes are NaN, unless no tube is left
-    :param bad_since_s: tubes that have just been found bad: index -> stamp of the first bad record [s since 1970]
-    """
+    """A record after the checks; impossible weather and counts of bad tubes are NaN, unless no tube is left."""
 
     record: LoggerRecord
     findings: tuple[Finding, ...] = ()
-    bad_since_s: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def quarantine(self) -> str:
@@ -88,38 +84,37 @@ class RecordChecks:
         first = RecordChecks(altitude_of=self._altitude_of)
         found = [first.check(record) for record in records]
         good = [checked.record for checked in found if not checked.quarantine]
-        if good and first._tubes is not None:
-            self._tubes = TubeChecks(
-                first._tubes.tubes, tube_shares(good), first._tubes.rate_cps, first._tubes.spans
-            )
+        if good and (tubes := first._tubes) is not None:
+            self._tubes = TubeChecks(tubes.tubes, tube_shares(good), (), tubes.rate_cps, tubes.spans)
         return found
+
+    @property
+    def shares(self) -> NDArray[np.float64]:
+        """Share of each tube in the rate of the whole sensor as learned so far, shape (tubes,)."""
+        assert self._tubes is not None  # there has been a record
+        return self._tubes.shares
 
     def check(self, record: LoggerRecord, unused_tubes: Collection[int] = ()) -> Checked:
         """Check the next record."""
         tubes = len(record.tube_counts)
         if self._tubes is None or self._tubes.tubes != tubes:
-            self._tubes = TubeChecks(tubes)
+            self._tubes = TubeChecks(tubes, unused=unused_tubes)
         record, findings = self._weather.check(record, self._altitude_of(record))
         counts, live_s = np.array(record.tube_counts, float), np.array(record.tube_live_s, float)
         present = np.isfinite(counts) & (live_s > 0)
         present[list(unused_tubes)] = False
         wild = present & (counts > MAX_TUBE_RATE_CPS * live_s)
         bad = [BadTube(int(tube), Kind.IMPOSSIBLE_COUNT, counts[tube], NAN) for tube in np.flatnonzero(wild)]
-        known = len(self._tubes.spans)
         bad += self._tubes.check(record, present & ~wild)
         self.masked = {one.tube: one.kind for one in bad}
         if not bad:
             return Checked(record, tuple(findings))
         none_left = len(bad) == present.sum()
         findings += [_finding(one, float(live_s[one.tube]), none_left) for one in bad]
-        since_s = {span.tube: span.begin_s for span in self._tubes.spans[known:]}
-        masked = record if none_left else _masked(record, [one.tube for one in bad])
-        return Checked(masked, tuple(findings), since_s)
-
-
-def _masked(record: LoggerRecord, tubes: Collection[int]) -> LoggerRecord:
-    counts = tuple(NAN if tube in tubes else count for tube, count in enumerate(record.tube_counts))
-    return replace(record, tube_counts=counts)
+        if not none_left:
+            left = (NAN if tube in self.masked else count for tube, count in enumerate(record.tube_counts))
+            record = replace(record, tube_counts=tuple(left))
+        return Checked(record, tuple(findings))
 
 
 def _finding(bad: BadTube, live_s: float, none_left: bool) -> Finding:
@@ -133,12 +128,6 @@ def _finding(bad: BadTube, live_s: float, none_left: bool) -> Finding:
     else:
         message += ", and the tubes do not agree"
     return Finding(bad.kind, message, "check the tube, its high voltage and its cable", none_left)
-
-
-class _Counted(NamedTuple):
-    stamp_s: float
-    counts: int
-    exposure_s: float
 
 
 class Dispersion:
@@ -178,6 +167,12 @@ class Dispersion:
             self._sum += (last.raw_counts - share * total) ** 2 / (total * share * (1 - share))
             self.pairs += 1
             self._last = None  # disjoint pairs are independent
+
+
+class _Counted(NamedTuple):
+    stamp_s: float
+    counts: int
+    exposure_s: float
 
 
 class TotalChecks:

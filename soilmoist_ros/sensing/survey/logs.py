@@ -356,7 +356,7 @@ def _frame_about(survey: Survey, records: Sequence[LoggerRecord]) -> LocalFrame 
     places: list[Position] = []
     previous: LoggerRecord | None = None
     for record in records:
-        place = survey.position(record, counting_interval_s(record, previous), record.clock_ahead_s)
+        place = survey.places.at(record, counting_interval_s(record, previous), record.clock_ahead_s)
         places += [] if place is None else [place]
         previous = record
     if not places:

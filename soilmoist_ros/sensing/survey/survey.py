@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import LocalFrame, Mistake
 from soilmoist_ros.sensing.checks.record_checks import RecordChecks
-from soilmoist_ros.sensing.checks.tubes import RunningShares, tube_shares
+from soilmoist_ros.sensing.checks.tubes import tube_shares
 from soilmoist_ros.sensing.corrections.intensity import LatestIntensity, NeutronMonitor
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, Heard
 from soilmoist_ros.sensing.moisture.site import Site
@@ -49,12 +49,7 @@ MAX_ALTITUDE_AGE_S = 300.0  # maximum time between a record and a position that 
 
 @dataclass(frozen=True)
 class _Waiting:
-    """A corrected record that waits for its position, since a monotonic time [s].
-
-    :param recorded: the same with the counts of bad tubes
-    :param raw: the uncorrected record
-    :param clock_ahead_s: logger's clock minus GNSS time [s]
-    """
+    """A corrected record that waits for its position since a monotonic time; ``recorded`` has bad tubes, too."""
 
     record: CountRecord
     recorded: CountRecord
@@ -113,23 +108,27 @@ class Survey:
         """Age of the latest intensity at the last record [s], infinite without one."""
         self.keeps_old_intensity = False
         """True if the latest intensity was too old for the last record, but the site had none."""
-        self._running_shares = RunningShares()
-        self._shares: NDArray[np.float64] | None = None
         self._grows = ahead is None
-        self._places = SurveyPlaces(site, track, arms, self._grows)
+        self.places = SurveyPlaces(site, track, arms, self._grows)
+        """Where the records were counted."""
         self._weather = WeatherSeries(max_values=MAX_WEATHER_VALUES if self._grows else None)
         n0_cps = site.calibration.n0_cps if site.calibration else NAN
-        self.checks = RecordChecks(n0_cps, self._places.altitude_m)
+        self.checks = RecordChecks(n0_cps, self.places.altitude_m)
         """Tests of the counts and the weather."""
         learned = self.checks.learn(ahead or ())
         for checked in learned:
-            self._learn(checked.record)
+            self._weather.add(checked.record)
+            self.places.add(checked.record)
         self.tube_share = site_shares(site, len(ahead[0].tube_counts) if ahead else tubes)
         """Share of each tube, shape (tubes,); ``None`` while it is estimated from the records so far."""
-        if self.tube_share is None and ahead:
-            good = [checked.record for checked in learned if not checked.quarantine]
-            self.tube_share = tube_shares(good or ahead)
-        self.checks.totals.typical_cps = self._typical_cps([checked.record for checked in learned])
+        if ahead:
+            if self.tube_share is None:
+                self.tube_share = tube_shares([one.record for one in learned if not one.quarantine] or ahead)
+            rates = []
+            for checked in learned[:: max(len(learned) // MAX_TYPICAL, 1)]:
+                with suppress(UnusableRecordError):
+                    rates.append(self._correct(checked.record, self.tube_share).corrected_rate)
+            self.checks.totals.typical_cps = float(np.median(rates)) if rates else NAN
         self._last: LoggerRecord | None = None
         self._waiting: deque[_Waiting] = deque()
 
@@ -137,6 +136,11 @@ class Survey:
     def waiting(self) -> int:
         """Number of records that wait for a fix."""
         return len(self._waiting)
+
+    @property
+    def heard(self) -> Heard:
+        """What has come of a separate receiver."""
+        return self.places.track.heard
 
     def take_record(
         self,
@@ -158,38 +162,33 @@ class Survey:
         original, checked = record, self.checks.check(record, unused_tubes)
         record = checked.record
         if self._grows:
-            self._learn(record)
-            for tube, since_s in checked.bad_since_s.items():
-                self._running_shares.mask(tube, since_s)
+            self._weather.add(record)
+            self.places.add(record)
         interval_s = counting_interval_s(record, self._last)
         self._last = record
         self._intensity = self._intensity_at(record.stamp_s, now_s)
         findings = checked.findings
+        shares = self.checks.shares if self.tube_share is None else self.tube_share
         try:
-            corrected = replace(self.correct(record, unused_tubes), quarantine=checked.quarantine)
+            corrected = replace(self._correct(record, shares), quarantine=checked.quarantine)
         except UnusableRecordError as error:
             weather = Kind.IMPOSSIBLE_WEATHER
             findings = tuple(replace(one, bad=one.bad or one.kind is weather) for one in findings)
-            known = any(one.kind is weather for one in findings)
-            if error.kind is not Kind.NO_CORRECTION or not known or self._shares is None:
+            if error.kind is not Kind.NO_CORRECTION or not any(one.kind is weather for one in findings):
                 self._report(error, record, path, lost=True)
                 return
-            corrected = uncorrected_record(record, self._shares, weather.value)
+            corrected = uncorrected_record(record, shares, weather.value)
         self._list(findings, record, path)
         recorded = corrected
-        if record.tube_counts != original.tube_counts and self._shares is not None:
+        if record.tube_counts != original.tube_counts:
             with suppress(UnusableRecordError):
-                recorded = self._correct(replace(record, tube_counts=original.tube_counts), self._shares)
+                recorded = self._correct(replace(record, tube_counts=original.tube_counts), shares)
         self._waiting.append(_Waiting(corrected, recorded, record, interval_s, clock_ahead_s, now_s, path))
-
-    @property
-    def heard(self) -> Heard:
-        """What has come of a separate receiver."""
-        return self._places.track.heard
 
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
-        self._places.take_fix(fix)
+        self.heard.add(fix)
+        self.places.track.add(fix.stamp_s, None if fix.status is FixStatus.NO_FIX else fix.position)
 
     def take_ready(self, now_s: float = math.inf) -> list[CountRecord]:
         """Remove and return the records whose wait is over, oldest first."""
@@ -198,16 +197,6 @@ class Survey:
             placed = self._placed(self._waiting.popleft())
             ready += [] if placed is None else [placed]
         return ready
-
-    def correct(self, record: LoggerRecord, unused_tubes: Collection[int] = ()) -> CountRecord:
-        """Correct a record without placing it.
-
-        :raises UnusableRecordError: if no tube counted, or a value that a correction needs is missing
-        """
-        self._shares = self.tube_share
-        if self._shares is None:
-            self._shares = self._running_shares.update(record, unused_tubes)
-        return self._correct(record, self._shares)
 
     def _correct(self, record: LoggerRecord, shares: NDArray[np.float64]) -> CountRecord:
         return correct_record(self._weather.filled(record), self._site, self._intensity, shares)
@@ -242,71 +231,48 @@ class Survey:
             return str(error)
         return "".join(unusual_factors({"f_intensity": (factor, factor)}))
 
-    def _typical_cps(self, records: Sequence[LoggerRecord]) -> float:
-        """Median rate of records that are known in advance [counts/s], NaN without any."""
-        rates = []
-        for record in records[:: max(len(records) // MAX_TYPICAL, 1)]:
-            with suppress(UnusableRecordError):
-                rates.append(self.correct(record).corrected_rate)
-        return float(np.median(rates)) if rates else NAN
-
-    def position(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
-        """Position at the middle of a record's counting interval, ``None`` if unknown."""
-        return self._places.at(record, interval_s, clock_ahead_s)
-
-    def _learn(self, record: LoggerRecord) -> None:
-        """Store weather and position for other records."""
-        self._weather.add(record)
-        self._places.add(record)
-
     def _may_go(self, waiting: _Waiting, now_s: float) -> bool:
-        track = self._places.track
+        track = self.places.track
         if not len(track) and waiting.raw.position is not None:
             return True
-        if track.fixed_s >= waiting.middle_s - waiting.clock_ahead_s:
-            return True
-        # The wait ends at its time limit, or when newer epochs or records have arrived without a fix.
+        # The wait ends with a fix after the middle, at its time limit, or when newer epochs or records have come.
         enough_s = waiting.record.stamp_s + self._fix_wait_s
         overtaken = self._last is not None and self._last.stamp_s >= enough_s
         return (
-            now_s >= waiting.since_s + self._fix_wait_s
+            track.fixed_s >= waiting.middle_s - waiting.clock_ahead_s
+            or now_s >= waiting.since_s + self._fix_wait_s
             or track.reached_s >= enough_s - waiting.clock_ahead_s
             or (overtaken and now_s >= waiting.since_s + LINE_DELAY_S)
         )
 
     def _placed(self, waiting: _Waiting) -> CountRecord | None:
-        when = waiting.raw, waiting.interval_s, waiting.clock_ahead_s
-        position, findings = self._places.at(*when), []
-        if position is None and (position := self._places.jumped_at(*when)) is not None:
+        raw, path = waiting.raw, waiting.path
+        when = raw, waiting.interval_s, waiting.clock_ahead_s
+        position, findings = self.places.at(*when), []
+        if position is None and (position := self.places.jumped_at(*when)) is not None:
             message = f"the receiver jumped to {position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
             remedy = "check the antenna and the view of the sky"
             findings = [Finding(Kind.PLACE_JUMP, message, remedy, bad=True)]
+        offset_m = self.places.sensor_offset_m(waiting.middle_s, waiting.clock_ahead_s)
+        if offset_m is None:
+            heading = Mistake("the heading of the robot is unknown", "drive some metres", path, raw.line)
+            self._on_problem(Problem(Kind.NO_HEADING, heading))
         try:
-            record = place_record(waiting.record, position, self.frame, self._to_sensor(waiting))
+            record = place_record(waiting.record, position, self.frame, offset_m or (0.0, 0.0))
         except UnusableRecordError as error:
             if position is None and self.heard.first_s < math.inf:
-                error = UnusableRecordError(
-                    error.kind,
-                    "the receiver has no position at the time of this record",
-                    f"{self.heard.span}: check the receiver, or give its whole log",
-                )
-            self._report(error, waiting.raw, waiting.path, lost=not self._keep_unplaced)
+                message = "the receiver has no position at the time of this record"
+                remedy = f"{self.heard.span}: check the receiver, or give its whole log"
+                error = UnusableRecordError(error.kind, message, remedy)
+            self._report(error, raw, path, lost=not self._keep_unplaced)
             if not self._keep_unplaced:
                 return None
             record = waiting.record
         if not findings:
             recorded = replace(waiting.recorded, x_m=record.x_m, y_m=record.y_m)
             findings = self.checks.totals.check(record, recorded)
-        self._list(findings, waiting.raw, waiting.path)
+        self._list(findings, raw, path)
         return replace(record, quarantine=record.quarantine or findings[0].kind.value) if findings else record
-
-    def _to_sensor(self, waiting: _Waiting) -> tuple[float, float]:
-        """East and north from the antenna to the sensor [m]; 0 if the heading is unknown, with a note."""
-        offset_m = self._places.sensor_offset_m(waiting.middle_s, waiting.clock_ahead_s)
-        if offset_m is None:
-            message, line = "the heading of the robot is unknown", waiting.raw.line
-            self._on_problem(Problem(Kind.NO_HEADING, Mistake(message, "drive some metres", waiting.path, line)))
-        return offset_m or (0.0, 0.0)
 
     def _list(self, findings: Iterable[Finding], record: LoggerRecord, path: Path | None) -> None:
         for finding in findings:
@@ -341,19 +307,11 @@ class SurveyPlaces:
                 self._own = CheckedTrack(max_positions=MAX_FIXES)
             self._own.add(record.stamp_s, record.position)
 
-    def take_fix(self, fix: Fix) -> None:
-        """Add an epoch of a separate receiver, with or without a fix."""
-        self.track.heard.add(fix)
-        self.track.add(fix.stamp_s, None if fix.status is FixStatus.NO_FIX else fix.position)
-
     def at(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
         """Position at the middle of a record's counting interval, ``None`` if unknown."""
-        middle_s, gap_s = record.stamp_s - interval_s / 2, position_gap_s(interval_s)
-        if self._has_receiver:
-            tolerance_s = max(EDGE_TOLERANCE_S, min(interval_s / 2, MAX_EDGE_TOLERANCE_S))
-            place = self.track.at(middle_s - clock_ahead_s, gap_s, tolerance_s)
-        else:  # positions in the log have the time of the logger's clock
-            place = self._own.at(middle_s, gap_s)
+        track, middle_s = self._receiver(record.stamp_s - interval_s / 2, clock_ahead_s)
+        single_s = 0.0 if track is self._own else min(interval_s / 2, MAX_EDGE_TOLERANCE_S)
+        place = track.at(middle_s, position_gap_s(interval_s), max(single_s, EDGE_TOLERANCE_S))
         if place is not None:
             return place
         if record.position is not None and self._own.jumped.at(record.stamp_s, 0.0, 0.0) is None:
@@ -364,6 +322,19 @@ class SurveyPlaces:
         altitude_m = NAN if location.altitude_m is None else location.altitude_m
         return Position(location.latitude_deg, location.longitude_deg, altitude_m)
 
+    def jumped_at(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
+        """Position of a record that the receiver reports after a jump, ``None`` without a jump; as :meth:`at`."""
+        track, middle_s = self._receiver(record.stamp_s - interval_s / 2, clock_ahead_s)
+        if not isinstance(track, CheckedTrack):
+            return None
+        return track.jumped.at(middle_s, position_gap_s(interval_s), max(interval_s / 2, EDGE_TOLERANCE_S))
+
+    def _receiver(self, stamp_s: float, clock_ahead_s: float) -> tuple[Track, float]:
+        """Positions of the separate receiver, else those in the log; and a time on their clock."""
+        if self.track.reached_s > -math.inf:
+            return self.track, stamp_s - clock_ahead_s
+        return self._own, stamp_s
+
     def altitude_m(self, record: LoggerRecord) -> float:
         """Altitude of the probe about the time of a record [m], NaN if unknown."""
         place = record.position or self.track.at(record.stamp_s, MAX_ALTITUDE_AGE_S, MAX_ALTITUDE_AGE_S)
@@ -372,14 +343,6 @@ class SurveyPlaces:
         location = self._site.location
         return NAN if location is None or location.altitude_m is None or self._moves else location.altitude_m
 
-    def jumped_at(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
-        """Position of a record that the receiver reports after a jump, ``None`` without a jump; as :meth:`at`."""
-        track = self.track if self._has_receiver else self._own
-        if not isinstance(track, CheckedTrack):
-            return None
-        middle_s = record.stamp_s - interval_s / 2 - (clock_ahead_s if self._has_receiver else 0.0)
-        return track.jumped.at(middle_s, position_gap_s(interval_s), max(interval_s / 2, EDGE_TOLERANCE_S))
-
     def sensor_offset_m(self, middle_s: float, clock_ahead_s: float) -> tuple[float, float] | None:
         """East and north from the antenna to the sensor [m], ``None`` if the heading is unknown."""
         if self._arms == NO_ARMS or not self._moves:  # a probe at a fixed location is its place
@@ -387,10 +350,6 @@ class SurveyPlaces:
         separate = bool(len(self.track))
         course = (self.track if separate else self._own).course
         return self._arms.sensor_from_antenna(course.at(middle_s - (clock_ahead_s if separate else 0.0)))
-
-    @property
-    def _has_receiver(self) -> bool:
-        return self.track.reached_s > -math.inf
 
     @property
     def _moves(self) -> bool:

@@ -3,12 +3,11 @@
 """Tube against tube: bad tubes are found soon, good tubes keep counting (tubes.py)."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from soilmoist_ros.sensing.checks.tubes import RunningShares, TubeChecks, combine_tubes, tube_shares
+from soilmoist_ros.sensing.checks.tubes import TubeChecks, combine_tubes, tube_shares
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord
 
@@ -157,15 +156,16 @@ def test_rate_is_unbiased_and_poisson_with_tubes_missing() -> None:
 
 
 def test_a_tube_that_is_left_out_on_purpose_has_no_share() -> None:
-    assert RunningShares().update(record([5, 5, NAN], (10.0, 10.0, NAN)), {2}).tolist() == [0.5, 0.5, 0.0]
+    checks = TubeChecks(3, unused={2})
+    checks.check(record([5, 5, NAN], (10.0, 10.0, NAN)), np.array([True, True, False]))
+    assert checks.shares.tolist() == [0.5, 0.5, 0.0]
 
 
 def test_what_a_bad_tube_counted_before_it_was_found_is_taken_back() -> None:
-    good, poisoned = RunningShares(), RunningShares()
-    for number in range(60):
-        counts = [40.0, 40.0, 40.0 if number < 50 else 4000.0]
-        good.update(replace(record([*counts[:2], 40.0 if number < 50 else NAN]), stamp_s=float(number)))
-        poisoned.update(replace(record(counts), stamp_s=float(number)))
-    poisoned.mask(2, since_s=50.0)
-    last = record([40.0, 40.0, NAN])
-    np.testing.assert_allclose(poisoned.update(last), good.update(last), rtol=1e-6)
+    counts = draw(80, 3, rate_cps=8.0)
+    clean, bad = TubeChecks(3), TubeChecks(3)
+    missing = np.where((np.arange(80) >= 60)[:, None] & (np.arange(3) == 1), NAN, counts)
+    check(missing, checks=clean)
+    found = check(np.where(np.isnan(missing), np.round(1.7 * counts), counts), checks=bad)
+    assert 3 <= found.index({1: Kind.NOISY_TUBE}) - 60 < 20
+    np.testing.assert_allclose(bad.shares, clean.shares, atol=0.01)
