@@ -163,7 +163,7 @@ def _sample_features(run: MapRun) -> list[dict[str, Any]]:
     counts, exposure = np.asarray(samples.counts, float), np.asarray(samples.exposure_s, float)
     rate = counts / exposure
     rate_sd = np.where(counts > 0, np.sqrt(counts) / exposure, np.nan)
-    vwc_sd = np.full_like(rate, np.nan) if curve is None else curve.vwc_sd(rate, rate_sd, order=3)
+    vwc_sd = np.full_like(rate, np.nan) if curve is None else curve.vwc_and_sd(rate, rate_sd)[1]
     interval = make_bands(rate, rate_sd**2, curve)
     # As on the map, no value leaves what the soil can hold; below the curve there is none.
     vwc = interval.vwc if curve is None else np.where(np.isnan(curve.vwc(rate)), np.nan, interval.vwc)

@@ -91,8 +91,7 @@ class RecordChecks:
     @property
     def shares(self) -> NDArray[np.float64]:
         """Share of each tube in the rate of the whole sensor as learned so far, shape (tubes,)."""
-        assert self._tubes is not None  # there has been a record
-        return self._tubes.shares
+        return np.empty(0) if self._tubes is None else np.asarray(self._tubes.shares)
 
     def check(self, record: LoggerRecord, unused_tubes: Collection[int] = ()) -> Checked:
         """Check the next record."""

@@ -17,7 +17,7 @@ equation 15, is the rate as a function of soil moisture and of absolute air humi
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -142,19 +142,6 @@ class MoistureCurve(ABC):
         noise reaches the curve's steep end.
         """
 
-    def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> Array:
-        """Standard deviation of the VWC [m^3/m^3] from that of the rate: ``|d vwc/d rate| * sd``, or
-        :meth:`vwc_and_sd`.
-
-        :param order: 1 or 3
-        :raises ValueError: for another order
-        """
-        if order == 1:
-            return np.asarray(np.abs(self.slope(rate_cps)) * floats(rate_sd_cps))
-        if order != 3:
-            raise ValueError(f"order must be 1 or 3, got {order}")
-        return self.vwc_and_sd(rate_cps, rate_sd_cps)[1]
-
     def weight(self, rate_cps: ArrayLike) -> Array:
         """Squared slope: factor from rate variance to VWC variance [(m^3/m^3 per count/s)^2], finite everywhere.
 
@@ -247,21 +234,6 @@ PARAMETER_SETS = {
 detector (drf) and with energy thresholds (thl)."""
 
 
-def total_water(vwc: ArrayLike, bulk_density_gcm3: float, bound_water: float = 0.0) -> Array:
-    """All water of a soil, scaled to the density of the simulated soil [m^3/m^3] (Köhli et al. 2021, appendix).
-
-    :param vwc: volumetric water content [m^3/m^3]
-    :param bulk_density_gcm3: dry bulk density [g/cm^3], > 0
-    :param bound_water: lattice water and water equivalent of organic matter [g/g]
-    """
-    return np.asarray(SIMULATED_DENSITY_GCM3 * (floats(vwc) / bulk_density_gcm3 + bound_water))
-
-
-def relative_rate(water: ArrayLike, humidity_gm3: float, parameters: UniversalParameters) -> Array:
-    """Rate relative to N_D [-], equation 15 of Köhli et al. (2021), of all water of a soil, > -p1 [m^3/m^3]."""
-    return _derivatives(np.asarray(water, float), humidity_gm3, parameters, 0)[0]
-
-
 @dataclass(frozen=True)
 class UniversalCurve(MoistureCurve):
     """The universal transport solution at one humidity; further parameters are those of :class:`MoistureCurve`.
@@ -300,10 +272,10 @@ class UniversalCurve(MoistureCurve):
 
     def rate_cps(self, vwc: ArrayLike) -> Array:
         """Corrected rate of a volumetric water content, where all water of the soil is above ``-p1``."""
-        water = total_water(vwc, self.bulk_density_gcm3, self._bound)
+        water = SIMULATED_DENSITY_GCM3 * (floats(vwc) / self.bulk_density_gcm3 + self._bound)
         if np.any(water <= -self._set.p1):
             raise ValueError("soil moisture is below what the calibration curve can express")
-        return np.asarray(self.n0_cps * relative_rate(water, self.humidity_gm3, self._set))
+        return np.asarray(self.n0_cps * self._response(water, 0)[0])
 
     def slope(self, rate_cps: ArrayLike) -> Array:
         """d(vwc)/d(rate), by the derivative of the solution."""
@@ -332,11 +304,7 @@ class UniversalCurve(MoistureCurve):
 
         :raises ValueError: for a humidity beyond :data:`MAX_HUMIDITY_GM3`
         """
-        if not 0 <= humidity_gm3 <= MAX_HUMIDITY_GM3:
-            raise ValueError(f"humidity_gm3 must be within 0..{MAX_HUMIDITY_GM3:g} g/m3, got {humidity_gm3:g}")
-        water = total_water(vwc, self.bulk_density_gcm3, self._bound)
-        here, there = (relative_rate(water, h, self._set) for h in (humidity_gm3, self.humidity_gm3))
-        return float(here / there)
+        return float(replace(self, humidity_gm3=humidity_gm3).rate_cps(vwc) / self.rate_cps(vwc))
 
     @property
     def _set(self) -> UniversalParameters:
@@ -344,7 +312,8 @@ class UniversalCurve(MoistureCurve):
 
     @property
     def _amplitude(self) -> float:
-        return _amplitude(self.humidity_gm3, self._set)
+        h = self.humidity_gm3
+        return self._set.p0 + self._set.p6 * h + self._set.p7 * h**2
 
     @property
     def _bound(self) -> float:
@@ -358,7 +327,17 @@ class UniversalCurve(MoistureCurve):
         return np.asarray(self._scale * water - self.bulk_density_gcm3 * self._bound)
 
     def _response(self, water: Array, order: int) -> list[Array]:
-        return _derivatives(water, self.humidity_gm3, self._set, order)
+        """The relative rate and its derivatives with respect to the water up to an order."""
+        p, amplitude = self._set, self._amplitude
+        pole = p.p1 + water
+        hyperbola = amplitude * p.p1 * (1 - p.p2) / pole
+        remainder = (p.p4 + p.p5 * self.humidity_gm3) * np.exp(-p.p3 * water)
+        terms = [np.asarray(amplitude * p.p2 + hyperbola + remainder)]
+        for n in range(1, order + 1):
+            hyperbola = -n * hyperbola / pole
+            remainder = -p.p3 * remainder
+            terms.append(np.asarray(hyperbola + remainder))
+        return terms
 
     def _water(self, rate_cps: ArrayLike) -> Array:
         """All water of the soil at a rate; NaN where the rate has none.
@@ -376,21 +355,3 @@ class UniversalCurve(MoistureCurve):
             if not np.any(step > _LAST_STEP * (p1 + water)):
                 break
         return water
-
-
-def _amplitude(humidity_gm3: float, p: UniversalParameters) -> float:
-    return p.p0 + p.p6 * humidity_gm3 + p.p7 * humidity_gm3**2
-
-
-def _derivatives(water: Array, humidity_gm3: float, p: UniversalParameters, order: int) -> list[Array]:
-    """The relative rate and its derivatives with respect to the water up to an order."""
-    amplitude = _amplitude(humidity_gm3, p)
-    pole = p.p1 + water
-    hyperbola = amplitude * p.p1 * (1 - p.p2) / pole
-    remainder = (p.p4 + p.p5 * humidity_gm3) * np.exp(-p.p3 * water)
-    terms = [np.asarray(amplitude * p.p2 + hyperbola + remainder)]
-    for n in range(1, order + 1):
-        hyperbola = -n * hyperbola / pole
-        remainder = -p.p3 * remainder
-        terms.append(np.asarray(hyperbola + remainder))
-    return terms

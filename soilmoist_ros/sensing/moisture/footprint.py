@@ -71,17 +71,6 @@ def far_terms(water: float, humidity_gm3: float) -> tuple[Term, Term]:
     return (b0, b1), (b2 * (2 + 0.01998 * x), b3 * (2 + 0.0011 * x))
 
 
-def penetration_depth_cm(near: ArrayLike, bulk_density_gcm3: float, water: float) -> Array:
-    """Depth D86 above which 86 % of the counts come from [cm] (Schrön et al. 2017, appendix A).
-
-    :param near: ``exp(-r*/100 m)`` of the rescaled distance r*, or its mean over the footprint
-    :param bulk_density_gcm3: dry bulk density [g/cm^3]
-    :param water: all water of the soil [m^3/m^3], >= 0
-    """
-    reach = 0.14249 * (0.96655 + np.asarray(near, float)) * (20 + water) / (0.0429 + water)
-    return np.asarray((8.321 + reach) / bulk_density_gcm3)
-
-
 @dataclass(frozen=True)
 class Footprint:
     """Sensitivity of a probe to the soil around it.
@@ -132,12 +121,17 @@ class Footprint:
     def depth_cm(self, bulk_density_gcm3: float) -> float:
         """Depth D86 above which 86 % of the counts come from, mean over the footprint [cm]."""
         near = self._share(math.inf, self._taper + 0.01) / self._share(math.inf, self._taper)
-        return float(penetration_depth_cm(near, bulk_density_gcm3, self._water))
+        return float(self._depth_cm(near, bulk_density_gcm3))
 
     def depth_at_cm(self, distance_m: ArrayLike, bulk_density_gcm3: float) -> Array:
         """Depth D86 at a distance [cm]."""
         near = np.exp(-np.asarray(distance_m, float) / self._scale / 100)
-        return penetration_depth_cm(near, bulk_density_gcm3, self._water)
+        return self._depth_cm(near, bulk_density_gcm3)
+
+    def _depth_cm(self, near: ArrayLike, bulk_density_gcm3: float) -> Array:
+        """Depth D86 [cm] (Schrön et al. 2017, appendix A) of ``exp(-r*/100 m)`` with the rescaled distance r*."""
+        reach = 0.14249 * (0.96655 + np.asarray(near, float)) * (20 + self._water) / (0.0429 + self._water)
+        return np.asarray((8.321 + reach) / bulk_density_gcm3)
 
     @property
     def _water(self) -> float:
