@@ -17,7 +17,7 @@ from soilmoist_ros.cli.options import InputFileType, MomentType, Name
 from soilmoist_ros.foundation import InputError, Mistake, listing
 
 if TYPE_CHECKING:
-    from soilmoist_ros.sensing import Calibration, CalibrationCounts, CoreMean, Site, Soil, Surroundings, Weighting
+    from soilmoist_ros.sensing import Calibration, CalibrationCounts, CoreMean, Footprint, Site, Soil, Weighting
 
 DAY_S = 86_400.0
 TIME = MomentType()
@@ -103,10 +103,10 @@ def command(
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
     counted = _counted(known, logs, logger, counts, exposure_s, (start, end))
     _require_days_of_counts(table.days or dates, counted, cores)
-    around = _surroundings(known, soil, counted)
     rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
+    air, bound_water = _air(known, counted), soil.lattice_water + soil.organic_water
     try:
-        mean = mean_of_cores(sampled, weighting, around)
+        mean = mean_of_cores(sampled, weighting, air, bound_water, soil.bulk_density_gcm3)
         unit_curve = unit.curve_of(soil, known.reference_humidity_gm3)
         estimate = estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve)
     except ValueError as error:
@@ -120,7 +120,7 @@ def command(
     if mean.weights == "equal weights" and weighting != "equal":
         warn(f"note       the {weighting} weights need distance_m, or depths of several cores in a profile")
     assumed = "" if counted.records and math.isfinite(counted.pressure_hpa) else " (assumed for the weights)"
-    say(f"air        {around.pressure_hpa:.1f} hPa, {around.humidity_gm3:.1f} g/m3{assumed}")
+    say(f"air        {air.pressure_hpa:.1f} hPa, {air.humidity_gm3:.1f} g/m3{assumed}")
     if counted.factors:
         say(f"factors    {counted.factors_text}")
     say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{_of_records(counted)}")
@@ -199,22 +199,19 @@ def _of_records(counted: CalibrationCounts) -> str:
     return f", {counted.records} records{left_out}"
 
 
-def _surroundings(site: Site, soil: Soil, counted: CalibrationCounts) -> Surroundings:
+def _air(site: Site, counted: CalibrationCounts) -> Footprint:
     """Conditions of the weights; without a measured pressure that of the altitude, else the reference value."""
-    from soilmoist_ros.sensing import Surroundings, standard_pressure_hpa
+    from soilmoist_ros.sensing import Footprint, standard_pressure_hpa
 
-    reference_hpa, place = (
-        site.corrections_parameters.reference_pressure_hpa,
-        site.corrections.place or site.location,
-    )
+    place = site.corrections.place or site.location
+    reference_hpa = site.corrections_parameters.reference_pressure_hpa
     if place is not None and place.altitude_m is not None:
         reference_hpa = standard_pressure_hpa(place.latitude_deg, place.altitude_m)
-    return Surroundings(
+    return Footprint(
+        math.nan,
         site.reference_humidity_gm3 if math.isnan(counted.humidity_gm3) else counted.humidity_gm3,
         reference_hpa if math.isnan(counted.pressure_hpa) else counted.pressure_hpa,
         site.vegetation_height_m,
-        soil.lattice_water + soil.organic_water,
-        soil.bulk_density_gcm3,
         site.footprint_radius_m,
     )
 

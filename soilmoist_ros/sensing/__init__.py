@@ -74,7 +74,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.footprint import CoreMean as CoreMean
     from soilmoist_ros.sensing.moisture.footprint import Footprint as Footprint
     from soilmoist_ros.sensing.moisture.footprint import SensedSoil as SensedSoil
-    from soilmoist_ros.sensing.moisture.footprint import Surroundings as Surroundings
     from soilmoist_ros.sensing.moisture.footprint import Weighting as Weighting
     from soilmoist_ros.sensing.moisture.footprint import mean_of_cores as mean_of_cores
     from soilmoist_ros.sensing.moisture.footprint import sensed_soil as sensed_soil
@@ -147,7 +146,7 @@ __getattr__, __dir__, __all__ = open_door(
         "lines": "log_files read_data split_lines",
         "moisture.cores": "possible_days read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
-        "moisture.footprint": "CoreMean Footprint SensedSoil Surroundings Weighting mean_of_cores sensed_soil",
+        "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
         "moisture.site": "Calibration Site Soil estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration",
         "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",

@@ -52,15 +52,13 @@ class Corrections:
     f_surroundings: float = 1.0
 
     def __post_init__(self) -> None:
-        _require_positive("beta_per_hpa", self.beta_per_hpa)
-        _require_positive("f_surroundings", self.f_surroundings)
-        _require_positive("reference_pressure_hpa", self.reference_pressure_hpa)
+        for name in ("beta_per_hpa", "f_surroundings", "reference_pressure_hpa", "intensity_scale"):
+            _require_positive(name, getattr(self, name))
+        if self.reference_intensity is not None:
+            _require_positive("reference_intensity", self.reference_intensity)
         for name in ("humidity_coefficient_m3g", "reference_humidity_gm3"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise ValueError(f"{name} must be zero or positive and finite, got {getattr(self, name)}")
-        if self.reference_intensity is not None:
-            _require_positive("reference_intensity", self.reference_intensity)
-        _require_positive("intensity_scale", self.intensity_scale)
 
     def f_pressure(self, pressure_hpa: float) -> float:
         """``exp(beta (P - P0))`` [-]."""

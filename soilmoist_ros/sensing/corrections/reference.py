@@ -11,15 +11,16 @@ corrected to its end through the effective exposure, as for the incoming neutron
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
+from soilmoist_ros.sensing.gnss import utc_text
 from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ class Reference:
     """The smoothed rate of a reference sensor, relative to that at the end of a survey.
 
     :param middle_s: middle of the bins, shape (n,) [s]
-    :param weights: of the bins in the logarithm of the rate, see :meth:`log_rate`, shape (n,)
+    :param weights: of the bins in the logarithm of the rate, shape (n,)
     :param covariance: matrix that is solved for each variance, shape (n, n)
     :param trend: standard deviation of the trend [1/h]
     :param walk: standard deviation of the random walk [1/sqrt(h)]
@@ -50,25 +51,17 @@ class Reference:
     trend: float
     walk: float
 
-    def log_rate(self, stamp_s: Array) -> Array:
-        """Logarithm of the rate at some times, apart from a constant, shape (m,)."""
-        return np.asarray(self._kernel(stamp_s) @ self.weights)
-
     def factor(self, stamp_s: Array) -> Array:
         """Rate at the end of the survey divided by the rate at some times, shape (m,) [-]."""
-        return np.asarray(np.exp(self.log_rate(np.array([self.end_s])) - self.log_rate(stamp_s)))
-
-    def factor_sd(self, stamp_s: Array) -> Array:
-        """Standard deviation of the logarithm of :meth:`factor`, shape (m,) [-]."""
-        return np.asarray(np.sqrt(np.maximum(self.factor_covariance(stamp_s).diagonal(), 0.0)))
+        log_rate = self._shape(np.append(stamp_s, self.end_s), self.middle_s) @ self.weights
+        return np.asarray(np.exp(log_rate[-1] - log_rate[:-1]))
 
     def factor_covariance(self, stamp_s: Array) -> Array:
         """Covariance of the logarithm of :meth:`factor`, shape (m, m) [-]."""
         times_s = np.append(stamp_s, self.end_s)
-        kernel = self._kernel(times_s)
-        prior = _shape(times_s, times_s, self._begin_s, self.trend, self.walk)
+        kernel = self._shape(times_s, self.middle_s)
         ones = np.linalg.solve(self.covariance, np.ones(len(self.middle_s)))
-        square = prior - kernel @ np.linalg.solve(self.covariance, kernel.T)
+        square = self._shape(times_s, times_s) - kernel @ np.linalg.solve(self.covariance, kernel.T)
         mean = 1 - kernel @ ones
         square += np.multiply.outer(mean, mean) / ones.sum()
         # Of the differences between the end and the times.
@@ -78,8 +71,8 @@ class Reference:
     def change(self) -> tuple[float, float]:
         """Relative change of the rate from the begin to the end of the survey, and its standard deviation."""
         begin = np.array([self.start_s])
-        factor = float(self.factor(begin)[0])
-        return factor - 1, factor * float(self.factor_sd(begin)[0])
+        factor, variance = float(self.factor(begin)[0]), float(self.factor_covariance(begin)[0, 0])
+        return factor - 1, factor * math.sqrt(max(variance, 0.0))
 
     def corrected(self, records: Iterable[CountRecord]) -> list[CountRecord]:
         """Records corrected to the rate at the end of the survey."""
@@ -91,12 +84,8 @@ class Reference:
             for record, factor in zip(records, factors, strict=True)
         ]
 
-    @property
-    def _begin_s(self) -> float:
-        return float(self.middle_s[0])
-
-    def _kernel(self, stamp_s: Array) -> Array:
-        return _shape(stamp_s, self.middle_s, self._begin_s, self.trend, self.walk)
+    def _shape(self, stamp_s: Array, others_s: Array) -> Array:
+        return _shape(stamp_s, others_s, float(self.middle_s[0]), self.trend, self.walk)
 
 
 def fit_reference(
@@ -145,7 +134,7 @@ def _shape(stamp_s: Array, others_s: Array, begin_s: float, trend: float, walk: 
 
 def _check_gaps(near: Sequence[CountRecord], start_s: float, end_s: float, path: Path | None) -> None:
     """Refuse a reference that does not last for the whole survey."""
-    remedy = f"give a log that lasts from {_clock(start_s)} to {_clock(end_s)}, or leave the reference out"
+    remedy = f"give a log that lasts from {utc_text(start_s)} to {utc_text(end_s)} UTC, or leave the reference out"
     spans = [(one.stamp_s - one.exposure_s, one.stamp_s) for one in near]
     spans = [(begin_s, stamp_s) for begin_s, stamp_s in spans if stamp_s > start_s and begin_s < end_s]
     if not spans:
@@ -156,11 +145,7 @@ def _check_gaps(near: Sequence[CountRecord], start_s: float, end_s: float, path:
     if gaps[worst] > MAX_GAP_S:
         raise InputError(
             f"the reference sensor has no good record for {gaps[worst] / 60:.0f} min of the survey, from "
-            f"{_clock(ends[worst])} on",
+            f"{utc_text(ends[worst])} UTC on",
             remedy,
             path,
         )
-
-
-def _clock(stamp_s: float) -> str:
-    return f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d %H:%M} UTC"

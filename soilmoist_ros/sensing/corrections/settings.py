@@ -154,7 +154,7 @@ class BiomassCorrection(Section):
             raise ValueError("give the biomass either as 'water_equivalent_kgm2' or as 'dry_kgm2'")
         if self.fresh_kgm2 is not None and (self.dry_kgm2 is None or self.fresh_kgm2 < self.dry_kgm2):
             raise ValueError("'fresh_kgm2' belongs to 'dry_kgm2', and is at least as much")
-        _ = self.factor
+        f_biomass(*self.used)  # fails for more than plants can have
         return self
 
     @property
@@ -166,11 +166,6 @@ class BiomassCorrection(Section):
         if self.fresh_kgm2 is None:
             return dry, DRY_BIOMASS_SHARE_M2KG
         return biomass_water_kgm2(self.fresh_kgm2, dry), BIOMASS_WATER_SHARE_M2KG
-
-    @property
-    def factor(self) -> float:
-        """Factor of the counts [-]."""
-        return f_biomass(*self.used)
 
 
 class RoadCorrection(Section):
@@ -208,16 +203,7 @@ class CorrectionSettings(Section):
     @property
     def f_biomass(self) -> float:
         """Factor of the plants [-]; 1 without biomass."""
-        return 1.0 if self.biomass is None else self.biomass.factor
-
-    @property
-    def need_of_place(self) -> str:
-        """Key whose value follows from the place; empty if there is none."""
-        if self.pressure is not None and self.pressure.beta_per_hpa is None:
-            return "beta_per_hpa"
-        if self.pressure is not None and self.pressure.reference_hpa is None:
-            return "reference_hpa"
-        return "scaling" if self.intensity is not None and self.intensity.scaling != "none" else ""
+        return 1.0 if self.biomass is None else f_biomass(*self.biomass.used)
 
     def cosmic(self, location: Location | None) -> CosmicPlace | None:
         """Cutoff rigidity and atmospheric depth of the place, else of the site; ``None`` without its altitude."""
@@ -234,11 +220,14 @@ class CorrectionSettings(Section):
         pressure = self.pressure or PressureCorrection()
         humidity = self.humidity or HumidityCorrection(coefficient_m3g=0.0)
         beta, reference_hpa, scale = pressure.beta_per_hpa, pressure.reference_hpa, 1.0
-        if self.need_of_place:
+        scaling = "none" if self.intensity is None else self.intensity.scaling
+        auto = {"beta_per_hpa": beta is None, "reference_hpa": reference_hpa is None, "scaling": scaling != "none"}
+        if any(auto.values()):
             place, cosmic = self.place or location, self.cosmic(location)
             if place is None or place.altitude_m is None or cosmic is None:
+                key = next(key for key in auto if auto[key])
                 raise ValueError(
-                    f"{self.need_of_place!r} follows from the place: give latitude_deg, longitude_deg and "
+                    f"{key!r} follows from the place: give latitude_deg, longitude_deg and "
                     "altitude_m as 'location', or as 'place' below 'corrections'"
                 )
             beta = beta or barometric_coefficient(cosmic.depth_gcm2, cosmic.cutoff_rigidity_gv)

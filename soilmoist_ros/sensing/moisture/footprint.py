@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.sensing.moisture.cores import SoilCore, profiles_of
+from soilmoist_ros.sensing.moisture.curve import SIMULATED_DENSITY_GCM3
 
 Array = NDArray[np.float64]
 Term = tuple[float, float]  # amplitude and decay [1/m] of an exponential of the distance
@@ -215,26 +216,6 @@ def sensed_soil(vwc: ArrayLike, bulk_density_gcm3: float, bound_water: float, ai
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """Conditions on which the weights of the cores depend.
-
-    :param humidity_gm3: absolute humidity of the air during the calibration [g/m^3]
-    :param pressure_hpa: air pressure during the calibration [hPa]
-    :param vegetation_m: height of the vegetation [m]
-    :param bound_water: lattice and organic water [g/g]
-    :param bulk_density_gcm3: dry bulk density where the cores have none [g/cm^3]
-    :param footprint_radius_m: radius of the probe's footprint [m]; without effect if a bare probe sees less
-    """
-
-    humidity_gm3: float = 5.0
-    pressure_hpa: float = 1013.25
-    vegetation_m: float = 0.0
-    bound_water: float = 0.0
-    bulk_density_gcm3: float = 1.43
-    footprint_radius_m: float = math.inf
-
-
-@dataclass(frozen=True)
 class CoreMean:
     """What a probe sees of the cores.
 
@@ -257,7 +238,11 @@ class CoreMean:
 
 
 def mean_of_cores(
-    cores: Sequence[SoilCore], weighting: Weighting = "revised", around: Surroundings | None = None
+    cores: Sequence[SoilCore],
+    weighting: Weighting = "revised",
+    air: Footprint = Footprint(_TYPICAL_WATER),
+    bound_water: float = 0.0,
+    bulk_density_gcm3: float = SIMULATED_DENSITY_GCM3,
 ) -> CoreMean:
     """Mean moisture of the cores, weighted as the probe sees them.
 
@@ -270,19 +255,20 @@ def mean_of_cores(
       with ``D = 5.8 cm / (water + 0.0829)`` (Franz et al. 2012, Water Resources Research 48:W08515, equation 5).
     * ``equal``: the weights of the user alone.
 
-    :param around: conditions of the calibration; standard air and a bare probe if ``None``
+    :param air: conditions of the calibration, by default standard air and a bare probe; its water is not used
+    :param bound_water: lattice and organic water [g/g]
+    :param bulk_density_gcm3: dry bulk density where the cores have none [g/cm^3]
     :raises ValueError: if no core has a weight
     """
-    around = around or Surroundings()
     dense = [(core.bulk_density_gcm3, core.weight) for core in cores if not math.isnan(core.bulk_density_gcm3)]
     total = sum(weight for _, weight in dense)
     known = sum(density * weight for density, weight in dense) / total if total > 0 else None
-    density = known or around.bulk_density_gcm3
+    density = known or bulk_density_gcm3
     groups = profiles_of(cores)
     vwc = float(np.mean([core.vwc for core in cores])) if cores else math.nan
     for _ in range(_MAX_ITERATIONS):
-        water = vwc + density * around.bound_water
-        weights = [_weights(group, weighting, around, water, density) for group in groups]
+        air = replace(air, water=vwc + density * bound_water)
+        weights = [_weights(group, weighting, air, density) for group in groups]
         means = np.array(
             [
                 float(within @ [core.vwc for core in group] / within.sum()) if within.any() else 0.0
@@ -299,11 +285,11 @@ def mean_of_cores(
     effective = 1 / float(share @ share)
     spread = float(share @ (means - vwc) ** 2)
     error = math.sqrt(spread / (effective - 1)) if effective > 1 + 1e-9 else math.nan
-    has_depth = any(not math.isnan(core.top_cm) for core in cores)
-    water = vwc + density * around.bound_water
-    depth = franz_depth_cm(water) if weighting == "conventional" else _footprint(around, water).depth_cm(density)
-    depth = depth if has_depth else math.nan
-    return CoreMean(vwc, error, known, len(cores), len(groups), depth, _weights_text(groups, weighting))
+    depth_cm = math.nan
+    if any(not math.isnan(core.top_cm) for core in cores):
+        air = replace(air, water=vwc + density * bound_water)
+        depth_cm = franz_depth_cm(air.water) if weighting == "conventional" else air.depth_cm(density)
+    return CoreMean(vwc, error, known, len(cores), len(groups), depth_cm, _weights_text(groups, weighting))
 
 
 def _weights_text(groups: Sequence[Sequence[SoilCore]], weighting: Weighting) -> str:
@@ -317,44 +303,29 @@ def _weights_text(groups: Sequence[Sequence[SoilCore]], weighting: Weighting) ->
 
 
 def _weights(
-    group: Sequence[SoilCore], weighting: Weighting, around: Surroundings, water: float, density: float
+    group: Sequence[SoilCore], weighting: Weighting, footprint: Footprint, density: float
 ) -> tuple[float, Array]:
     """Weight of a profile, and weights of its cores."""
     own = np.array([core.weight for core in group])
-    distance_m = group[0].distance_m
-    across = float(own.mean())
     if weighting == "equal":
         return float(own.sum()), own
-    footprint = _footprint(around, water)
+    conventional = weighting == "conventional"
+    across, distance_m = float(own.mean()), group[0].distance_m
     if not math.isnan(distance_m):
-        conventional = math.exp(-distance_m / _CONVENTIONAL_REACH_M)
-        across *= (
-            conventional if weighting == "conventional" else float(footprint.weight(max(distance_m, _NEAREST_M)))
-        )
+        bare = math.exp(-distance_m / _CONVENTIONAL_REACH_M)
+        across *= bare if conventional else float(footprint.weight(max(distance_m, _NEAREST_M)))
     if math.isnan(group[0].top_cm):
         return across, own
     top, bottom = (np.array([getattr(core, name) for core in group]) for name in ("top_cm", "bottom_cm"))
-    if weighting == "conventional":
-        reach_cm = franz_depth_cm(water)
-        return across, own * np.maximum(1 - (top + bottom) / 2 / reach_cm, 0.0)
-    from_m = 0.0 if math.isnan(distance_m) else distance_m
-    reach_cm = float(footprint.depth_at_cm(from_m, density))
-    return across, own * _seen(top, bottom, reach_cm)
-
-
-def _seen(top_cm: Array, bottom_cm: Array, depth_cm: float) -> Array:
-    """Weight ``exp(-2 d / D86)`` of a depth (Schrön et al. 2017, appendix A), or its integral over a layer."""
-    thickness = 2 * (bottom_cm - top_cm) / depth_cm
-    layer = -np.expm1(-thickness) * depth_cm / 2
-    return np.asarray(np.exp(-2 * top_cm / depth_cm) * np.where(thickness > 0, layer, 1.0))
+    if conventional:
+        return across, own * np.maximum(1 - (top + bottom) / 2 / franz_depth_cm(footprint.water), 0.0)
+    reach_cm = float(footprint.depth_at_cm(0.0 if math.isnan(distance_m) else distance_m, density))
+    # exp(-2 d / D86) of a depth (Schrön et al. 2017, appendix A), or its integral over a layer
+    thickness = 2 * (bottom - top) / reach_cm
+    layer = -np.expm1(-thickness) * reach_cm / 2
+    return across, own * np.exp(-2 * top / reach_cm) * np.where(thickness > 0, layer, 1.0)
 
 
 def franz_depth_cm(water: float) -> float:
     """Depth D86 of Franz et al. (2012), equation 5 [cm]."""
     return 5.8 / (water + 0.0829)
-
-
-def _footprint(around: Surroundings, water: float) -> Footprint:
-    return Footprint(
-        water, around.humidity_gm3, around.pressure_hpa, around.vegetation_m, around.footprint_radius_m
-    )

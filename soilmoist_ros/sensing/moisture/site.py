@@ -7,7 +7,7 @@ from __future__ import annotations
 import logging
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from io import StringIO
@@ -59,16 +59,12 @@ class Soil(Section):
     @model_validator(mode="before")
     @classmethod
     def _bound_water(cls, values: Any) -> Any:
-        if not isinstance(values, dict):
-            return values
-        known = dict(values)
-        for water, source, of in (
-            ("lattice_water", "clay", lattice_water),
-            ("organic_water", "organic_carbon", organic_water),
-        ):
-            if isinstance(known.get(source), (int, float)):
-                known.setdefault(water, of(known[source]))
-        return known
+        known = dict(values) if isinstance(values, dict) else {}
+        if isinstance(clay := known.get("clay"), (int, float)):
+            known.setdefault("lattice_water", lattice_water(clay))
+        if isinstance(carbon := known.get("organic_carbon"), (int, float)):
+            known.setdefault("organic_water", organic_water(carbon))
+        return known if isinstance(values, dict) else values
 
 
 class Calibration(Section):
@@ -98,9 +94,17 @@ class Calibration(Section):
         """Curve from the rate to the moisture of a soil; the humidity is that to which rates are corrected
         [g/m^3].
         """
+        common = (
+            self.n0_cps,
+            soil.bulk_density_gcm3,
+            soil.lattice_water,
+            soil.organic_water,
+            self.n0_sd_cps or 0.0,
+            soil.bulk_density_sd_gcm3 or 0.0,
+        )
         if self.curve == "universal":
-            return _universal_curve(self, soil, reference_humidity_gm3)
-        return CalibrationCurve(*_common(self, soil))
+            return UniversalCurve(*common, reference_humidity_gm3, self.parameter_set)
+        return CalibrationCurve(*common)
 
 
 class Irrigation(Section):
@@ -180,11 +184,19 @@ class Site(Section):
 
     @property
     def corrections_parameters(self) -> Corrections:
-        """Parameters for :mod:`factors`; a correction switched off is neutral."""
+        """Parameters of the factors; a correction switched off is neutral."""
         parameters = self.corrections.parameters(self.location)
-        if self.humidity_method == "universal":
-            return replace(parameters, humidity_response=self._humidity_response)
-        return parameters
+        if self.humidity_method != "universal":
+            return parameters
+        # The response is relative, and N0 may be unknown.
+        unit = {"n0_cps": 1.0, "n0_sd_cps": None, "curve": "universal"}
+        calibration = (self.calibration or Calibration(n0_cps=1.0)).model_copy(update=unit)
+        soil = self.soil or Soil(bulk_density_gcm3=SIMULATED_DENSITY_GCM3)
+        curve = calibration.curve_of(soil, self.reference_humidity_gm3)
+        assert isinstance(curve, UniversalCurve)
+        return replace(
+            parameters, humidity_response=partial(curve.humidity_response, self.corrections.typical_vwc)
+        )
 
     @property
     def humidity_method(self) -> Literal["linear", "universal"]:
@@ -194,14 +206,6 @@ class Site(Section):
             return "linear"
         by_curve = self.calibration is not None and self.calibration.curve == "universal"
         return settings.method or ("universal" if by_curve else "linear")
-
-    @property
-    def _humidity_response(self) -> Callable[[float], float]:
-        unit = {"n0_cps": 1.0, "n0_sd_cps": None}  # the response is relative, and N0 may be unknown
-        calibration = (self.calibration or Calibration(n0_cps=1.0)).model_copy(update=unit)
-        soil = self.soil or Soil(bulk_density_gcm3=SIMULATED_DENSITY_GCM3)
-        curve = _universal_curve(calibration, soil, self.reference_humidity_gm3)
-        return partial(curve.humidity_response, self.corrections.typical_vwc)
 
     @property
     def reference_humidity_gm3(self) -> float:
@@ -252,22 +256,6 @@ class Site(Section):
         return self.calibration.curve_of(self.soil, self.reference_humidity_gm3)
 
 
-def _universal_curve(calibration: Calibration, soil: Soil, humidity_gm3: float) -> UniversalCurve:
-    return UniversalCurve(*_common(calibration, soil), humidity_gm3, calibration.parameter_set)
-
-
-def _common(calibration: Calibration, soil: Soil) -> tuple[float, float, float, float, float, float]:
-    """Parameters that all curves share, in order."""
-    return (
-        calibration.n0_cps,
-        soil.bulk_density_gcm3,
-        soil.lattice_water,
-        soil.organic_water,
-        calibration.n0_sd_cps or 0.0,
-        soil.bulk_density_sd_gcm3 or 0.0,
-    )
-
-
 def load_site(name_or_path: str | Path) -> Site:
     """Read a site file; a relative path of the intensity file starts at the site file's folder.
 
@@ -283,8 +271,8 @@ def load_site(name_or_path: str | Path) -> Site:
     path = resource("sites", name_or_path) if isinstance(name_or_path, str) else name_or_path
     site = load_model(path, Site)
     calibration = site.calibration
-    marked = calibration is not None and "illustrative" in (calibration.note or "")
-    if calibration is not None and marked and "illustrative" not in calibration.model_fields_set:
+    old = calibration is not None and "illustrative" not in calibration.model_fields_set
+    if calibration is not None and old and "illustrative" in (calibration.note or ""):
         _log.warning("%s: write 'illustrative: true' below 'calibration': the note will not count", path)
         site = site.model_copy(update={"calibration": calibration.model_copy(update={"illustrative": True})})
     intensity = site.corrections.intensity
@@ -340,21 +328,23 @@ def unusual_n0(n0_cps: float) -> str:
     low, high = USUAL_N0_CPS
     if low <= n0_cps <= high:
         return ""
-    per = ((time, n0_cps / time_s) for time, time_s in OTHER_TIMES.items())
-    meant = [f"{n0:.4g} counts/s if it is per {time}" for time, n0 in per if low <= n0 <= high]
+    meant = [
+        f"{n0_cps / time_s:.4g} counts/s if it is per {time}"
+        for time, time_s in OTHER_TIMES.items()
+        if low <= n0_cps / time_s <= high
+    ]
     return f"N0 of {n0_cps:g} counts/s is unusual{': ' + ', '.join(meant) if meant else ''}"
 
 
 def n0_in_other_time(rate_cps: float, curve: MoistureCurve) -> str:
     """Doubt about an N0 per hour, minute or 10 s instead of per second; empty if the mean rate fits N0."""
     limits = soil_limits(curve.bulk_density_gcm3)
-    most, least = (float(curve.rate_cps(vwc)) / curve.n0_cps for vwc in (limits.dryness, limits.saturation))
-    if least <= rate_cps / curve.n0_cps <= most:
-        return ""
-    for time, time_s in OTHER_TIMES.items():
-        if least <= rate_cps * time_s / curve.n0_cps <= most:
-            meant = f"per {time}: {curve.n0_cps / time_s:.4g} counts/s"
-            return f"N0 of {curve.n0_cps:g} counts/s fits these counts if it is {meant}"
+    most, least = (float(curve.rate_cps(vwc)) for vwc in (limits.dryness, limits.saturation))
+    if not least <= rate_cps <= most:
+        for time, time_s in OTHER_TIMES.items():
+            if least <= rate_cps * time_s <= most:
+                meant = f"per {time}: {curve.n0_cps / time_s:.4g} counts/s"
+                return f"N0 of {curve.n0_cps:g} counts/s fits these counts if it is {meant}"
     return ""
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.moisture.cores import SoilCore, read_soil_cores
-from soilmoist_ros.sensing.moisture.footprint import Surroundings, franz_depth_cm, mean_of_cores
+from soilmoist_ros.sensing.moisture.footprint import Footprint, franz_depth_cm, mean_of_cores
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def test_the_revised_mean_agrees_with_an_independent_implementation():
         SoilCore(value, 1.4, 1.0, str(name), distances_m[name], at, at)
         for value, name, at in zip(vwc, profile, depth, strict=True)
     ]
-    around = Surroundings(humidity_gm3=7.0, pressure_hpa=960.0, vegetation_m=0.5)
+    around = Footprint(0.2, humidity_gm3=7.0, pressure_hpa=960.0, vegetation_m=0.5)
     theirs, _ = crnpy.nrad_weight(
         7.0, vwc, distances_m[profile], depth, profile, rhob=1.4, p=960.0, Hveg=0.5, tol=1e-11
     )
@@ -86,7 +86,7 @@ def test_the_revised_mean_of_real_cores_agrees_with_an_independent_implementatio
     theirs, _ = crnpy.nrad_weight(
         9.0, vwc, distance_m, np.array(middles), profiles, rhob=density, p=958.0, tol=1e-11
     )
-    around = Surroundings(humidity_gm3=9.0, pressure_hpa=958.0)
+    around = Footprint(0.2, humidity_gm3=9.0, pressure_hpa=958.0)
     assert mean_of_cores(points, "revised", around).vwc == pytest.approx(theirs, abs=1e-8)
     assert theirs == pytest.approx(0.273, abs=5e-4)
     assert mean_of_cores(cores, "revised", around).vwc == pytest.approx(0.296, abs=5e-4)  # whole layers
@@ -95,7 +95,7 @@ def test_the_revised_mean_of_real_cores_agrees_with_an_independent_implementatio
 def test_conventional_weights_are_those_of_the_formulas():
     cores = [SoilCore(0.3, 1.4, 1.0, "a", 10.0, 5.0, 5.0), SoilCore(0.1, 1.4, 1.0, "a", 10.0, 15.0, 15.0)]
     cores += [SoilCore(0.2, 1.4, 1.0, "b", 137.0, 5.0, 5.0)]
-    mean = mean_of_cores(cores, "conventional", Surroundings(bound_water=0.02))
+    mean = mean_of_cores(cores, "conventional", bound_water=0.02)
     depth_cm = franz_depth_cm(mean.vwc + 0.028)
     upper, lower = max(1 - 5 / depth_cm, 0), max(1 - 15 / depth_cm, 0)
     first = (0.3 * upper + 0.1 * lower) / (upper + lower)
@@ -114,8 +114,8 @@ def test_a_thick_core_weighs_as_its_slices_and_the_thickness_does_not_change_its
 
 def test_a_shielded_probe_sees_the_near_cores():
     cores = [SoilCore(0.30, 1.4, distance_m=5.0), SoilCore(0.10, 1.4, distance_m=60.0)]
-    bare = mean_of_cores(cores, "revised", Surroundings()).vwc
-    shielded = mean_of_cores(cores, "revised", Surroundings(footprint_radius_m=10.0)).vwc
+    bare = mean_of_cores(cores, "revised", Footprint(0.2)).vwc
+    shielded = mean_of_cores(cores, "revised", Footprint(0.2, shield_radius_m=10.0)).vwc
     assert 0.295 < shielded < 0.30
     assert shielded > bare + 0.01
 
@@ -128,7 +128,7 @@ def test_a_shielded_probe_sees_the_near_cores():
 )
 def test_the_mean_lies_between_the_cores(rows, weighting, radius_m):
     cores = [SoilCore(vwc, 1.3, 1.0, str(n), at, depth, depth) for n, (vwc, at, depth) in enumerate(rows)]
-    around = Surroundings(footprint_radius_m=radius_m)
+    around = Footprint(0.2, shield_radius_m=radius_m)
     if weighting == "conventional":
         assume(min(depth for *_, depth in rows) < 5.8 / (0.6 + 0.0829))
     mean = mean_of_cores(cores, weighting, around).vwc
