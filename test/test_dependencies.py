@@ -11,6 +11,8 @@ import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent
 OWN = {"soilmoist_ros", "msg_adapters"}
 ROSDEP = (
@@ -62,6 +64,7 @@ def pip_names() -> set[str]:
     return {re.split(r"[<>=\[ ]", line)[0] for line in lines if line and not line.startswith("#")}
 
 
+@pytest.mark.slow
 def test_a_robot_has_what_the_product_imports():
     by_rosdep, by_pip = rosdep_keys(), pip_names()
     missing = {}

@@ -62,6 +62,7 @@ def anchors(page):
     return {re.sub(r"[^\w -]", "", title).strip().lower().replace(" ", "-") for title in titles}
 
 
+@pytest.mark.slow
 def test_package_xml_says_what_setup_py_says():
     root = ET.parse(ROOT / "package.xml").getroot()
     metadata = subprocess.run(
@@ -250,6 +251,7 @@ def test_the_messages_of_the_page_on_troubleshooting_exist():
     assert [part for each in quoted for part in re.split(r" ?\.\.\. ?", each) if part.strip() not in text] == []
 
 
+@pytest.mark.slow
 def test_every_dependency_is_listed_with_its_licence():
     check = subprocess.run([sys.executable, ROOT / "scripts/licences", "--check"], capture_output=True, text=True)
     assert check.returncode == 0, check.stdout

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.console.board import Board
-from soilmoist_ros.console.jobs import Jobs
+from soilmoist_ros.console.runs import Jobs
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping import RasterBands, opened_raster
 

@@ -13,9 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
-from soilmoist_ros.console.jobs import Jobs
 from soilmoist_ros.console.plan_work import Walk
-from soilmoist_ros.console.runs import run_of
+from soilmoist_ros.console.runs import Jobs, run_of
 from soilmoist_ros.console.visitors import who_of
 from soilmoist_ros.exploration import OperatorRequest
 from soilmoist_ros.foundation import InputError

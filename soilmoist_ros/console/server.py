@@ -21,11 +21,10 @@ from weakref import WeakSet
 
 from soilmoist_ros.console.background import BackgroundRoute
 from soilmoist_ros.console.board import Board, changes
-from soilmoist_ros.console.jobs import Jobs
 from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.plan_routes import PlanRoutes, SurveyFiles
 from soilmoist_ros.console.plan_work import Walk
-from soilmoist_ros.console.runs import RunRoutes
+from soilmoist_ros.console.runs import Jobs, RunRoutes
 from soilmoist_ros.console.visitors import COOKIE, Access, Controls, Visitor, request_from_json, who_of
 from soilmoist_ros.exploration import OperatorRequest, Reply
 from soilmoist_ros.foundation import InputError, optional_module

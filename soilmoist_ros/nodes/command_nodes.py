@@ -77,7 +77,7 @@ def _spinning(make: Callable[[Context], SomeNode], domain: int | None = None) ->
             yield node
         finally:
             ending.set()
-            thread.join(2.0)
+            thread.join()  # an executor that is shut down while it spins fails
             node.destroy_node()
     finally:
         executor.shutdown()

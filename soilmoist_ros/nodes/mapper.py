@@ -37,8 +37,7 @@ from msg_adapters import (
 )
 from soilmoist_ros.foundation import Batches, Health, InputError, Level, foreign_text, other_datum, read_json
 from soilmoist_ros.mapping import Field, MapState, MapWorker, Skip, SoilMap, map_health
-from soilmoist_ros.nodes.aside import Aside
-from soilmoist_ros.nodes.node_process import run
+from soilmoist_ros.nodes.node_process import Aside, run
 from soilmoist_ros.nodes.parameter_tables import MAPPER as PARAMETERS
 from soilmoist_ros.nodes.parameter_tables import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.parameters import Parameters, Value, other_namespaces

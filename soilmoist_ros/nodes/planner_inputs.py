@@ -49,7 +49,7 @@ from soilmoist_ros.exploration import (
 )
 from soilmoist_ros.foundation import Health, InputError, read_json
 from soilmoist_ros.mapping import Field
-from soilmoist_ros.nodes.aside import Soon
+from soilmoist_ros.nodes.node_process import Soon
 from soilmoist_ros.nodes.parameters import Parameters, other_namespaces
 from soilmoist_ros.nodes.topics import (
     DEFAULT,

@@ -29,7 +29,7 @@ from msg_adapters import (
 )
 from soilmoist_ros.exploration import Fence, Finish, MissionStatus, Polygons, Stop, Visit, keepout_mask
 from soilmoist_ros.foundation import Health, PlaneMove, foreign_text
-from soilmoist_ros.nodes.aside import Soon
+from soilmoist_ros.nodes.node_process import Soon
 from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, VISITS, interface_class
 from soilmoist_ros.sensing import DOUBTS, Doubt

@@ -25,8 +25,7 @@ from std_srvs.srv import Trigger
 from msg_adapters import diagnostics_to_message
 from soilmoist_ros.exploration import property_weights
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.nodes.aside import Aside
-from soilmoist_ros.nodes.node_process import run
+from soilmoist_ros.nodes.node_process import Aside, run
 from soilmoist_ros.nodes.parameter_tables import RECORDER as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.topics import DEFAULT, interface_class, offered_qos, quiet_node, requested_qos

@@ -31,8 +31,7 @@ from msg_adapters import (
 )
 from soilmoist_ros.foundation import InputError, LatLon, resource
 from soilmoist_ros.mapping import load_field
-from soilmoist_ros.nodes.aside import Soon
-from soilmoist_ros.nodes.node_process import run
+from soilmoist_ros.nodes.node_process import Soon, run
 from soilmoist_ros.nodes.parameter_tables import DRIVER_SETTINGS
 from soilmoist_ros.nodes.parameter_tables import SENSOR_DRIVER as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters

@@ -17,6 +17,7 @@ def check(*options):
     return CliRunner().invoke(main, ["check", *map(str, options)])
 
 
+@pytest.mark.slow
 def test_the_command_prints_what_it_understood(roving_record):
     result = check("--site", "gypsum_transect", "--log", roving_record)
     assert result.exit_code == 0, result.output
@@ -24,6 +25,7 @@ def test_the_command_prints_what_it_understood(roving_record):
     assert "  time        2018-05-01 14:14" in result.output
 
 
+@pytest.mark.slow
 def test_the_command_refuses_contradictions_and_options_that_do_not_fit(roving_record):
     result = check("--site", "gypsum_transect", "--log", roving_record, "--field", "example")
     assert result.exit_code == 2
@@ -217,6 +219,7 @@ def test_a_truth_is_shown_and_counts_per_hour_are_doubted(tmp_path):
     assert "a rate of 2.766 to 3.544 counts/s, a moisture of 0.10 to 0.28" in check("--field", "patches").output
 
 
+@pytest.mark.slow
 def test_records_that_cannot_be_corrected_have_their_reason(roving_record, tmp_path):
     log = roving_record.with_name("station_kansas_2021-10.dat")
     days = "".join(f"2021-10-{day} 00:00;150\n" for day in range(18, 30))

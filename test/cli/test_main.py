@@ -135,6 +135,7 @@ def test_calibration_is_written_into_the_site_file(survey, tmp_path):
     assert run("check", "--site", site).exit_code == 0
 
 
+@pytest.mark.slow
 def test_calibration_with_weights_and_the_universal_curve_in_a_window_of_time(survey, tmp_path):
     cores, site = tmp_path / "cores.csv", tmp_path / "site.yaml"
     cores.write_text("profile,distance_m,top_cm,bottom_cm,vwc\na,2,0,10,0.20\na,2,10,30,0.10\nb,8,0,10,0.18\n")
@@ -367,6 +368,7 @@ def test_the_missions_of_another_campaign_are_not_replaced(tmp_path):
     assert "has the results of another campaign" in result.output
 
 
+@pytest.mark.slow
 def test_a_wrong_reference_system_is_found_before_the_work(roving_record, tmp_path):
     result = run(
         "map", roving_record, "--site", "gypsum_transect", "--crs", "EPSG:27700", "--out", tmp_path / "out"

@@ -11,8 +11,7 @@ import time
 import pytest
 
 from soilmoist_ros.console.board import Board
-from soilmoist_ros.console.jobs import Jobs
-from soilmoist_ros.console.runs import RunRoutes, file_of, list_runs
+from soilmoist_ros.console.runs import Jobs, RunRoutes, file_of, list_runs
 from soilmoist_ros.foundation.errors import InputError
 
 

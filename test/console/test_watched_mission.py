@@ -35,6 +35,7 @@ def fetched(page, path):
         return reply.read()
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_map_the_robot_and_its_visits(tmp_path):
     with watched(tmp_path) as page:
         result = simulate_mission(SETTINGS, watch=page.show)

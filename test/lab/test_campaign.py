@@ -334,6 +334,7 @@ def test_what_is_missing_is_said_before_anything_is_computed(campaign, tmp_path,
     assert not counted.calls
 
 
+@pytest.mark.slow
 def test_a_result_of_another_mission_is_refused(campaign, fake, tmp_path):
     mission = missions(campaign)[0]
     store = mission_store.MissionStore(tmp_path / "runs")

@@ -232,6 +232,7 @@ def test_a_partfield_comes_before_its_obstacles(tmp_path):
     assert_is_field(written(tmp_path, isoxml(), "TASKDATA.XML"), 1, feature="1")
 
 
+@pytest.mark.slow
 def test_shapefiles_and_geopackages(tmp_path):
     pyogrio, shapely = pytest.importorskip("pyogrio"), pytest.importorskip("shapely")
     pyproj = pytest.importorskip("pyproj")

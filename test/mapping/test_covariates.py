@@ -108,6 +108,7 @@ def test_bands_by_number_and_name(tmp_path):
     np.testing.assert_allclose(inside[1], standardised(GRID.cells[:, 1]), atol=3e-3)
 
 
+@pytest.mark.slow
 def test_elevations_give_slope_and_wetness(tmp_path):
     path = write_raster(tmp_path / "relief.tif", function=lambda x, y: 0.002 * (x - 30) ** 2 + 0.02 * y, reach=150)
     sources = [
@@ -134,6 +135,7 @@ def test_elevations_give_slope_and_wetness(tmp_path):
     assert np.corrcoef(values["valley wetness"], -np.abs(x - 30))[0, 1] > 0.8
 
 
+@pytest.mark.slow
 def test_derived_values_need_no_cover_beyond_the_field(tmp_path):
     path = write_raster(tmp_path / "relief.tif", function=lambda x, y: 0.002 * (x - 30) ** 2, reach=31)
     assert read(f"{path}:slope").coverage(GRID)["relief slope"] > 0.97
@@ -281,6 +283,7 @@ def pipeline(path):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [virtual_raster, virtual_polygons, pipeline])
 @pytest.mark.parametrize("ending", ["tif", "geojson", "json", "gpkg", "shp", "fgb", "png", "vrt"])
 def test_no_file_leads_to_another_one(tmp_path, make, ending):
@@ -327,6 +330,7 @@ def test_what_the_text_of_a_source_means(tmp_path):
     assert str(CovariateSource.parse("b/a.tif:slope")) == "b/a.tif:slope"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("about", [(5000, 0), (2e6, 3e6)])
 def test_elevations_off_the_field_are_named(tmp_path, about):
     path = write_raster(tmp_path / "relief.tif", about=about)

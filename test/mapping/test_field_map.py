@@ -142,6 +142,7 @@ def test_the_variogram_is_fitted_to_every_record_at_first_and_rarely_later():
     assert len(set(searches[500:])) <= 2 + math.log(2) / math.log(1 + SEARCH_GROWTH)
 
 
+@pytest.mark.slow
 def test_between_searches_a_fit_has_the_direction_of_the_last_one():
     rng = np.random.default_rng(5)
     the_map, directions = field_map(merge_radius_m=0.0), {}
@@ -270,6 +271,7 @@ def test_a_quarantined_record_is_kept_in_the_track_and_out_of_the_map():
         assert one.samples.counts.tolist() == [40]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["strips", "smooth"])
 def test_a_footprint_to_which_the_counts_object_is_not_deconvolved(name):
     """Strips of 5 m, counted by a sensor that sees its own place, are too sharp for a footprint of 20 m."""

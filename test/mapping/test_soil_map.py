@@ -71,6 +71,7 @@ def test_no_samples_make_no_map():
         make_soil_map(Samples([], [], []), FIELD, MODEL)
 
 
+@pytest.mark.slow
 def test_cells_as_a_table_and_bands_over_their_axes():
     pytest.importorskip("pandas")
     soil_map = make_soil_map(survey(), FIELD, MODEL, CURVE)
@@ -129,6 +130,7 @@ def test_an_uncertain_calibration_widens_the_interval(part):
     assert bands.vwc_sd == plain.vwc_sd  # the common part shifts all places together
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(
     st.lists(st.floats(-2.0, 30.0), min_size=1, max_size=6),

@@ -29,7 +29,7 @@ import logging, sys, threading, time
 from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Empty, Trigger
-from soilmoist_ros.nodes.aside import Aside, Soon
+from soilmoist_ros.nodes.node_process import Aside, Soon
 from soilmoist_ros.nodes.topics import RECORDS
 from soilmoist_ros.nodes.node_process import run
 

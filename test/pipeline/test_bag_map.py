@@ -220,6 +220,7 @@ def test_bags_of_other_recorders(tmp_path, options, in_file):
     assert len(files) == 1
 
 
+@pytest.mark.slow
 def test_doubts_about_the_place_give_the_map_of_the_mapper(tmp_path):
     with BagReader(GOLDEN / "one_stop" / "bag") as reader:
         records = reader.read_counts()
@@ -335,6 +336,7 @@ def test_raw_lines_give_the_records_of_the_driver():
         assert one.effective_exposure_s == pytest.approx(other.effective_exposure_s)
 
 
+@pytest.mark.slow
 def test_topics_of_another_namespace_are_found_where_there_is_one_robot(tmp_path):
     """Records that were remapped into a separate namespace."""
     rename = lambda topic: "/sensor/counts" if topic == "/counts" else topic  # noqa: E731

@@ -96,6 +96,7 @@ def test_a_known_footprint_is_deconvolved_unless_the_site_says_no(tmp_path):
     assert open_survey("example").map.settings.footprint_radius_m == 0
 
 
+@pytest.mark.slow
 def test_covariates_from_texts_inform_the_map_and_are_inputs(tmp_path):
     import rasterio
     from rasterio.transform import Affine

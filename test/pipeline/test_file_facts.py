@@ -65,6 +65,7 @@ def test_a_field_far_from_any_town_may_have_swapped_coordinates(tmp_path):
             assert "with latitude and longitude swapped it is near Nettleham" in doubts[0]
 
 
+@pytest.mark.slow
 def test_a_site_shows_the_values_that_follow_from_its_place():
     found = list(site_findings(load_site("station_kansas")))
     assert texts(found, "cosmic rays") == ["cutoff rigidity 2.94 GV, atmospheric depth 979 g/cm2"]
@@ -127,6 +128,7 @@ def test_a_log_has_dates_tubes_place_and_rate(log):
     assert not texts(found, "doubt")
 
 
+@pytest.mark.slow
 def test_doubts_about_a_log(log):
     assert any("in the future" in text for text in texts(facts_of(log, now_s=1.5e9), "doubt"))
     calibration = KANSAS.calibration.model_copy(update={"n0_cps": 4.0})

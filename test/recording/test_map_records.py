@@ -79,6 +79,7 @@ def team(*names):
     return {name: Robot() for name in names}
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     robots=st.integers(2, 4), records=st.integers(1, 700), lost=st.floats(0.0, 0.9), seed=st.integers(0, 10_000)

@@ -27,6 +27,7 @@ def run() -> MapRun:
     return map_logs([STATION], MapSettings(site=resource("sites", "station_kansas")))
 
 
+@pytest.mark.slow
 def test_the_corrections_agree_with_crnpy() -> None:
     # crnpy was run on the eight records of 22 October until 16:00 (local time), with P0 976 hPa and L 130.
     pressure = {"beta_per_hpa": 1 / 130, "reference_hpa": 976.0}

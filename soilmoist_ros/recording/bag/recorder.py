@@ -116,9 +116,11 @@ class BagRecorder:
             return self._state
 
     def start(self) -> None:
-        """Start to record; does nothing while it records."""
+        """Start to record; while it waits to try again, it tries at once; does nothing while it records."""
         with self._changed:
             if self._state.recording:
+                if self._state.bag is None and self._state.problem:  # which may be over
+                    self._report(problem="")
                 return
             self._state = RecorderState(recording=True)
             self._stopping = False
@@ -183,9 +185,15 @@ class BagRecorder:
         while not self._stopping:
             started = time.monotonic()
             bag = self._turn(bag)
-            pause_s = self._retry_s if self.state.problem else self._flush_period_s
             with self._changed:
-                self._changed.wait_for(lambda: self._stopping, max(0.0, pause_s - (time.monotonic() - started)))
+                if self._state.problem:
+                    self._changed.wait_for(
+                        lambda: self._stopping or not self._state.problem,
+                        started + self._retry_s - time.monotonic(),
+                    )
+                else:
+                    pause_s = started + self._flush_period_s - time.monotonic()
+                    self._changed.wait_for(lambda: self._stopping, max(0.0, pause_s))
         bag = self._turn(bag)
         problem, unsafe = self.state.problem, 0
         with self._changed:

@@ -248,6 +248,7 @@ AISLE = TravelGraph(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("graph", [None, AISLE], ids=["free", "aisle"])
 def test_robots_that_meet_head_on_keep_apart_and_both_go_on(graph):
     robots = one, two = begun(Robot("/robot_1", (12.5, Y_M), graph), Robot("/robot_2", (47.5, Y_M), graph))
@@ -276,6 +277,7 @@ def test_three_robots_keep_apart_and_none_waits_for_ever(graph):
     assert not any(robot.shown.needs_operator for robot in robots)
 
 
+@pytest.mark.slow
 def test_a_stop_too_near_to_another_robot_is_not_chosen_and_a_way_leads_past_it():
     one, two = Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0))
     together([one, two], lambda: one.time_s > BEGIN_S + 5)

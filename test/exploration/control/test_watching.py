@@ -333,6 +333,7 @@ def test_an_empty_battery_ends_the_mission_where_the_robot_is(farm):
     assert not farm.control.command(Verb.START).accepted
 
 
+@pytest.mark.slow
 def test_the_way_home_is_reckoned_with_the_time_that_the_operator_gives():
     farm = Farm(budget_s=600.0).begin()
     assert farm.control.request(OperatorRequest(Verb.CHANGE, hours=1.0)).code is ReplyCode.ACCEPTED

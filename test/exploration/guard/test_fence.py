@@ -132,6 +132,7 @@ def test_rows_run_along_y_and_a_rim_is_kept_out():
     assert value(mask, 7, 6.5) == KEPT_OUT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side_m", [900.0, 1e5])
 def test_a_large_field_has_a_mask_of_larger_cells(side_m):
     corners = side_m * np.array([[0, 0], [1, 0], [1, 0.5], [0, 0.5]])

@@ -397,6 +397,7 @@ def test_a_limit_of_zero_ignores_the_battery():
     assert observed.alarms == []
 
 
+@pytest.mark.slow
 def test_reserve_of_charge():
     """10 % an hour: 40 % suffice for a way home of two hours, 30 % do not."""
     observed = Observed(WatchLimits(battery_silent_s=0.0), doing=replace(MISSION, way_home_s=7300.0))

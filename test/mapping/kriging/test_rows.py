@@ -94,6 +94,7 @@ def kriged(mission, grid, keep_nugget):
     return np.array([grid.to_raster(values) for values in kriging.predict(grid.cells)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "keep_nugget"), [("matern32", True), ("exponential", False), ("gaussian", True)]
 )

@@ -248,6 +248,7 @@ def test_a_small_message_does_not_become_many_records():
         points(one_byte)
 
 
+@pytest.mark.slow
 def test_a_small_bag_does_not_become_many_records(tmp_path, monkeypatch, caplog):
     message = bytes(STORE.serialize_cdr(cloud(np.zeros(5000, COUNTS)), CLOUD))
     with BagWriter(tmp_path / "bag") as writer:

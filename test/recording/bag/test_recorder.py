@@ -91,6 +91,19 @@ def test_messages_wait_until_a_bag_can_be_made(make, tmp_path):
     assert stamps(tmp_path / "out" / "run") == [START_NS]
 
 
+def test_a_second_start_tries_at_once_and_says_what_holds_now(make, tmp_path):
+    (tmp_path / "out").write_text("in the way")
+    recorder = make(new_bag=lambda: next_bag(tmp_path / "out", "run", "jazzy"), retry_s=60.0)
+    for _ in range(2):
+        recorder.start()
+        assert not recorder.wait_open(20)
+        assert "no recording can be made here" in recorder.state.problem
+    (tmp_path / "out").unlink()
+    recorder.start()
+    assert recorder.wait_open(20)
+    assert recorder.stop().problem == ""
+
+
 def test_what_is_too_much_to_wait_is_dropped_and_counted(make, tmp_path):
     (tmp_path / "out").write_text("in the way")
     recorder = make(
@@ -120,6 +133,7 @@ def fail_with(monkeypatch, code, meanwhile=lambda: None):
     return healed
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_up_within_a_batch_keeps_every_message_once_and_in_order(make, tmp_path, monkeypatch):
     """Large messages, so that the disk refuses the first of a batch while the others still wait."""
     large, all_wait, late = text_message(random.Random(1).randbytes(2_000_000).hex()), threading.Event(), [4]

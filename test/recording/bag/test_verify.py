@@ -120,6 +120,7 @@ def all_agree(path, tmp_path):
     return info.problems
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["", "FILE"])
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 @pytest.mark.parametrize("version", [4, 9])

@@ -121,6 +121,7 @@ def survey_of(name, seed, footprint_m, settings):
     return field_map.update(), float(possible_moisture(curve, field.rate_at(grid.cells)).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("footprint_m", "settings"),
     [

@@ -67,6 +67,7 @@ def test_each_property_has_its_layers(make_run, uncalibrated):
     np.testing.assert_allclose(shown[uncalibrated.grid.mask], uncalibrated.rate[uncalibrated.grid.mask], atol=1e-4)
 
 
+@pytest.mark.slow
 def test_large_maps_are_thinned_to_cells_of_the_map(make_run, the_map, map_of):
     soil = map_of(cell_m=0.08)
     data = data_of(make_run(soil_map=soil))

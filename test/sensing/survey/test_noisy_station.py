@@ -38,6 +38,7 @@ SITE = Site(
 CRNPY_CPS = 0.6614040529524622
 
 
+@pytest.mark.slow
 def test_a_noisy_tube_does_not_change_the_rate() -> None:
     log = read_log(DATA, LOGGER)
     assert log.records_lost == 0
@@ -54,6 +55,7 @@ def test_a_noisy_tube_does_not_change_the_rate() -> None:
     assert np.max([record.corrected_rate for record in survey.records]) < 1.4 * rate_cps
 
 
+@pytest.mark.slow
 def test_the_noise_is_listed_with_its_reason_and_the_index_of_dispersion() -> None:
     survey = process_logs([read_log(DATA, LOGGER)], SITE)
     found = Counter((problem.kind, problem.consequence) for problem in survey.problems)
@@ -66,6 +68,7 @@ def test_the_noise_is_listed_with_its_reason_and_the_index_of_dispersion() -> No
     assert float(index[2]) < 3
 
 
+@pytest.mark.slow
 def test_the_moisture_is_that_of_the_good_counts() -> None:
     """N0, bulk density and lattice water of this probe: Patrignani et al. 2021, Frontiers in Water 3:673185."""
     curve = CalibrationCurve(3767 / 3600, 1.33, lattice_water=0.034, organic_water=0.01)

@@ -49,6 +49,7 @@ def mistakes_of(path):
 # Shipped files
 
 
+@pytest.mark.slow
 def test_every_shipped_field_with_a_truth_can_be_simulated():
     loaded = []
     for name in resource_names("fields"):
@@ -201,6 +202,7 @@ def geotiff(path, value=plane, crs="EPSG:32630", names=("rate",), pixel_m=2.0, m
             raster.set_band_description(band, name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crs", ["EPSG:27700", "EPSG:3857"])
 def test_a_geotiff_in_another_reference_system_lies_in_its_place(tmp_path, crs):
     geotiff(tmp_path / "truth.tif", crs=crs)
@@ -209,6 +211,7 @@ def test_a_geotiff_in_another_reference_system_lies_in_its_place(tmp_path, crs):
     np.testing.assert_allclose(surrogate.rate_at(places), plane(*places.T), atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_band_of_moistures(tmp_path):
     geotiff(tmp_path / "truth.tif", lambda x, y: 0.1 + 0.002 * x, names=("other", "vwc"))
     surrogate = load_surrogate(write(tmp_path, "  grid: truth.tif\n  band: vwc\n" + CURVE))

@@ -50,6 +50,7 @@ def test_the_pattern_of_a_fixed_field_persists_and_every_survey_has_its_mean():
     assert abs(latest.mean() / present.mean() - 1) > 0.001
 
 
+@pytest.mark.slow
 def test_a_mission_has_the_same_truth_with_and_without_earlier_surveys():
     short = MissionSettings(field="smooth", hours=0.1, cell_m=6.0, strategy="random", random_field=True, seed=4)
     alone, informed = (simulate_mission(replace(short, earlier_surveys=count)) for count in (0, 2))

@@ -52,6 +52,7 @@ def test_no_two_sources_share_a_stream():
     assert len({*devices, *alone, *others}) == 15
 
 
+@pytest.mark.slow
 def test_counts_do_not_depend_on_the_noise_of_the_receiver():
     noisy, exact = (counts(replace(SETTINGS, position_sd_m=sd)) for sd in (0.05, 0.0))
     assert noisy == exact
