@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, __version__
-from soilmoist_ros.mapping import FieldGrid
+from soilmoist_ros.mapping import FieldChange, FieldGrid
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE
 from soilmoist_ros.reporting.geometry import field_polygon, inside_field
 
@@ -33,17 +33,21 @@ BANDS: dict[str, tuple[str, str]] = {
     "rate_sd": ("counts/s", "standard deviation of the corrected neutron count rate"),
 }
 """Unit and meaning of each band by its name, in the order of the file. A map without a curve has only the rate."""
+CHANGES: dict[str, tuple[str, str]] = {
+    "vwc_change": ("m3/m3", "change of the volumetric water content since the survey before"),
+    "vwc_change_sd": ("m3/m3", "standard deviation of the change of the volumetric water content"),
+    "rate_change": ("counts/s", "change of the corrected neutron count rate since the survey before"),
+    "rate_change_sd": ("counts/s", "standard deviation of the change of the corrected neutron count rate"),
+    "significant": (
+        "1",
+        "1 drier, -1 wetter than the survey before, 0 not significant "
+        f"(false discovery rate {FieldChange.FALSE_SHARE:g})",
+    ),
+}
+"""Unit and meaning of each band of a change by its name."""
 CELLS_AT_ONCE = 2**20
 """Many, since tiles of a large map that lie in two parts are computed twice."""
 MAX_CELLS = 25_000_000
-
-
-class CellBand(NamedTuple):
-    """A band: values, shape (ny, nx), their unit and what they are."""
-
-    values: NDArray[np.floating]
-    unit: str
-    meaning: str
 
 
 class ExportGrid(NamedTuple):
@@ -86,7 +90,6 @@ def write_geotiff(
     :param tags: more tags for the file
     :raises InputError: if the field has no place in ``crs``, or no raster of sensible size
     """
-    known = tags or {}
     names = [name for name in BANDS if soil_map.curve is not None or name.startswith("rate")]
     target = target_cells(soil_map, frame, frame.export_crs(crs))
     layers = np.full((len(names), target.y.size * target.x.size), np.nan, np.float32)
@@ -96,36 +99,27 @@ def write_geotiff(
         if inside.any():
             found = soil_map.evaluate(local[inside])
             layers[:, start + np.flatnonzero(inside)] = np.stack([getattr(found, name) for name in names])
-    bands = {}
-    for name, values in zip(names, layers.reshape(-1, target.y.size, target.x.size), strict=True):
-        unit, meaning = BANDS[name]
-        if known.get(CALIBRATION_TAG) == ILLUSTRATIVE and name.startswith("vwc"):
-            meaning = f"{meaning}, {ILLUSTRATIVE}"
-        bands[name] = CellBand(values, unit, meaning)
-    support = {"support": known["SOILMOIST_SUPPORT"]} if known.get("SOILMOIST_SUPPORT") else {}
-    return _write(path, target, bands, {**_map_tags(soil_map, frame), **known}, support, "average")
+    bands = dict(zip(names, layers.reshape(-1, target.y.size, target.x.size), strict=True))
+    support = (tags or {}).get("SOILMOIST_SUPPORT")
+    about = {**_map_tags(soil_map, frame), **(tags or {})}
+    return _write(path, target, bands, about, {"support": support} if support else {}, "average")
 
 
 def write_cell_raster(
-    path: Path,
-    soil_map: SoilMap,
-    frame: LocalFrame,
-    crs: CRS,
-    bands: Mapping[str, CellBand],
-    tags: Mapping[str, str] | None = None,
+    path: Path, soil_map: SoilMap, frame: LocalFrame, crs: CRS, bands: Mapping[str, Array], tags: Mapping[str, str]
 ) -> Path:
-    """Write rasters of a field's cells: each cell of the file has the value of the cell at its centre."""
+    """Write rasters of a field's cells: each cell of the file has the value of the cell at its centre.
+
+    :param bands: values of shape (ny, nx) by the names of :data:`BANDS` and :data:`CHANGES`
+    """
     target = target_cells(soil_map, frame, crs)
     cell = _cell_index(soil_map.grid, target.local()).reshape(target.y.size, target.x.size)
-    placed = {
-        name: band._replace(values=np.append(band.values.ravel(), np.nan)[cell].astype(np.float32))
-        for name, band in bands.items()
-    }
-    return _write(path, target, placed, {"AREA_OR_POINT": "Area", **(tags or {})}, {}, "nearest")
+    placed = {name: np.append(values.ravel(), np.nan)[cell].astype(np.float32) for name, values in bands.items()}
+    return _write(path, target, placed, {"AREA_OR_POINT": "Area", **tags}, {}, "nearest")
 
 
 def _write(
-    path: Path, target: ExportGrid, bands: Mapping[str, CellBand], tags: Mapping[str, str],
+    path: Path, target: ExportGrid, bands: Mapping[str, NDArray[np.float32]], tags: Mapping[str, str],
     band_tags: Mapping[str, str], overviews: str,
 ) -> Path:  # fmt: skip
     import rasterio
@@ -139,11 +133,14 @@ def _write(
         "overview_resampling": overviews, "bigtiff": "IF_SAFER",
     }  # fmt: skip
     with rasterio.open(path, "w", **profile) as raster:
-        raster.write(np.stack([band.values for band in bands.values()]))
-        for number, (name, band) in enumerate(bands.items(), start=1):
+        raster.write(np.stack(list(bands.values())))
+        for number, name in enumerate(bands, start=1):
+            unit, meaning = {**BANDS, **CHANGES}[name]
+            if tags.get(CALIBRATION_TAG) == ILLUSTRATIVE and name.startswith("vwc"):
+                meaning = f"{meaning}, {ILLUSTRATIVE}"
             raster.set_band_description(number, name)
-            raster.set_band_unit(number, band.unit)
-            raster.update_tags(number, long_name=band.meaning, units=band.unit, **band_tags)
+            raster.set_band_unit(number, unit)
+            raster.update_tags(number, long_name=meaning, units=unit, **band_tags)
         raster.update_tags(**tags)
     return path
 
@@ -165,7 +162,7 @@ def model_parameters(soil_map: SoilMap) -> dict[str, str | float]:
 def _map_tags(soil_map: SoilMap, frame: LocalFrame) -> dict[str, str]:
     """Origin of the map, the limits of the soil, and what the interval of the moisture contains."""
     curve, limits = soil_map.curve, soil_map.limits
-    parameters: dict[str, object] = {
+    parameters = {
         "datum": {"latitude_deg": frame.latitude_deg, "longitude_deg": frame.longitude_deg},
         "map_cell_m": float(soil_map.grid.cell_m),
         "n_samples": len(soil_map.samples.xy),
@@ -204,7 +201,12 @@ def target_cells(soil_map: SoilMap, frame: LocalFrame, crs: CRS) -> ExportGrid:
             f"the field has no place in the coordinate reference system '{crs.name}'",
             "choose one that covers the field, or none for the UTM zone of the field",
         )
-    step = _cell_size(soil_map.grid.cell_m, local.mean(axis=0), to_local, crs)
+    cell_m, (x0, y0) = soil_map.grid.cell_m, local.mean(axis=0)
+    if crs.is_projected:
+        step = np.full(2, cell_m / crs.axis_info[0].unit_conversion_factor)
+    else:
+        x, y = to_local.transform([x0, x0 + cell_m, x0], [y0, y0, y0 + cell_m], direction="INVERSE")
+        step = np.array([np.hypot(x[one] - x[0], y[one] - y[0]) for one in (1, 2)])
     first = np.floor(there.min(axis=0) / step + 1e-9)
     last = np.ceil(there.max(axis=0) / step - 1e-9)
     shape = np.maximum(last - first, 1)
@@ -216,15 +218,6 @@ def target_cells(soil_map: SoilMap, frame: LocalFrame, crs: CRS) -> ExportGrid:
     x = (first[0] + np.arange(shape[0]) + 0.5) * step[0]
     y = (first[1] + shape[1] - np.arange(shape[1]) - 0.5) * step[1]
     return ExportGrid(crs, x, y, (float(step[0]), float(step[1])), to_local)
-
-
-def _cell_size(cell_m: float, centre: Array, to_local: Transformer, crs: CRS) -> Array:
-    """About ``cell_m`` in the unit of the coordinate reference system, (x, y)."""
-    if crs.is_projected:
-        return np.full(2, cell_m / crs.axis_info[0].unit_conversion_factor)
-    x0, y0 = centre
-    x, y = to_local.transform([x0, x0 + cell_m, x0], [y0, y0, y0 + cell_m], direction="INVERSE")
-    return np.array([np.hypot(x[1] - x[0], y[1] - y[0]), np.hypot(x[2] - x[0], y[2] - y[0])])
 
 
 def _cell_index(grid: FieldGrid, xy: Array) -> NDArray[np.intp]:

@@ -64,9 +64,8 @@ class OpenedRun:
                     columns[key] = np.array([feature["properties"][key] for feature in found], float)
                     columns[key].shape = (len(found),)
         except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise InputError(
-                f"has a damaged sample: {error!s:.200}", REMEDY, self._file("samples", name, "geojson")
-            ) from None
+            file = self._file("samples", name, "geojson")
+            raise InputError(f"has a damaged sample: {error!s:.200}", REMEDY, file) from None
         return columns
 
     def features(self, name: str = "") -> list[dict[str, Any]]:
@@ -84,8 +83,9 @@ class OpenedRun:
     @cached_property
     def series(self) -> Columns:
         """Columns of ``series.csv``, each of shape (n,); empty without a mission."""
-        path = self.folder / "series.csv"
-        rows = _rows(path, lambda row: {name: float(text or "nan") for name, text in row.items()})
+        rows = _rows(
+            self.folder / "series.csv", lambda row: {name: float(text or "nan") for name, text in row.items()}
+        )
         return {name: np.array([row[name] for row in rows]) for name in (rows[0] if rows else ())}
 
     @cached_property
@@ -151,9 +151,8 @@ class OpenedRun:
 
 
 def open_run(folder: Path | str) -> OpenedRun:
-    """Open the output folder of a run.
+    """Open the output folder of ``map``, ``simulate``, ``replay`` or ``demo``.
 
-    :param folder: output folder of ``map``, ``simulate``, ``replay`` or ``demo``
     :raises InputError: if ``summary.json`` is missing or damaged
 
     >>> import tempfile
@@ -179,15 +178,13 @@ def _rows(path: Path, read: Callable[[dict[str, str]], Row]) -> list[Row]:
     """What is read of each row; nothing if there is no such file."""
     if not path.is_file():
         return []
-    found: list[Row] = []
     with path.open(encoding="utf-8", newline="") as stream:
         table = csv.DictReader(stream)
         try:
-            found.extend(map(read, table))
+            return list(map(read, table))
         except (ValueError, TypeError, csv.Error) as error:  # TypeError: more or fewer cells than columns
             mistake = Mistake(f"cannot be read: {error!s:.200}", REMEDY, path, table.line_num)
             raise InputError([mistake]) from None
-    return found
 
 
 def _visit(row: dict[str, str]) -> Visit:

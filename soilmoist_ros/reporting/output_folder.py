@@ -32,16 +32,7 @@ _LOG = logging.getLogger(__name__)
 _WORKSHOP = ".writing-"
 _LEFT_S = 3600.0
 """Age from which nobody writes such a folder any more [s]."""
-_PATTERNS = (
-    *NAMES,
-    *MISSION_NAMES,
-    SERIES_NAME,
-    "map_*.tif",
-    "change.tif",
-    "change_*.tif",
-    "samples_*.geojson",
-    "records_*.csv",
-)
+_FURTHER = ("map_*.tif", "change.tif", "change_*.tif", "samples_*.geojson", "records_*.csv")
 
 
 def require_writable(folder: Path) -> None:
@@ -83,21 +74,16 @@ def results_in(folder: Path) -> str:
 
 
 def require_free(folder: Path, overwrite: bool = False) -> None:
-    """Check an output folder before the work.
+    """Check an output folder, which need not exist, before the work; files with other names do not matter.
 
-    Files with other names than those of results do not matter: they stay as they are.
-
-    :param folder: output folder; need not exist
     :param overwrite: whether results of an earlier run may be replaced
     :raises InputError: if the folder cannot be written, has results that must not be replaced, or has files of
         others with the names of results
     """
     require_writable(folder)
-    held = results_in(folder)
-    if held and not overwrite:
-        raise InputError(
-            f"has {held}", "choose another output folder, or give --overwrite to replace them", folder
-        )
+    if (held := results_in(folder)) and not overwrite:
+        remedy = "choose another output folder, or give --overwrite to replace them"
+        raise InputError(f"has {held}", remedy, folder)
 
 
 def writable(names: Sequence[str]) -> tuple[str, ...]:
@@ -145,18 +131,15 @@ def earlier_outputs(folder: Path) -> set[str]:
 
 
 def remove_earlier(folder: Path, earlier: Iterable[str], kept: Iterable[str]) -> None:
-    """Remove results of an earlier run that a new run did not replace.
-
-    :param earlier: :func:`earlier_outputs` before the new run was written
-    :param kept: names that the new run has written
-    """
+    """Remove results of an earlier run, see :func:`earlier_outputs`, that a new run has not replaced."""
     for name in set(earlier) - set(kept):
         (folder / name).unlink(missing_ok=True)
 
 
 def _held(folder: Path) -> list[str]:
     """Names of results in a folder, whoever wrote them."""
-    return [path.name for pattern in _PATTERNS for path in sorted(folder.glob(pattern))]
+    patterns = (*NAMES, *MISSION_NAMES, SERIES_NAME, *_FURTHER)
+    return [path.name for pattern in patterns for path in sorted(folder.glob(pattern))]
 
 
 def _summary(folder: Path) -> dict[str, Any] | None:

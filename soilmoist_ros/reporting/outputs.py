@@ -15,13 +15,13 @@ import numpy as np
 
 from soilmoist_ros.exploration import property_name
 from soilmoist_ros.foundation import __version__
-from soilmoist_ros.mapping import FieldChange, FieldMap, FieldMapSettings
+from soilmoist_ros.mapping import FieldMap, FieldMapSettings
 from soilmoist_ros.pipeline import EARLIER, EarlierRun, FailedRun, LossRow, MapRun, run_change, simulated_runs
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import ExportedProperty
-from soilmoist_ros.reporting.geotiff import CellBand, write_cell_raster, write_geotiff
+from soilmoist_ros.reporting.geotiff import CHANGES, write_cell_raster, write_geotiff
 from soilmoist_ros.reporting.moisture_steps import at_one_place, write_moisture
 from soilmoist_ros.reporting.opened_run import OpenedRun
 from soilmoist_ros.reporting.output_folder import (
@@ -56,20 +56,16 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     Records that all lie at one place add ``moisture.csv``, a mission ``series.csv`` and ``visits.csv``. Each
     property after the first adds ``map_NAME.tif``, ``samples_NAME.geojson`` and ``records_NAME.csv``. Earlier
     surveys add ``change.tif``. Without the extra ``reports``, a warning names the GeoTIFFs, the report and the
-    project, which are left out.
-
-    The files are written to a hidden folder in ``folder`` and moved when all are complete. A reader never finds
-    half a file, nor files of different runs after a failure.
-    What a killed process left is removed, and results of an earlier run that this run has not.
+    project, which are left out. See :func:`replaced_together`.
 
     :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
     :raises InputError: if the folder cannot be written, or the field has no place in ``crs``
     """
-    names: tuple[str, ...] = NAMES if run.mission is None else NAMES + MISSION_NAMES
-    names += (SERIES_NAME,) if at_one_place(run) else ()
-    names += tuple(name for other in run.others for name in property_names(other.name))
-    names += tuple(_change_name(run, one) for one in run.properties if one.change is not None)
-    names = writable(names)
+    names = writable((
+        *NAMES, *(MISSION_NAMES if run.mission else ()), *((SERIES_NAME,) if at_one_place(run) else ()),
+        *(name for other in run.others for name in property_names(other.name)),
+        *(_change_name(run, one) for one in run.properties if one.change is not None),
+    ))  # fmt: skip
     target = run.frame.export_crs(crs) if "map.tif" in names else None
     with replaced_together(folder, names) as workshop:
         for number, one in enumerate(run.properties):
@@ -79,11 +75,18 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
             write_samples(workshop / of_samples, one)
             write_records(workshop / of_records, one.all_records)
             if one.change is not None and target is not None:
-                bands = change_bands(one.change.change)
+                change = one.change.change
+                bands = {name: np.asarray(getattr(change, name.replace("_change", ""))) for name in CHANGES
+                         if change.mean_vwc is not None or name[:3] != "vwc"}  # fmt: skip
                 tags = {**_tags(one), "SOILMOIST_CHANGE_SINCE": one.change.since.survey.name}
                 write_cell_raster(workshop / _change_name(run, one), one.soil_map, one.frame, target, bands, tags)
         if PROJECT_NAME in names:
-            write_run_project(workshop / PROJECT_NAME, run.field_name or run.title, _maps(workshop, run))
+            names_of = ("", *(other.name for other in run.others))
+            maps = [
+                ExportedProperty(name, one.label, *OpenedRun(workshop).raster(name), one.frame, {}, {})
+                for name, one in zip(names_of, run.properties, strict=True)
+            ]
+            write_run_project(workshop / PROJECT_NAME, run.field_name or run.title, maps)
         if "report.html" in names:
             write_report(workshop / "report.html", run)
         if at_one_place(run):
@@ -101,58 +104,31 @@ def property_names(name: str) -> tuple[str, str, str]:
     return f"map{end}.tif", f"samples{end}.geojson", f"records{end}.csv"
 
 
-def _maps(folder: Path, run: MapRun) -> list[ExportedProperty]:
-    """The maps of a run as its GeoTIFFs in a folder have them."""
-    opened = OpenedRun(folder)
-    names = ("", *(other.name for other in run.others))
-    return [
-        ExportedProperty(name, one.label, *opened.raster(name), one.frame, {}, {})
-        for name, one in zip(names, run.properties, strict=True)
-    ]
-
-
 def _change_name(run: MapRun, one: MapRun) -> str:
     """Name of the file with the change of a property."""
     return "change.tif" if one is run else f"change_{one.name}.tif"
 
 
-def change_bands(change: FieldChange) -> dict[str, CellBand]:
-    """Bands of the file with a change; those of the moisture need a calibration."""
-    sd = "its standard deviation"
-    signs = f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FieldChange.FALSE_SHARE:g}"
-    bands = {
-        "vwc_change": CellBand(change.vwc, "m3/m3", "change of the volumetric water content"),
-        "vwc_change_sd": CellBand(change.vwc_sd, "m3/m3", sd),
-        "rate_change": CellBand(change.rate, "counts/s", "change of the corrected neutron count rate"),
-        "rate_change_sd": CellBand(change.rate_sd, "counts/s", sd),
-        "significant": CellBand(change.significant, "1", signs),
-    }
-    return {name: band for name, band in bands.items() if change.mean_vwc is not None or name[:3] != "vwc"}
-
-
 def _tags(run: MapRun) -> dict[str, str]:
     """Origin of a map; begin and end of the survey unless the clock has no date."""
     begin, end = run.survey_start_utc, run.survey_end_utc
-    survey = (
-        {}
-        if begin is None or end is None
-        else {
-            "TIFFTAG_DATETIME": f"{begin:%Y:%m:%d %H:%M:%S}",
-            "SOILMOIST_SURVEY_START_UTC": f"{begin:%Y-%m-%dT%H:%M:%SZ}",
-            "SOILMOIST_SURVEY_END_UTC": f"{end:%Y-%m-%dT%H:%M:%SZ}",
-        }
-    )
-    return {
+    tags = {
         "SOILMOIST_SIMULATED": "yes" if run.simulated else "no",
         CALIBRATION_TAG: calibration_of(run),
         "SOILMOIST_CREATED_UTC": run.created,
         "SOILMOIST_FIELD": run.field_name,
         "SOILMOIST_SUPPORT": run.support_text,
         "SOILMOIST_RESOLUTION_M": f"{resolution_m(run.soil_map, run.footprint_radius_m or 0.0):.1f}",
-        **({"SOILMOIST_PROPERTY": run.name} if run.name else {}),
-        **survey,
-        **({"TIFFTAG_IMAGEDESCRIPTION": GUESSED} if calibration_of(run) == ILLUSTRATIVE else {}),
     }
+    if run.name:
+        tags["SOILMOIST_PROPERTY"] = run.name
+    if begin is not None and end is not None:
+        tags["TIFFTAG_DATETIME"] = f"{begin:%Y:%m:%d %H:%M:%S}"
+        tags["SOILMOIST_SURVEY_START_UTC"] = f"{begin:%Y-%m-%dT%H:%M:%SZ}"
+        tags["SOILMOIST_SURVEY_END_UTC"] = f"{end:%Y-%m-%dT%H:%M:%SZ}"
+    if calibration_of(run) == ILLUSTRATIVE:
+        tags["TIFFTAG_IMAGEDESCRIPTION"] = GUESSED
+    return tags
 
 
 # The output folder of a run without a map: report, summary and tables -------------------------------------------
@@ -161,8 +137,7 @@ def _tags(run: MapRun) -> dict[str, str]:
 def write_failed(folder: Path, failed: FailedRun) -> list[Path]:
     """Write ``summary.json``, ``report.html``, ``records.csv``; a mission adds ``series.csv``, ``visits.csv``.
 
-    Without the extra ``reports`` there is no ``report.html``; a warning says so.
-    Results of an earlier run in the folder are removed: they would pass for those of this one.
+    Without the extra ``reports``, a warning names the report, which is left out.
 
     :raises InputError: if the folder cannot be written
     """
@@ -188,11 +163,7 @@ def write_mission(
     created_utc: datetime | None = None,
     run: MapRun | None = None,
 ) -> list[Path]:
-    """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html``, ``records.csv``,
-    ``series.csv``, ``visits.csv``.
-
-    A mission without a map leaves only ``summary.json``, ``report.html``, ``records.csv``, ``series.csv`` and
-    ``visits.csv``; other results of an earlier mission in the folder are removed.
+    """Write the files of :func:`write_outputs`; without a map those of :func:`write_failed`.
 
     :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
     :param created_utc: creation time of the outputs; default now
@@ -234,15 +205,13 @@ def _write_series(
     """Write a run folder for each simulated earlier survey of the mission field; yields the folders."""
     mapped, settings = result.properties[0], result.settings
     assert mapped.soil_map is not None
-    grid = mapped.soil_map.grid
-    curve = mapped.soil_map.curve
+    grid, curve, name = mapped.soil_map.grid, mapped.soil_map.curve, property_name(settings.field_name)
     choices = FieldMapSettings.chosen(settings, curve=curve, footprint_radius_m=settings.footprint_m)
     for back, survey in enumerate(mapped.series, 1):
         field_map = FieldMap(grid, choices)
         field_map.set_records(survey.records)
         soil_map = field_map.update()
         assert soil_map is not None  # there are a hundred samples
-        name = property_name(settings.field_name)
         run = MapRun(
             soil_map=soil_map,
             frame=result.frame,

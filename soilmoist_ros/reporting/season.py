@@ -8,8 +8,9 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,8 +81,7 @@ class SeasonSettings:
     title: str | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class SeasonSurvey:
+class SeasonSurvey(NamedTuple):
     """A survey of the season, mapped with the counts of all.
 
     :param bands: its maps, each of shape (ny, nx)
@@ -167,8 +167,7 @@ def make_season(
     runs = read_earlier_runs(runs_at, target)
     progress("fitting the variogram", 0.0)
     variogram = _variogram(runs, settings.model, place.grid)
-    samples = [run.survey.samples for run in runs]
-    stamps = [run.survey.stamp_s for run in runs]
+    samples, stamps = [run.survey.samples for run in runs], [run.survey.stamp_s for run in runs]
     persistence = Persistence.estimate(variogram, samples, stamps)
     surveys, now = list[SeasonSurvey](), datetime.now(UTC)
     kriging, used = None, list[int]()
@@ -176,8 +175,7 @@ def make_season(
         progress(f"mapping {len(runs)} surveys", number / len(runs))
         wanted = _window(samples, stamps, number)
         if kriging is None or wanted != used:
-            used = wanted
-            matrix = persistence.matrix([stamps[one] for one in used])
+            used, matrix = wanted, persistence.matrix([stamps[one] for one in wanted])
             kriging = JointKriging(variogram, [samples[one] for one in used], matrix)
         before = used.index(number - 1) if number else None
         surveys.append(_mapped(run, kriging, place, used.index(number), before))
@@ -195,8 +193,8 @@ def _notes(runs: Sequence[EarlierRun], now: datetime, illustrative: bool) -> Ite
     for run in runs:
         for doubt in earlier_doubts(run, typical, now):
             yield f"The survey {run.survey.name} {doubt}"
-    kept = [run for run in runs if (run.path / SUMMARY).is_file()]
-    if informed := [run.survey.name for run in kept if read_summary(run.path).get("covariates")]:
+    kept = [run for run in runs if (run.path / SUMMARY).is_file() and read_summary(run.path).get("covariates")]
+    if informed := [run.survey.name for run in kept]:
         yield (
             f"Covariates inform the maps of {', '.join(informed)}, but not those of the season: it is made from "
             "counts alone."
@@ -213,13 +211,11 @@ def _mapped(
     rate, variance = maps[number]
     bands = make_bands(grid.to_raster(rate), grid.to_raster(variance), curve)
     mean = SurveysEstimate(float(rate.mean()), math.sqrt(kriging.mean(places, {number: share})[1]))
-    mean_vwc = None
+    mean_vwc = change = None
     if curve is not None:
         slopes = share * moisture_slope(curve, kriging.predict(places, number)[0])
-        mean_vwc = SurveysEstimate(
-            float(np.nanmean(bands.vwc)), math.sqrt(kriging.mean(places, {number: slopes})[1])
-        )
-    change = None
+        sd = math.sqrt(kriging.mean(places, {number: slopes})[1])
+        mean_vwc = SurveysEstimate(float(np.nanmean(bands.vwc)), sd)
     if before is not None:
         if curve is not None:
             maps[before] = kriging.predict(cells, before)
@@ -254,15 +250,14 @@ def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) ->
 
 def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
     """Field and calibration: those of files, else those of the last run that has a folder, or of the last bag."""
-    folders = [path for path in runs if (path / SUMMARY).is_file()]
-    about, home = dict[str, Any](), runs[-1]
-    if folders:
-        summaries = [(path, read_summary(path)) for path in folders]
-        home, about = max(summaries, key=lambda one: one[1].get("last_stamp_s") or 0.0)
+    summaries = [(path, read_summary(path)) for path in runs if (path / SUMMARY).is_file()]
+    home, about = max(
+        summaries, key=lambda one: one[1].get("last_stamp_s") or 0.0, default=(runs[-1], dict[str, Any]())
+    )
     field = load_field(settings.field) if settings.field else None
-    recorded = None if folders else read_run(home)
     curve, simulated = curve_of(about, home), bool(about.get("simulated"))
     illustrative, time_zone = curve is not None and is_illustrative(about), str(about.get("time_zone") or "")
+    recorded = None if summaries else read_run(home)
     if recorded is not None:
         mapper = read_parameters(configuration_of(bag_of(home)), "mapper")  # which read_run has found
         field = field or load_field(resource("fields", str(mapper["field"])))
@@ -275,16 +270,20 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
     if field is not None:
         name, frame = field.name, field.frame
         grid = _sized(field.grid, given_m, field.grid(given_m))
+    elif (datum := about.get("datum")) is None:
+        raise InputError("does not say where its datum lies", "give the field file with --field", home)
     else:
-        name, frame = str(about.get("field") or "the field"), _frame(about, home)
-        rings, holes = _rings(home, frame)
-
-        def make(cell_m: float) -> FieldGrid:
-            return FieldGrid.from_polygon(rings, cell_m, holes)
-
+        name, frame = about.get("field") or "the field", LocalFrame(datum["latitude_deg"], datum["longitude_deg"])
+        make = partial(_grid, *_rings(home, frame))
         grid = _sized(make, given_m, make(given_m or float(about.get("cell_m") or 1.0)))
     names = [str(one.get("name", "")) for one in about.get("properties") or ()]
-    return SeasonField(name, frame, grid, curve, names[0] if names else "", simulated, illustrative, time_zone)
+    return SeasonField(
+        str(name), frame, grid, curve, names[0] if names else "", simulated, illustrative, time_zone
+    )
+
+
+def _grid(rings: list[Array], holes: list[Array], cell_m: float) -> FieldGrid:
+    return FieldGrid.from_polygon(rings, cell_m, holes)
 
 
 def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: FieldGrid) -> FieldGrid:
@@ -296,13 +295,6 @@ def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: Fiel
     if given_m is not None or cells <= USUAL_CELLS:
         return grid
     return make(grid.cell_m * math.ceil(math.sqrt(cells / USUAL_CELLS)))
-
-
-def _frame(about: dict[str, Any], path: Path) -> LocalFrame:
-    datum = about.get("datum")
-    if datum is None:
-        raise InputError("does not say where its datum lies", "give the field file with --field", path)
-    return LocalFrame(datum["latitude_deg"], datum["longitude_deg"])
 
 
 def _rings(path: Path, frame: LocalFrame) -> tuple[list[Array], list[Array]]:

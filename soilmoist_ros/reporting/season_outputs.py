@@ -20,7 +20,7 @@ from soilmoist_ros.pipeline import EarlierRun, local_time
 from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
-from soilmoist_ros.reporting.geotiff import BANDS, CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
+from soilmoist_ros.reporting.geotiff import BANDS, CHANGES, CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.output_folder import replaced_together
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, limits_of
 from soilmoist_ros.reporting.page.frame import number, percent, render_page
@@ -42,19 +42,6 @@ from soilmoist_ros.reporting.text_files import write_json, write_table
 Array = NDArray[np.float64]
 
 NAMES = (SUMMARY, "report.html", "season.nc", "season.csv")
-LAYERS = {
-    **{name: (UNITS[unit], meaning) for name, (unit, meaning) in BANDS.items()},
-    "vwc_change": ("1", "change of the volumetric water content since the survey before"),
-    "vwc_change_sd": ("1", "standard deviation of the change of the volumetric water content"),
-    "rate_change": ("s-1", "change of the corrected neutron count rate since the survey before"),
-    "rate_change_sd": ("s-1", "standard deviation of the change of the corrected neutron count rate"),
-    "significant": (
-        "1",
-        "1 drier, -1 wetter than the survey before, 0 not significant "
-        f"(false discovery rate {FieldChange.FALSE_SHARE:g})",
-    ),
-}
-"""Unit and meaning of each variable of the NetCDF file."""
 
 
 def write_season(folder: Path, season: Season) -> list[Path]:
@@ -74,7 +61,7 @@ def write_season(folder: Path, season: Season) -> list[Path]:
 def estimate_text(survey: SeasonSurvey) -> str:
     """Mean of a survey with its interval, and the change since the one before, on one line."""
     moist = survey.mean_vwc is not None
-    text = f"{_interval(_mean(survey, moist), moist)} {'% by volume' if moist else 'counts/s'}"
+    text = f"{_interval(_mean(survey, moist), moist)} {PERCENT if moist else 'counts/s'}"
     if survey.change is not None:
         text += f", change {_interval(_mean(survey.change, moist), moist, '+')}"
     return text
@@ -129,31 +116,21 @@ def _calibration(season: Season) -> str:
 
 def rows(season: Season) -> list[dict[str, Any]]:
     """One row per survey; undefined values are ``None``."""
-    return [
-        {**_row(*one), "calibration": _calibration(season)}
-        for one in zip(season.labels, season.surveys, strict=True)
-    ]
-
-
-def _row(label: str, survey: SeasonSurvey) -> dict[str, Any]:
-    run, change = survey.run, survey.change
-    end = datetime.fromtimestamp(run.survey.stamp_s, UTC) if run.date else None
-    drier, wetter = change.shares if change else (None, None)
-    return {
-        "survey": run.survey.name,
-        "label": label,
-        "end_utc": None if end is None else f"{end:%Y-%m-%dT%H:%M:%SZ}",
-        "end_stamp_s": run.survey.stamp_s,
-        "records": len(run.records),
-        "samples": len(run.survey.samples),
-        **_columns("mean_rate_cps", survey.mean_rate),
-        **_columns("mean_vwc", survey.mean_vwc),
-        **_columns("change_rate_cps", change.mean_rate if change else None),
-        **_columns("change_vwc", change.mean_vwc if change else None),
-        "drier_share": drier,
-        "wetter_share": wetter,
-        "remarks": " ".join(run.remarks),
-    }
+    found = []
+    for label, survey in zip(season.labels, season.surveys, strict=True):
+        run, change = survey.run, survey.change
+        end = f"{datetime.fromtimestamp(run.survey.stamp_s, UTC):%Y-%m-%dT%H:%M:%SZ}" if run.date else None
+        drier, wetter = change.shares if change else (None, None)
+        found.append({
+            "survey": run.survey.name, "label": label, "end_utc": end, "end_stamp_s": run.survey.stamp_s,
+            "records": len(run.records), "samples": len(run.survey.samples),
+            **_columns("mean_rate_cps", survey.mean_rate), **_columns("mean_vwc", survey.mean_vwc),
+            **_columns("change_rate_cps", change.mean_rate if change else None),
+            **_columns("change_vwc", change.mean_vwc if change else None),
+            "drier_share": drier, "wetter_share": wetter, "remarks": " ".join(run.remarks),
+            "calibration": _calibration(season),
+        })  # fmt: skip
+    return found
 
 
 def _columns(name: str, estimate: SurveysEstimate | None) -> dict[str, float | None]:
@@ -182,23 +159,23 @@ def write_stack(path: Path, season: Season) -> Path:
     of_time = {"standard_name": "time", "long_name": f"end of the survey{clock}", **CLOCK, "axis": "T"}
     variables: dict[str, Variable] = {"time": (stamps, ("time",), of_time)}
     variables |= axes(grid.x_m, grid.y_m, season.frame.crs, places)
-    for name, (unit, meaning) in LAYERS.items():
+    for name, (unit, meaning) in {**BANDS, **CHANGES}.items():
         moist = name.startswith("vwc")
         if season.curve is not None or not moist:
             guessed = f", {ILLUSTRATIVE}" if season.illustrative and moist else ""
-            stack = np.stack([layer_of(survey, name) for survey in season.surveys])
-            variables[name] = raster(stack, ("time", "y", "x"), unit, meaning + guessed, coordinates="lat lon")
+            variables[name] = raster(
+                stack(season, name), ("time", "y", "x"), UNITS.get(unit, unit), meaning + guessed,
+                coordinates="lat lon",
+            )  # fmt: skip
     return write_netcdf_file(path, variables, about)
 
 
-def layer_of(survey: SeasonSurvey, name: str) -> Array:
-    """A raster of a survey by its name in :data:`LAYERS`; NaN where it does not exist."""
-    if name in survey.bands._fields:
-        return np.asarray(getattr(survey.bands, name), float)
-    change = survey.change
-    if change is None:
-        return np.full(survey.bands.rate.shape, np.nan)
-    return np.asarray(getattr(change, name.replace("_change", "")), float)
+def stack(season: Season, name: str) -> Array:
+    """A raster of all surveys by its name in the NetCDF file; NaN where it does not exist."""
+    if name in BANDS:
+        return np.stack([np.asarray(getattr(one.bands, name), float) for one in season.surveys])
+    nothing, of_change = np.full(season.grid.shape, np.nan), name.replace("_change", "")
+    return np.stack([getattr(one.change, of_change) if one.change else nothing for one in season.surveys])
 
 
 # The page of a season: maps with a time slider, the course of the mean, and the course at a chosen place --------
@@ -250,22 +227,19 @@ def _layers(season: Season) -> Iterator[dict[str, Any]]:
     surveys, mask = season.surveys, season.grid.mask
     step = thinning(mask.shape)
 
-    def layer(key: str, stack: Array, **more: Any) -> dict[str, Any]:
-        rasters = np.where(mask, stack, np.nan)[:, ::step, ::step]
+    def layer(key: str, values: Array, **more: Any) -> dict[str, Any]:
+        rasters = np.where(mask, values, np.nan)[:, ::step, ::step]
         return {"key": key, "grid": 0, "maps": [pack(one) for one in rasters], **more}
 
-    def stack(name: str) -> Array:
-        return np.stack([layer_of(one, name) for one in surveys])
-
-    moist, rate, rate_sd = season.curve is not None, stack("rate"), stack("rate_sd")
-    vwc_sd = 100 * stack("vwc_sd")
+    moist, rate, rate_sd = season.curve is not None, stack(season, "rate"), stack(season, "rate_sd")
+    vwc_sd = 100 * stack(season, "vwc_sd")
     if moist:
-        vwc, unit = 100 * stack("vwc"), f"{PERCENT}, {ILLUSTRATIVE}" if season.illustrative else PERCENT
+        vwc, unit = 100 * stack(season, "vwc"), f"{PERCENT}, {ILLUSTRATIVE}" if season.illustrative else PERCENT
         look = shown_as("Soil moisture", unit, 1, WATER, colour_limits(vwc, vwc_sd))
         yield layer("vwc", vwc, **look, sd="vwc_sd", fixed=FIXED_VWC, about="Pale is dry, dark blue is wet.")
     look = shown_as("Neutron rate", "counts/s", 2, RATE, colour_limits(rate, rate_sd))
     yield layer("rate", rate, **look, sd="rate_sd", about="More neutrons mean drier soil.")
-    change = 100 * stack("vwc_change") if moist else stack("rate_change")
+    change = 100 * stack(season, "vwc_change") if moist else stack(season, "rate_change")
     if np.isfinite(change).any():
         most = colour_limits(np.abs(change))[1]
         style = (PERCENT, 1, DIFFERENCE) if moist else ("counts/s", 2, f"{DIFFERENCE}_r")
@@ -294,29 +268,19 @@ def mean_chart(season: Season) -> Chart:
     low, high = factor * np.array([one.interval95 for one in means]).T
     days, labels = season.days, season.labels
     quantity = "mean moisture [% by volume]" if moist else "mean rate [counts/s]"
-    shown = _spaced(days)
+    shown = [0]  # labels need room: a sixth of the season
+    for one in range(1, len(days)):
+        if days[one] - days[shown[-1]] >= max(float(np.ptp(days)) / 6, 1e-9):
+            shown.append(one)
     return Chart(
-        "mean",
-        "Mean of the field",
+        "mean", "Mean of the field",
         f"{quantity} of {len(days)} surveys, from {value[0]:.3g} to {value[-1]:.3g}.",
         [Area(days, low, high), Line(days, value), Dots(days, value, size_px=7.0)],
-        limits_of(days),
-        limits_of(low, high),
-        "survey",
-        quantity,
+        limits_of(days), limits_of(low, high), "survey", quantity,
         "The band is the 95 % interval from counting and interpolation; an error of the calibration shifts all "
         "surveys alike. More neutrons mean drier soil.",
         x_ticks=[(float(days[one]), labels[one]) for one in shown],
-    )
-
-
-def _spaced(days: Array) -> list[int]:
-    """Surveys whose labels have room: the first, and each that is a sixth of the season after the last one."""
-    shown, least = [0], float(np.ptp(days)) / 6
-    for one in range(1, len(days)):
-        if days[one] - days[shown[-1]] >= max(least, 1e-9):
-            shown.append(one)
-    return shown
+    )  # fmt: skip
 
 
 def _lead(season: Season) -> str:
@@ -335,7 +299,7 @@ def _rows(season: Season) -> Iterator[dict[str, str]]:
     moist = season.curve is not None
     for label, survey in zip(season.labels, season.surveys, strict=True):
         change = survey.change
-        drier, wetter = change.shares if change else (float("nan"), float("nan"))
+        drier, wetter = change.shares if change else (None, None)
         yield {
             "label": label,
             "name": survey.run.survey.name,

@@ -7,7 +7,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any
@@ -100,21 +100,17 @@ def sample_times(run: MapRun) -> NDArray[np.float64]:
     from scipy.spatial import cKDTree
 
     samples = run.soil_map.samples
-    table = np.array(
-        [
-            (record.x_m, record.y_m, record.stamp_s - record.exposure_s, record.stamp_s, record.raw_counts)
-            for record in run.track
-            if not record.quarantine
-        ]
-    ).reshape(-1, 5)
-    table = table[np.isfinite(table[:, :2]).all(axis=1)]
+    used = [
+        (one.x_m, one.y_m, one.stamp_s - one.exposure_s, one.stamp_s, one.raw_counts)
+        for one in run.track
+        if not one.quarantine and math.isfinite(one.x_m + one.y_m)
+    ]
+    table = np.array(used, float).reshape(-1, 5)
     if run.mission is not None and table[:, 4].sum() > samples.counts.sum():
         visits = [(visit.arrival_stamp_s, visit.end_stamp_s) for visit in run.mission.visits]
         during = [(table[:, 2] >= begin - 1e-3) & (table[:, 3] <= end + 1e-3) for begin, end in visits]
         table = table[np.any(during, axis=0)] if during else table[:0]
-    times = np.column_stack(
-        [np.full(len(samples), np.inf), np.full(len(samples), -np.inf), np.zeros(len(samples))]
-    )
+    times = np.tile([np.inf, -np.inf, 0.0], (len(samples), 1))
     if len(table) and len(samples):
         nearest = cKDTree(samples.xy).query(table[:, :2])[1]
         np.minimum.at(times[:, 0], nearest, table[:, 2])
@@ -142,24 +138,14 @@ def samples_collection(run: MapRun) -> dict[str, Any]:
     line for each robot that moved) or ``sample`` (point). Undefined values, such as the
     moisture of a rate below the curve, are ``null``. ``calibrated`` says what moisture rests on.
     """
-    samples = _sample_features(run)
-    shapes = [_field_feature(run), *_no_go_features(run)]
-    tracks = run.tracks_xy
-    moved = [track for track in tracks if len(np.unique(track, axis=0)) > 1]
-    if moved:
-        shapes.append(_track_feature(run, moved))
-    points = np.vstack([*rings(run.soil_map), *tracks, run.soil_map.samples.xy])
-    collection = {
-        "type": "FeatureCollection",
-        "bbox": _bounding_box(run.frame, points),
-        "features": shapes + samples,
-    }
-    return dict(jsonable(collection))
+    points = np.vstack([*rings(run.soil_map), *run.tracks_xy, run.soil_map.samples.xy])
+    features = [*_shape_features(run), *_sample_features(run)]
+    bbox = _bounding_box(run.frame, points)
+    return dict(jsonable({"type": "FeatureCollection", "bbox": bbox, "features": features}))
 
 
 def _sample_features(run: MapRun) -> list[dict[str, Any]]:
-    samples, curve = run.soil_map.samples, run.soil_map.curve
-    calibrated = calibration_of(run)
+    samples, curve, calibrated = run.soil_map.samples, run.soil_map.curve, calibration_of(run)
     counts, exposure = np.asarray(samples.counts, float), np.asarray(samples.exposure_s, float)
     rate = counts / exposure
     rate_sd = np.where(counts > 0, np.sqrt(counts) / exposure, np.nan)
@@ -170,72 +156,40 @@ def _sample_features(run: MapRun) -> list[dict[str, Any]]:
     lon_lat = _lon_lat(run.frame, samples.xy)
     begin, end, n_records = sample_times(run).T
     return [
-        {
-            "type": "Feature",
-            "id": f"sample-{i + 1}",
-            "geometry": {"type": "Point", "coordinates": lon_lat[i].tolist()},
-            "properties": {
-                "kind": "sample",
-                "raw_counts": round(float(counts[i])),
-                "effective_exposure_s": round(float(exposure[i]), 3),
-                "rate_cps": rate[i],
-                "rate_sd_cps": rate_sd[i],
-                "vwc": vwc[i],
-                "vwc_sd": vwc_sd[i],
-                "vwc_p05": interval.vwc_p05[i],
-                "vwc_p95": interval.vwc_p95[i],
-                "n_records": round(n_records[i]),
-                "first_stamp_s": begin[i],
-                "last_stamp_s": end[i],
-                "calibrated": calibrated,
-            },
-        }
+        _feature(
+            f"sample-{i + 1}", "sample", {"type": "Point", "coordinates": lon_lat[i].tolist()},
+            raw_counts=round(float(counts[i])), effective_exposure_s=round(float(exposure[i]), 3),
+            rate_cps=rate[i], rate_sd_cps=rate_sd[i], vwc=vwc[i], vwc_sd=vwc_sd[i],
+            vwc_p05=interval.vwc_p05[i], vwc_p95=interval.vwc_p95[i], n_records=round(n_records[i]),
+            first_stamp_s=begin[i], last_stamp_s=end[i], calibrated=calibrated,
+        )
         for i in range(len(rate))
-    ]
+    ]  # fmt: skip
 
 
-def _field_feature(run: MapRun) -> dict[str, Any]:
+def _shape_features(run: MapRun) -> Iterator[dict[str, Any]]:
+    """The field, its no-go areas, and the track of the robots that moved."""
+    from shapely.geometry import LineString, MultiLineString, Polygon
+
     polygon = field_polygon(run.soil_map)
-    properties = {
-        "kind": "field",
-        "name": run.field_name,
-        "site": run.site,
-        "area_m2": round(float(polygon.area), 1),
-        "simulated": run.simulated,
-        "calibrated": calibration_of(run),
-        "software": f"soilmoist_ros {run.version}".strip(),
-        "created_utc": run.created,
-    }
-    return {"type": "Feature", "id": "field", "geometry": _geometry(run.frame, polygon), "properties": properties}
+    yield _feature(
+        "field", "field", _geometry(run.frame, polygon), name=run.field_name, site=run.site,
+        area_m2=round(float(polygon.area), 1), simulated=run.simulated, calibrated=calibration_of(run),
+        software=f"soilmoist_ros {run.version}".strip(), created_utc=run.created,
+    )  # fmt: skip
+    for number, hole in enumerate(map(Polygon, run.soil_map.grid.holes), start=1):
+        geometry = _geometry(run.frame, right_handed(hole))
+        yield _feature(f"no-go-{number}", "no_go", geometry, area_m2=round(float(hole.area), 1))
+    moved = [track for track in run.tracks_xy if len(np.unique(track, axis=0)) > 1]
+    if moved:
+        stamps = [record.stamp_s for record in run.track]
+        geometry = _geometry(run.frame, LineString(moved[0]) if len(moved) == 1 else MultiLineString(moved))
+        about = {"n_records": len(run.track), "first_stamp_s": min(stamps), "last_stamp_s": max(stamps)}
+        yield _feature("track", "track", geometry, **about)
 
 
-def _no_go_features(run: MapRun) -> list[dict[str, Any]]:
-    from shapely.geometry import Polygon
-
-    shapes = enumerate(map(Polygon, run.soil_map.grid.holes), start=1)
-    return [
-        {
-            "type": "Feature",
-            "id": f"no-go-{number}",
-            "geometry": _geometry(run.frame, right_handed(shape)),
-            "properties": {"kind": "no_go", "area_m2": round(float(shape.area), 1)},
-        }
-        for number, shape in shapes
-    ]
-
-
-def _track_feature(run: MapRun, tracks: Sequence[NDArray[np.float64]]) -> dict[str, Any]:
-    from shapely.geometry import LineString, MultiLineString
-
-    stamps = [record.stamp_s for record in run.track]
-    properties = {
-        "kind": "track",
-        "n_records": len(run.track),
-        "first_stamp_s": min(stamps),
-        "last_stamp_s": max(stamps),
-    }
-    geometry = _geometry(run.frame, LineString(tracks[0]) if len(tracks) == 1 else MultiLineString(tracks))
-    return {"type": "Feature", "id": "track", "geometry": geometry, "properties": properties}
+def _feature(key: str, kind: str, geometry: dict[str, Any], **about: Any) -> dict[str, Any]:
+    return {"type": "Feature", "id": key, "geometry": geometry, "properties": {"kind": kind, **about}}
 
 
 def _unwrapped(frame: LocalFrame, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:

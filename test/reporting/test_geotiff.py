@@ -15,7 +15,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.reporting import write_geotiff
-from soilmoist_ros.reporting.geotiff import BANDS, CellBand, target_cells, write_cell_raster
+from soilmoist_ros.reporting.geotiff import BANDS, target_cells, write_cell_raster
 
 FRAME = LocalFrame(53.27, -0.52)
 
@@ -126,12 +126,11 @@ def test_crs_that_does_not_cover_the_field_is_refused(the_map, tmp_path):
 def test_every_cell_has_the_value_of_the_cell_at_its_centre(the_map, tmp_path):
     grid, crs = the_map.grid, FRAME.export_crs()
     x, y = np.meshgrid(grid.x_m, grid.y_m)
-    bands = {name: CellBand(values, "m", f"{name} of the cell") for name, values in (("east", x), ("north", y))}
-    bands["inside"] = CellBand(np.where(grid.mask, 1.0, 5.0), "1", "inside the field")
+    bands = {"rate": x, "rate_sd": y, "significant": np.where(grid.mask, 1.0, 5.0)}
     write_cell_raster(tmp_path / "cells.tif", the_map, FRAME, crs, bands, {"ABOUT": "cells"})
     with rasterio.open(tmp_path / "cells.tif") as file:
-        assert file.descriptions == ("east", "north", "inside")
-        assert file.units == ("m", "m", "1")
+        assert file.descriptions == ("rate", "rate_sd", "significant")
+        assert file.units == ("counts/s", "counts/s", "1")
         assert file.tags()["ABOUT"] == "cells"
         east, north, inside = file.read()
         rows, columns = np.nonzero(np.isfinite(east))
