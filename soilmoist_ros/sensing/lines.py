@@ -282,36 +282,39 @@ class RecordingSource:
         playback: PlaybackClock | None = None,
     ) -> None:
         self._uri = path.absolute().as_uri()
-        self._lines, _ = read_lines(path)
+        lines, _ = read_lines(path)
+        # One line ahead, and each once: `stamp_of` may remember earlier lines.
+        self._coming = ((line, None if stamp_of is None else stamp_of(line)) for line in lines)
+        self._next = next(self._coming, None)
         self._speed = speed
-        self._stamp_of = stamp_of
         self._playback = playback or PlaybackClock()
         self._number = self._playback.join()
         self._closed = threading.Event()
-        self._next = self._n_bytes = 0
-        self._stamp_s: float | None = None
-        self._looked_at = -1
+        self._n_lines = self._n_bytes = 0
 
     @property
     def status(self) -> LinkStatus:
         """State of the recording."""
-        state = LinkState.CONNECTED if self._next < len(self._lines) else LinkState.ENDED
+        state = LinkState.CONNECTED if self._next is not None else LinkState.ENDED
         if self._closed.is_set():
             state = LinkState.CLOSED
-        return LinkStatus(self._uri, state, connections=1, n_bytes=self._n_bytes, n_lines=self._next)
+        return LinkStatus(self._uri, state, connections=1, n_bytes=self._n_bytes, n_lines=self._n_lines)
 
     def read_line(self, timeout_s: float) -> bytes | None:
         """The next line if it is due in time, else ``None``."""
         if self._closed.is_set():
             return None
-        if self._next >= len(self._lines):
+        if self._next is None:
             self._playback.leave(self._number)
             self._closed.wait(timeout_s)
             return None
-        line = self._lines[self._next]
-        if not self._is_due(line, timeout_s) or self._closed.is_set():
+        line, stamp_s = self._next
+        if stamp_s is not None and not self._playback.is_due(self._number, stamp_s, self._speed, timeout_s):
             return None
-        self._next += 1
+        if self._closed.is_set():
+            return None
+        self._next = next(self._coming, None)
+        self._n_lines += 1
         self._n_bytes += len(line)
         return line
 
@@ -319,16 +322,6 @@ class RecordingSource:
         """Stop playing."""
         self._closed.set()
         self._playback.leave(self._number)
-
-    def _is_due(self, line: bytes, timeout_s: float) -> bool:
-        if self._stamp_of is None:
-            return True
-        if self._looked_at != self._next:  # each line once: `stamp_of` may remember earlier lines
-            self._looked_at = self._next
-            self._stamp_s = self._stamp_of(line)
-        if self._stamp_s is None:
-            return True
-        return self._playback.is_due(self._number, self._stamp_s, self._speed, timeout_s)
 
 
 # Files ----------------------------------------------------------------------------------------------------------

@@ -28,13 +28,8 @@ def plain_name(name: str) -> str:
     return re.sub(r"[^a-z0-9%]", "", name.casefold())
 
 
-def split_fields(logger: LoggerFormat, text: str) -> list[str]:
+def split_fields(text: str, delimiter: str) -> list[str]:
     """Fields of a line without blanks around them; a quoted field may contain the separator."""
-    return split_text(text, logger.delimiter)
-
-
-def split_text(text: str, delimiter: str) -> list[str]:
-    """Fields of a line; see :func:`split_fields`."""
     separator = _SEPARATORS[delimiter]
     if separator and '"' in text:
         try:
@@ -306,20 +301,29 @@ class HeaderReader:
         for key, value in header.values.items():
             self._set(key, value)
 
-    def takes(self, fields: Sequence[str]) -> bool:
+    def fields_of(self, text: str) -> list[str] | None:
+        """Fields of a line; ``None`` if it is part of the header, and was read."""
+        comment, bare = self._settings.comment, text.lstrip()
+        if comment and bare.startswith(comment):
+            self._take_comment(bare[len(comment) :])
+            return None
+        fields = split_fields(text, self._format.delimiter)
+        return None if self._takes(fields) else fields
+
+    def _takes(self, fields: list[str]) -> bool:
         """Read a line without a comment mark, and return whether it is part of the header."""
         starts_with_digit = fields[0][:1].isdigit()
         if self._lines_left and not starts_with_digit:
             first = self._lines_left == self._settings.lines_after_names
             self._lines_left -= 1
-            if first and self._settings.units_line and list(fields) != self.units:
-                self.units, self.is_new = list(fields), True
+            if first and self._settings.units_line and fields != self.units:
+                self.units, self.is_new = fields, True
             return True
         self._lines_left = 0
         if self._after_names and not any(any(map(str.isdigit, field)) for field in fields):
             # Units or kinds of values, of a table whose format does not announce them.
             if not self.units and any(map(canonical, fields)):
-                self.units, self.is_new = list(fields), True
+                self.units, self.is_new = fields, True
             return True
         self._after_names = False
         environment = self._settings.environment
@@ -332,9 +336,9 @@ class HeaderReader:
         self._take_names(list(fields))
         return True
 
-    def take_comment(self, text: str) -> None:
+    def _take_comment(self, text: str) -> None:
         """Read a line with a comment mark, given without the mark."""
-        names = split_fields(self._format, text)
+        names = split_fields(text, self._format.delimiter)
         while names and not names[-1]:
             names.pop()
         if not names:

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from typing import Literal
 from zoneinfo import ZoneInfo
@@ -31,6 +30,7 @@ Longitude = Literal["signed", "east", "west"]
 EARLIEST_S = 631_152_000.0  # 1990-01-01: clocks with an empty battery start in 1970 or 1980
 LATEST_S = 4_102_444_800.0  # 2100-01-01
 HALF_DAY_S = 43_200.0
+_NO_NUMBER = "write 'decimal: comma' in the logger format, or add a mark of missing values to its 'missing'"
 
 
 class LostRecordError(Exception):
@@ -207,7 +207,7 @@ class FieldReader:
             return self._assumed_live_time(period_s, "the live time is missing")
         if (number := self._number(fields, source)) is None:
             message = f"the live time {text[:40]!r} is not a number"
-            raise LostRecordError(Kind.NOT_A_NUMBER, message, source.name, _likely(text))
+            raise LostRecordError(Kind.NOT_A_NUMBER, message, source.name, _NO_NUMBER)
         live_s = source.convert(number)
         low, high = self._logger.live_time.range
         if live_s != 0 and not low <= live_s <= high:
@@ -239,7 +239,7 @@ class FieldReader:
             return NAN
         if (number := self._number(fields, source)) is None:
             message = f"the count {text[:40]!r} is not a number"
-            raise LostRecordError(Kind.NOT_A_NUMBER, message, source.name, _likely(text))
+            raise LostRecordError(Kind.NOT_A_NUMBER, message, source.name, _NO_NUMBER)
         if number in settings.sentinels or math.isnan(live_s):
             return NAN
         if number < 0:
@@ -279,9 +279,8 @@ class FieldReader:
                 continue
             if (number := self._number(fields, source)) is None:
                 unread = True
-                self._note(
-                    Kind.NOT_A_NUMBER, f"the {name} {text[:40]!r} is not a number", source.name, _likely(text)
-                )
+                message = f"the {name} {text[:40]!r} is not a number"
+                self._note(Kind.NOT_A_NUMBER, message, source.name, _NO_NUMBER)
             elif number in quantity.sentinels:
                 self._note(Kind.SENTINEL, f"the {name} {number:g} is the mark for a missing value", source.name)
             elif not low <= source.convert(number) <= high:
@@ -337,13 +336,8 @@ class FieldReader:
             value -= 360  # of an instrument that counts from 0 to 360
         if value is not None and abs(value) <= limit:
             return value
-        other = read_coordinate(written, not packed, decimal)
-        if other is not None and abs(other) <= limit:
-            notation = "degrees" if packed else "degrees_minutes"
-            remedy = f"as {notation} it is {other:.5f}: write 'notation: {notation}' below 'position' if all are"
-        else:
-            unread = read_number(written, decimal) is None
-            remedy = _likely(written) if unread else "check the columns of the position"
+        other = "degrees" if packed else "degrees_minutes"
+        remedy = f"check the columns and the notation of the position; {other} are read with 'notation: {other}'"
         message = f"{text[:40]!r} is no {name} within {limit:g} degrees"
         self._note(Kind.BAD_POSITION, message, source.name, remedy)
         return None
@@ -355,12 +349,3 @@ def _known(period_s: float | None) -> float:
         message = "neither a live time nor a record period is known"
         raise LostRecordError(Kind.NO_LIVE_TIME, message, remedy=remedy)
     return period_s
-
-
-def _likely(text: str) -> str:
-    """Advice on a text that is no number."""
-    if re.fullmatch(r"[+-]?\d+,\d+", text.strip(), re.ASCII):
-        return "if it has a decimal comma, write 'decimal: comma' in the logger format"
-    if re.fullmatch(r"[#*?A-Za-z./_-]+", text.strip(), re.ASCII):
-        return "if it marks a missing value, add it to 'missing' in the logger format"
-    return ""

@@ -213,11 +213,7 @@ class RecordParser:
             body = self._checked(line, complete) if self.format.checksum == "nmea" else line
             if not body:
                 return None
-            text, comment = decode_line(body), self.format.header.comment
-            if comment and text.lstrip().startswith(comment):
-                self._header.take_comment(text.lstrip()[len(comment) :])
-                return None
-            return self._read(text, complete)
+            return self._read(decode_line(body), complete)
         except LostRecordError as error:
             self._report(error.finding, lost=True)
             return None
@@ -258,7 +254,7 @@ class RecordParser:
     def _has_record(self, body: bytes) -> bool:
         """True if a text has the fields of a record and begins with its time."""
         layout = self.layout
-        fields = None if layout is None else layout.fit(split_fields(self.format, decode_line(body)))
+        fields = None if layout is None else layout.fit(split_fields(decode_line(body), self.format.delimiter))
         if layout is None or fields is None:
             return False
         return read_time(stamp_text(fields, layout), self.format.time.used_formats) is not None
@@ -285,10 +281,12 @@ class RecordParser:
 
     def _read(self, text: str, complete: bool) -> LoggerRecord | None:
         """The record of a line; ``None`` if it is part of the header."""
-        if not text.replace("\t", " ").strip("\ufeff").isprintable():
+        comment = self.format.header.comment
+        is_comment = comment and text.lstrip().startswith(comment)
+        if not is_comment and not text.replace("\t", " ").strip("\ufeff").isprintable():
             raise LostRecordError(Kind.UNREADABLE, "the line has bytes that are not text")
-        fields = split_fields(self.format, text)
-        if self._header.takes(fields):
+        fields = self._header.fields_of(text)
+        if fields is None:
             return None
         self._use_new_header()
         reader = self._reader

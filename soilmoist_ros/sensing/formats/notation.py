@@ -89,16 +89,13 @@ def settle(lines: Sequence[bytes], logger: LoggerFormat, path: Path) -> tuple[Lo
 
 
 def _rows(lines: Sequence[bytes], numbers: Sequence[int], logger: LoggerFormat) -> Iterator[Row]:
-    header, layout, comment = HeaderReader(logger), None, logger.header.comment
+    header, layout = HeaderReader(logger), None
     for number in numbers:
         text = decode_line(lines[number]).strip("\r\n")
         if len(text) > MAX_LINE or not text.strip():
             continue
-        if comment and text.lstrip().startswith(comment):
-            header.take_comment(text.lstrip()[len(comment) :])
-            continue
-        fields = split_fields(logger, text)
-        if header.takes(fields):
+        fields = header.fields_of(text)
+        if fields is None:
             continue
         if header.is_new:
             header.is_new = False
@@ -277,7 +274,7 @@ def header_candidates(logger: LoggerFormat, lines: Sequence[bytes]) -> list[list
         text = decode_line(line).strip()
         if logger.checksum == "nmea":
             text = text.partition("*")[0]
-        names = [name for name in split_fields(logger, text.removeprefix(comment)) if name]
+        names = [name for name in split_fields(text.removeprefix(comment), logger.delimiter) if name]
         if is_header(logger, names):
             found.append(names)
         elif found and names and plain_name(names[0]) in continued:

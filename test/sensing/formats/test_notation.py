@@ -159,7 +159,7 @@ def test_southern_letters_and_longitudes_to_360(tmp_path) -> None:
     assert "longitudes count from 0 to 360, as in line 2: '262.4' is -97.60000 degrees" in log.choices
 
 
-def test_one_odd_coordinate_is_named_with_its_value_line_and_likely_notation(tmp_path) -> None:
+def test_one_odd_coordinate_is_named_with_its_value_and_line(tmp_path) -> None:
     rows = [f"2024-05-01 10:0{n}:00,900,60,18,50,1000,{'5121.0' if n == 2 else '51.35'},12.4" for n in range(4)]
     log = read(tmp_path, "\n".join([FINAPP + ",latitude,longitude", *rows]) + "\n")
     assert [record.position is None for record in log.records] == [False, False, True, False]
@@ -167,7 +167,7 @@ def test_one_odd_coordinate_is_named_with_its_value_line_and_likely_notation(tmp
     assert problem.kind is Kind.BAD_POSITION
     assert (problem.mistake.line, problem.mistake.column) == (4, "latitude")
     assert "'5121.0' is no latitude" in problem.mistake.message
-    assert "as degrees_minutes it is 51.35000" in problem.mistake.remedy
+    assert "'notation: degrees_minutes'" in problem.mistake.remedy
 
 
 def test_a_time_zone_by_name_in_autumn_and_in_spring(tmp_path) -> None:
