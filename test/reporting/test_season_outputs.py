@@ -67,7 +67,7 @@ def test_every_file_says_that_a_calibration_is_a_guess(season, tmp_path):
 
 
 def test_without_a_calibration_there_is_no_moisture(season, tmp_path):
-    surveys = [replace(one, mean_vwc=None) for one in season.surveys]
+    surveys = [one._replace(mean_vwc=None) for one in season.surveys]
     bare = replace(season, curve=None, surveys=surveys)
     write_season(tmp_path, bare)
     with netcdf_file(tmp_path / "season.nc", mmap=False) as file:
@@ -93,7 +93,7 @@ def test_layers_have_a_map_of_every_survey_in_one_scale(season):
 
 
 def test_without_a_calibration_the_page_shows_the_rate(season):
-    bare = replace(season, curve=None, surveys=[replace(one, mean_vwc=None) for one in season.surveys])
+    bare = replace(season, curve=None, surveys=[one._replace(mean_vwc=None) for one in season.surveys])
     assert [layer["key"] for layer in season_data(bare)["layers"]] == ["rate", "change", "rate_sd"]
     assert "mean rate" in mean_chart(bare).y_label
     assert "counts/s" in render_season(bare)
@@ -109,7 +109,7 @@ def test_moisture_has_its_rate_in_brackets_and_the_map_comes_first(season):
 def test_surveys_have_their_end_in_utc_and_in_the_time_of_the_field(season):
     def dated(one):
         survey = replace(one.run.survey, stamp_s=one.run.survey.stamp_s + 1.75e9)  # 15:06:40 UTC and the mission
-        return replace(one, run=replace(one.run, survey=survey))
+        return one._replace(run=replace(one.run, survey=survey))
 
     there = replace(season, surveys=[dated(one) for one in season.surveys], time_zone="Australia/Sydney")
     page = render_season(there)
