@@ -11,9 +11,8 @@ import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from statistics import median
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,37 +134,20 @@ MAX_SPEED_MPS = 3.0  # speed above which a robot is not allowed for [m/s]
 _DIRECTIONS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 
 
-class Agreement(StrEnum):
+class FrameVerdict(NamedTuple):
     """Result of a comparison of TF and fixes."""
 
-    UNKNOWN = "unknown"
-    AGREE = "agree"
-    DISAGREE = "disagree"
-
-
-@dataclass(frozen=True, slots=True)
-class FrameVerdict:
-    """Result of a comparison."""
-
-    agreement: Agreement  # whether TF and fixes agree
+    agrees: bool | None  # ``None`` if that is not known
     message: str  # the result in words, with the remedy
-    east_m: float = math.nan  # median of TF minus fix, east [m]; NaN if unknown
-    north_m: float = math.nan  # the same, north [m]
+    offset_m: Place = (math.nan, math.nan)  # median of TF minus fix, east and north [m]; NaN if unknown
     limit_m: float = math.nan  # largest distance that agrees, with the allowance for motion [m]
     pairs: int = 0  # number of pairs compared
 
-    @property
-    def distance_m(self) -> float:
-        """Distance between the place by TF and the place by the fixes [m]."""
-        return math.hypot(self.east_m, self.north_m)
 
-
-@dataclass(frozen=True, slots=True)
-class _Pair:
+class _Pair(NamedTuple):
     now_s: float
-    fix_m: Place
-    tf_m: Place
-    """In the frame of the navigation."""
+    fix_m: Place  # in the plane of the field
+    tf_m: Place  # in the frame of the navigation
     delay_s: float
 
 
@@ -205,23 +187,21 @@ class FrameCheck:
         """Compare the latest pairs."""
         pairs = [pair for pair in self._pairs if now_s - pair.now_s <= PAIR_LIFE_S]
         if len(pairs) < MIN_PAIRS:
-            message = f"not checked yet: {len(pairs)} pairs of TF and fix of {MIN_PAIRS}"
-            return FrameVerdict(Agreement.UNKNOWN, message)
+            return FrameVerdict(None, f"not checked yet: {len(pairs)} pairs of TF and fix of {MIN_PAIRS}")
         back = self.move.inverse
         found = np.array([back.place(pair.tf_m) for pair in pairs]) - [pair.fix_m for pair in pairs]
         east_m, north_m = np.median(found, axis=0).tolist()
         delay_s = max(LATENCY_S, median(pair.delay_s for pair in pairs))
         limit_m = self._limit_m + delay_s * _speed_mps(pairs)
         away_m = math.hypot(east_m, north_m)
-        agreement, message = Agreement.AGREE, f"TF and fix agree within {away_m:.1f} m (limit {limit_m:.1f} m)"
+        message = f"TF and fix agree within {away_m:.1f} m (limit {limit_m:.1f} m)"
         if away_m > limit_m:
-            agreement = Agreement.DISAGREE
             message = (
                 f"TF places the robot {away_m:.1f} m {direction(east_m, north_m)} of its fix "
                 f"({east_m:.1f} m east, {north_m:.1f} m north; limit {limit_m:.1f} m): "
                 f"{self._remedy(found, (east_m, north_m))}"
             )
-        return FrameVerdict(agreement, message, east_m, north_m, limit_m, len(pairs))
+        return FrameVerdict(away_m <= limit_m, message, (east_m, north_m), limit_m, len(pairs))
 
     def fitted(self) -> PlaneMove | None:
         """Move from the field's plane to the navigation's frame that explains the pairs.
@@ -378,14 +358,11 @@ class RobotFrames:
         return f"the navigation's datum: a datum service, or {BASE_M:.0f} m driven by hand with TF and fixes"
 
     def take_transforms(self, transforms: Iterable[Transform], now_s: float) -> None:
-        """Take in transforms of TF at a time [s]."""
+        """Take in transforms of TF."""
         self._tree.add(transforms, now_s)
 
     def take_fix(self, fix: Fix, now_s: float) -> RobotPose | None:
-        """Take in a fix of the antenna.
-
-        :returns: the robot's pose; ``None`` without a fix, or on another side of the earth
-        """
+        """Take in a fix of the antenna; ``None`` without a pose, also on the other side of the earth."""
         if fix.status is FixStatus.NO_FIX:
             return None
         x, y = self._frame.to_local(fix.position.latitude_deg, fix.position.longitude_deg)[0].tolist()
@@ -405,23 +382,23 @@ class RobotFrames:
                 self._use(found)
         if tf is not None and self.move is not None:
             verdict = self._check.verdict(now_s)
-            if verdict.agreement is Agreement.AGREE:
-                self._agreed, self._disagreed = True, ""
-            elif verdict.agreement is Agreement.DISAGREE:
-                self._disagreed = verdict.message
+            if verdict.agrees is not None:
+                self._agreed |= verdict.agrees
+                self._disagreed = "" if verdict.agrees else verdict.message
         self._unchecked = self._doubt(tf, now_s)
         return RobotPose(place, yaw_rad, fix.covariance_m2)
 
     def take_map_datum(self, datum: LocalFrame | None, frame: str = "") -> None:
         """Take in the datum and the frame that the map of the navigation names.
 
-        :param datum: its datum, ``None`` if it names none
-        :param frame: the frame of its places, empty if it names none
+        :param datum: ``None`` if the map names none
+        :param frame: empty if the map names none
         """
         self._map_fault = ""
         own, navigation = (name.strip("/") for name in (self._settings.frame, self._settings.navigation_frame))
-        named, apart = frame.strip("/"), self.move is None or not self.move.is_identity
-        if named not in ("", navigation) and (named != own or apart):
+        named = frame.strip("/")
+        identical = self.move is not None and self.move.is_identity
+        if named not in ("", navigation) and not (named == own and identical):
             who = f"the field's, {own!r}, and navigation_frame is" if named == own else "navigation_frame is"
             self._map_fault = (
                 f"the navigation's map is in the frame {frame!r}, but {who} {navigation!r}: set "
@@ -430,30 +407,36 @@ class RobotFrames:
             return
         if datum is None:
             if self._settings.datum == MAP:
-                what = "a datum in the navigation's map"
-                self._map_fault = f"{what} (origin, or datum_latitude and datum_longitude, in its meta)"
+                self._map_fault = (
+                    "a datum in the navigation's map (origin, or datum_latitude and datum_longitude, in its meta)"
+                )
             return
         try:
             move = move_between(self._frame, datum, about_m=self._centre_m)
         except ValueError as error:
             self._map_fault = f"the navigation's map is not of this field: {error}"
             return
-        place, known, limit_m = move.place(self._centre_m), self.move, self._settings.limit_m
-        text = f"the datum {datum_text(self._frame, move)} of the navigation's map"
-        if self._settings.datum == MAP and known is None:
-            self._use(move)
-        elif self._settings.datum == MAP and known is not None:
-            if math.dist(place, known.place(self._centre_m)) > limit_m:
-                self._map_fault = f"{text} was {self._datum} before: start the planner again"
-        elif self._settings.datum == FIELD and (away_m := math.dist(place, self._centre_m)) > limit_m:
-            where = direction(self._centre_m[0] - place[0], self._centre_m[1] - place[1])
+        if self.move is None:
+            if self._settings.datum == MAP:
+                self._use(move)
+            return
+        place, known = move.place(self._centre_m), self.move.place(self._centre_m)
+        text, away_m = (
+            f"the datum {datum_text(self._frame, move)} of the navigation's map",
+            math.dist(place, known),
+        )
+        if away_m <= self._settings.limit_m:
+            return
+        if self._settings.datum == MAP:
+            self._map_fault = f"{text} was {self._datum} before: start the planner again"
+        elif self._settings.datum == FIELD:
+            where = direction(known[0] - place[0], known[1] - place[1])
             self._map_fault = f"{text} lies {away_m:.1f} m {where} of the field's: set navigation_datum: map"
 
     def take_datum_answers(self, latitude_longitude_deg: Sequence[Place]) -> bool:
         """Take in what the datum service says of the places :data:`ASKED_M` about :attr:`ask_about_m`.
 
-        :param latitude_longitude_deg: latitude and longitude of each place [deg]
-        :returns: whether the frame of the navigation is known now; otherwise ask again, about another place
+        :returns: True if the frame of the navigation is known now; otherwise ask again, about another place
         """
         places = self._frame.to_local(*np.array(latitude_longitude_deg, float).T)
         if self.move is not None or not np.isfinite(places).all():
@@ -486,15 +469,16 @@ class RobotFrames:
         }
         if verdict.pairs:
             values |= {
-                "distance of TF and fix [m]": f"{verdict.distance_m:.2f}",
-                "TF minus fix, east [m]": f"{verdict.east_m:.2f}",
-                "TF minus fix, north [m]": f"{verdict.north_m:.2f}",
+                "TF minus fix, east [m]": f"{verdict.offset_m[0]:.2f}",
+                "TF minus fix, north [m]": f"{verdict.offset_m[1]:.2f}",
                 "limit [m]": f"{verdict.limit_m:.2f}",
             }
         message = verdict.message
-        if self._map_fault or self.move is None:
-            level, message = Level.ERROR if self._map_fault else Level.WARN, self._map_fault or self.waiting_for
-        elif self._disagreed and verdict.agreement is not Agreement.DISAGREE:
+        if self._map_fault:
+            level, message = Level.ERROR, self._map_fault
+        elif self.move is None:
+            level, message = Level.WARN, self.waiting_for
+        elif self._disagreed and verdict.agrees is not False:
             level, message = Level.ERROR, f"{self._disagreed}; since then {message}"
         elif self._settings.frame == self._settings.navigation_frame and not self.move.is_identity:
             level = max(level, Level.WARN)
@@ -513,8 +497,8 @@ class RobotFrames:
             why = f"TF is {pose.age_s:.0f} s old"
         else:
             verdict = self._check.verdict(now_s)
-            return verdict, Level.ERROR if verdict.agreement is Agreement.DISAGREE else Level.OK
-        return FrameVerdict(Agreement.UNKNOWN, f"not checked: {why}"), level
+            return verdict, Level.ERROR if verdict.agrees is False else Level.OK
+        return FrameVerdict(None, f"not checked: {why}"), level
 
     def _tf(self, now_s: float) -> FramePose | None:
         pose = self._tree.pose(self._settings.base_frame, self._settings.navigation_frame, now_s)

@@ -183,6 +183,12 @@ class _Step:
     def do(self, action: events.Action) -> None:
         self.actions.append(action)
 
+    def set(self, **changes: Any) -> None:
+        self.state = replace(self.state, **changes)
+
+    def recount(self, **changes: Any) -> None:
+        self.state = replace(self.state, counting=replace(self.counting, **changes))
+
     @property
     def place(self) -> Place:
         assert self.state.position is not None, "a mission does not start without a position"
@@ -251,8 +257,7 @@ class _Step:
             still_since_s = min(before_s, self.now_s - still_s)
         elif still_at is None or math.dist(still_at, place) > events.STILL_M:
             still_at, still_since_s = place, self.now_s
-        self.state = replace(
-            self.state,
+        self.set(
             position=place,
             position_s=self.now_s,
             position_sd_m=sd_m if math.isfinite(sd_m) else 0.0,
@@ -264,7 +269,7 @@ class _Step:
         moved_m = math.dist(start, place) if start is not None else math.inf
         if moved_m >= self.rules.odometer_step_m:
             driven_m = moved_m if start is not None and self.state.under_way else 0.0
-            self.state = replace(self.state, odometer_at=place, distance_m=self.state.distance_m + driven_m)
+            self.set(odometer_at=place, distance_m=self.state.distance_m + driven_m)
         if self.state.phase is Phase.CANCELLING:
             self.stopped()
         elif self.state.counting is not None and self.state.counting.since_s is not None:
@@ -282,7 +287,7 @@ class _Step:
             self.leave_stop(VisitEnd.MOVED, reason)
             self.hold(Todo.PLAN, f"{reason}, and not by the planner; check the robot, then resume or abort")
         elif away_s != counting.away_s:
-            self.state = replace(self.state, counting=replace(counting, away_s=away_s))
+            self.recount(away_s=away_s)
 
     def record_arrived(self, event: events.RecordArrived) -> None:
         """Add a record to the mission, and to the stop if it was counted there."""
@@ -299,7 +304,7 @@ class _Step:
         raw_counts, exposure_s = state.raw_counts, state.exposure_s
         if state.under_way:
             raw_counts, exposure_s = raw_counts + record.raw_counts, exposure_s + record.exposure_s
-        self.state = replace(state, last_stamp_s=ended_s, raw_counts=raw_counts, exposure_s=exposure_s)
+        self.set(last_stamp_s=ended_s, raw_counts=raw_counts, exposure_s=exposure_s)
         counting = state.counting
         if state.phase not in (Phase.COUNTING, Phase.PLANNING) or counting is None or counting.since_s is None:
             return
@@ -317,7 +322,7 @@ class _Step:
             exposure_s=counting.exposure_s + record.exposure_s,
             effective_exposure_s=counting.effective_exposure_s + record.effective_exposure_s,
         )
-        self.state = replace(self.state, counting=counting, reason=reason)
+        self.set(counting=counting, reason=reason)
         too_short = counting.exposure_s < self.rules.min_dwell_s * (1 - _ROUNDING)
         if too_short or counting.met is not None or counting.to_the_end:
             return
@@ -333,46 +338,46 @@ class _Step:
         if event.forecast is not None:
             end = satisfied(self.rules, event.forecast)
             good = 0 if end is None else self.state.good_forecasts + 1
-            self.state = replace(self.state, forecast=event.forecast, forecast_s=self.now_s, good_forecasts=good)
+            self.set(forecast=event.forecast, forecast_s=self.now_s, good_forecasts=good)
             if end is not None and (good >= GOOD_FORECASTS or end[0] is MissionEnd.NOTHING_VARIES):
                 self.end(*end)
                 return
         staying = self.staying
         if staying is not None and (choice is None or choice.stop.name == staying.stop.name):
             staying = replace(staying, home_s=event.home_s)
-            self.state = replace(self.state, target=staying)
+            self.set(target=staying)
         if choice is None:
             reason = "nothing is left that is worth measuring or can be reached" + after_colon(event.reason)
             self.end_or_count_on(MissionEnd.NOTHING_LEFT, reason)
         elif staying is not None and choice.stop.name == staying.stop.name:
             self.count_on(choice.dwell, choice.reason)
-        elif choice.stop.name in blacklisted(self.state) or inside_any(self.state.ruled_out, xy(choice.stop))[0]:
+        elif choice.stop.name in blacklisted(self.state) or inside_any(self.state.ruled_out, choice.stop.xy)[0]:
             self.fail(Todo.PLAN, f"the planner chose {choice.stop.name}, which is ruled out for now")
         else:
             travel_s = event.travel_s
             if travel_s is None:
-                travel_s = self.rules.travel_s(self.place, xy(choice.stop))
+                travel_s = self.rules.travel_s(self.place, choice.stop.xy)
             if staying is not None and not self.fits(choice.stop, travel_s, event.home_s):
                 self.end_or_count_on(MissionEnd.TIME_UP, f"no time is left for {choice.stop.name}")
                 return
             self.settle()
             target = Target(choice.stop, choice.reason, travel_s, dwell=choice.dwell, home_s=event.home_s)
-            self.state = replace(self.state, target=target)
-            if self.rules.stays and math.dist(self.place, xy(choice.stop)) <= UNDER_THE_WHEELS_M:
+            self.set(target=target)
+            if self.rules.stays and math.dist(self.place, choice.stop.xy) <= UNDER_THE_WHEELS_M:
                 self.arrive()
             else:
                 self.travel(travel_s, f"going to {choice.stop.name}{after_colon(choice.reason)}")
 
     def goal_over(self, _event: events.GoalReached | events.GoalFailed) -> None:
-        self.state = replace(self.state, goal=replace(self.goal, over=True))
+        self.set(goal=replace(self.goal, over=True))
         self.stopped()
 
     def goal_reached(self, event: events.GoalReached) -> None:
         """The goal has ended at its stop, if the robot's own place agrees: count there, or finish at home."""
         stop, place = self.goal.stop, (event.x_m, event.y_m)
-        self.state = replace(self.state, goal=None)
+        self.set(goal=None)
         if not self.rules.is_at(place, stop, self.noise_m):
-            away_m = math.dist(place, xy(stop))
+            away_m = math.dist(place, stop.xy)
             self.failed_on_way(f"reported as reached, but the robot is {away_m:.1f} m away from it")
         elif self.state.phase is Phase.RETURNING:
             self.finish(f"{self.state.ending}; the robot is back home")
@@ -382,7 +387,7 @@ class _Step:
     def goal_failed(self, event: events.GoalFailed) -> None:
         """The goal did not lead to its stop, or another client has replaced it: then people decide."""
         resume = self.to_resume
-        self.state = replace(self.state, goal=None)
+        self.set(goal=None)
         if event.superseded and resume is not None:
             self.hold(resume, f"{event.reason}; wait until the other goal is over, then resume or abort")
         else:
@@ -394,9 +399,9 @@ class _Step:
         others = tuple(other for other in self.state.alarms if other.cause != alarm.cause)
         known = next((other for other in self.state.alarms if other.cause == alarm.cause), None)
         if alarm.response is Response.IGNORE:
-            self.state = replace(self.state, alarms=others)
+            self.set(alarms=others)
             return
-        self.state = replace(self.state, alarms=(*others, alarm))
+        self.set(alarms=(*others, alarm))
         goal = self.state.goal
         if alarm.cause == MOVING and alarm.response.stops and (goal is None or goal.over):
             # again with each alarm: nothing else tells it to stop
@@ -419,13 +424,13 @@ class _Step:
 
     def alarm_over(self, event: events.AlarmOver) -> None:
         alarms = tuple(alarm for alarm in self.state.alarms if alarm.cause != event.cause)
-        self.state = replace(self.state, alarms=alarms)
+        self.set(alarms=alarms)
         self.release()
 
     def emergency(self, event: events.EmergencyStop) -> None:
         """Stop at once and stay, whatever the mission is doing; a release only ends the reason."""
         others = tuple(other for other in self.state.emergency if other != event.source)
-        self.state = replace(self.state, emergency=(*others, event.source) if event.active else others)
+        self.set(emergency=(*others, event.source) if event.active else others)
         if not event.active:
             return
         reason = f"emergency stop{after_colon(event.source)}"
@@ -458,14 +463,14 @@ class _Step:
         state = self.state
         if state.phase is Phase.PAUSED or state.todo is Todo.PAUSE:
             own = command.who == events.RESTART and (state.held or state.interrupted)
-            self.state = replace(state, held=False, interrupted=own)  # otherwise it is the operator's from now on
+            self.set(held=False, interrupted=own)  # otherwise it is the operator's from now on
             return True, state.reason
         resume = self.to_resume
         if resume is None:
             return False, f"there is nothing to pause: {state.reason}"
         self.hold(resume, f"paused by {command.by}", needs_operator=False)
         if command.who == events.RESTART:
-            self.state = replace(self.state, interrupted=True)
+            self.set(interrupted=True)
         return True, self.state.reason
 
     def resume(self, command: events.Command) -> Done:
@@ -474,7 +479,7 @@ class _Step:
             return False, f"nothing is paused: {self.state.reason}"
         if self.state.hindrance:
             return False, f"not yet: {self.state.hindrance}"
-        self.state = replace(self.state, failures=0, wait_until_s=None)
+        self.set(failures=0, wait_until_s=None)
         self.go_on_with(resume, f"resumed by {command.by}" if command.who else "resumed")
         return True, self.state.reason
 
@@ -503,7 +508,7 @@ class _Step:
         """Rule the target out, and choose another stop unless paused."""
         self.rule_out(stop)
         self.leave_stop(VisitEnd.SKIPPED, reason)
-        self.state = replace(self.state, wait_until_s=None)
+        self.set(wait_until_s=None)
         if self.state.resume is not None:
             self.hold(Todo.PLAN, f"{reason}; still paused", self.state.needs_operator, self.state.held)
         else:
@@ -516,10 +521,10 @@ class _Step:
             return False, f"no mission is measuring: {self.state.reason}"
         if stop.name in {queued.stop.name for queued in queue}:
             return False, f"{stop.name} is in the queue already"
-        if inside_any(self.state.ruled_out, xy(stop))[0]:
+        if inside_any(self.state.ruled_out, stop.xy)[0]:
             return False, f"{stop.name} lies in an area that is ruled out"
         queued = QueuedStop(stop, command.by, "" if dwell_s is None else f"fmi:{dwell_s:g}")
-        self.state = replace(self.state, queue=(*queue, queued))
+        self.set(queue=(*queue, queued))
         self.plan_again(f"{stop.name} requested by {command.by}")
         names = ", ".join(queued.stop.name for queued in self.state.queue)
         return True, f"queued: {names}" if names else self.state.reason
@@ -527,10 +532,10 @@ class _Step:
     def rule_out_area(self, command: events.Command) -> Done:
         """Choose no stop in an area; driving through it stays allowed."""
         corners = command.polygon
-        kept = tuple(queued for queued in self.state.queue if not inside_any([corners], xy(queued.stop))[0])
-        self.state = replace(self.state, ruled_out=(*self.state.ruled_out, corners), queue=kept)
+        kept = tuple(queued for queued in self.state.queue if not inside_any([corners], queued.stop.xy)[0])
+        self.set(ruled_out=(*self.state.ruled_out, corners), queue=kept)
         target = self.state.target
-        if target is not None and inside_any([corners], xy(target.stop))[0]:
+        if target is not None and inside_any([corners], target.stop.xy)[0]:
             self.leave_for_good(target.stop, f"{target.stop.name} is ruled out by {command.by}")
         else:
             self.plan_again(f"an area is ruled out by {command.by}")
@@ -542,7 +547,7 @@ class _Step:
         if unknown or len(set(command.stops)) < len(command.stops):
             names = ", ".join(queued) or "nothing"
             return False, f"the queue holds {names}: name each of them once at most"
-        self.state = replace(self.state, queue=tuple(queued[name] for name in command.stops))
+        self.set(queue=tuple(queued[name] for name in command.stops))
         return True, f"queued: {', '.join(command.stops) or 'nothing'}"
 
     def change(self, command: events.Command) -> Done:
@@ -561,9 +566,9 @@ class _Step:
         used_s = self.state.time_used_s
         if new.budget_s is not None and self.state.under_way and new.budget_s <= used_s:
             return False, f"{used_s / 3600:.2f} h are used already: give more, or send the robot home"
-        self.state = replace(self.state, changes=changes)
+        self.set(changes=changes)
         if new.home is not None and self.state.target is not None:
-            self.state = replace(self.state, target=replace(self.state.target, home_s=0.0))
+            self.set(target=replace(self.state.target, home_s=0.0))
         self.rules = rules
         self.plan_again(f"settings changed by {command.by}")
         return True, f"changed: {', '.join(f'{name} {_plain(value)}' for name, value in values.items())}"
@@ -576,7 +581,7 @@ class _Step:
             return False, f"no mission is under way: {self.state.reason}"
         if self.state.hindrance:
             return False, f"not yet: {self.state.hindrance}"
-        self.state = replace(self.state, wait_until_s=None, queue=())
+        self.set(wait_until_s=None, queue=())
         if resume is Todo.RETURN:
             self.then(Todo.RETURN, f"sent home by {command.by}")
         else:
@@ -590,8 +595,7 @@ class _Step:
         state = self.state
         paused = phase is Phase.PAUSED or (phase is Phase.CANCELLING and state.todo is Todo.PAUSE)
         waits = phase in (Phase.CANCELLING, Phase.WAITING)
-        self.state = replace(
-            state,
+        self.set(
             phase=phase,
             reason=reason,
             plan=state.plan if phase is Phase.PLANNING else None,
@@ -611,7 +615,7 @@ class _Step:
         if goal.cancelled_s is None:
             self.do(events.CancelGoal(goal.goal_id, reason))
             goal = replace(goal, cancelled_s=self.now_s, requests=1)
-        self.state = replace(self.state, goal=goal, todo=todo, cause=reason)
+        self.set(goal=goal, todo=todo, cause=reason)
         self.enter(Phase.CANCELLING, f"{reason}; waiting for the robot to stop")
 
     @property
@@ -634,7 +638,7 @@ class _Step:
         goal, todo, cause = self.state.goal, self.state.todo, self.state.cause
         if self.state.phase is Phase.CANCELLING and goal is not None and goal.over and self.stands:
             assert todo is not None
-            self.state = replace(self.state, goal=None)
+            self.set(goal=None)
             self.carry_out(todo, cause + self.unseen)
 
     @property
@@ -646,10 +650,10 @@ class _Step:
     def carry_out(self, todo: Todo, reason: str) -> None:
         """Carry out a todo, or wait with a new attempt; no goal is open now."""
         wait_until_s = self.state.wait_until_s
-        self.state = replace(self.state, wait_until_s=None)
+        self.set(wait_until_s=None)
         attempts = (Todo.PLAN, Todo.TRAVEL, Todo.RETURN)
         if wait_until_s is not None and self.now_s < wait_until_s and todo in attempts:
-            self.state = replace(self.state, wait_until_s=wait_until_s, todo=todo, cause=reason)
+            self.set(wait_until_s=wait_until_s, todo=todo, cause=reason)
             self.enter(Phase.WAITING, f"{reason}; trying again in {wait_until_s - self.now_s:.0f} s")
             return
         match todo:
@@ -657,7 +661,7 @@ class _Step:
                 self.plan(reason)
             case Todo.TRAVEL:
                 stop = self.target.stop
-                self.travel(self.rules.travel_s(self.place, xy(stop)), f"going to {stop.name} again: {reason}")
+                self.travel(self.rules.travel_s(self.place, stop.xy), f"going to {stop.name} again: {reason}")
             case Todo.COUNT:
                 self.count_again(reason)
             case Todo.RETURN:
@@ -676,14 +680,7 @@ class _Step:
         """Pause: stop the robot, and store what to resume."""
         self.settle()
         self.suspend(reason)
-        self.state = replace(
-            self.state,
-            resume=resume,
-            needs_operator=needs_operator,
-            held=held,
-            interrupted=False,
-            wait_until_s=None,
-        )
+        self.set(resume=resume, needs_operator=needs_operator, held=held, interrupted=False, wait_until_s=None)
         self.then(Todo.PAUSE, reason)
 
     @property
@@ -736,7 +733,7 @@ class _Step:
         )
         self.do(request)
         plan = PendingPlan(request.plan_id, self.now_s + self.rules.plan_limit_s)
-        self.state = replace(state, plan=plan, plans=plan.plan_id, target=staying)
+        self.set(plan=plan, plans=plan.plan_id, target=staying)
         number = f"warm-up stop {samples + 1} of {self.rules.warm_up_stops}"
         self.enter(Phase.PLANNING, f"{reason}; choosing {number if warm_up else 'the next stop'}")
 
@@ -747,14 +744,14 @@ class _Step:
         """
         while self.state.queue:
             queued, *rest = self.state.queue
-            self.state = replace(self.state, queue=tuple(rest))
-            travel_s = self.rules.travel_s(self.place, xy(queued.stop))
+            self.set(queue=tuple(rest))
+            travel_s = self.rules.travel_s(self.place, queued.stop.xy)
             if self.fits(queued.stop, travel_s):
                 self.settle()
                 dwell = parse_dwell(queued.dwell) if queued.dwell else None
                 asked = f"requested by {queued.who}"
                 target = Target(queued.stop, asked, travel_s, dwell=dwell)
-                self.state = replace(self.state, plan=None, target=target)
+                self.set(plan=None, target=target)
                 self.travel(travel_s, f"{reason}; going to {queued.stop.name}: {asked}")
                 return reason, True
             reason = f"{reason}; no time for {queued.stop.name}, which {queued.who} requested"
@@ -765,13 +762,13 @@ class _Step:
         counting = self.state.counting
         if self.state.phase is Phase.COUNTING and counting is not None and counting.to_the_end:
             counting = replace(counting, met=VisitEnd.ENOUGH, outcome=reason, to_the_end=False)
-            self.state = replace(self.state, counting=counting)
+            self.set(counting=counting)
             self.plan(reason)
         elif self.state.phase is Phase.PLANNING:
             self.plan(reason)
 
     def needed_s(self, stop: Stop, travel_s: float, home_s: float) -> float:
-        return travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(xy(stop), home_s)
+        return travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(stop.xy, home_s)
 
     def fits(self, stop: Stop, travel_s: float, home_s: float = 0.0) -> bool:
         return self.needed_s(stop, travel_s, home_s) <= self.left_s and self.now_s < self.leave_by_s()
@@ -795,7 +792,7 @@ class _Step:
         limit_s = self.rules.goal_time_factor * travel_s + self.rules.goal_time_margin_s
         goal = Goal(self.state.goals + 1, stop, self.now_s + limit_s)
         self.do(events.GoTo(goal.goal_id, stop, reason, travel_s))
-        self.state = replace(self.state, goal=goal, goals=goal.goal_id)
+        self.set(goal=goal, goals=goal.goal_id)
         self.enter(phase, reason)
 
     def failed_on_way(self, reason: str, refused: bool = False) -> None:
@@ -805,29 +802,29 @@ class _Step:
             return
         target = replace(self.target, attempts=self.target.attempts + 1)
         if target.attempts <= self.rules.retries and not refused:
-            self.state = replace(self.state, target=target)
+            self.set(target=target)
             self.fail(Todo.TRAVEL, f"{target.stop.name} was not reached: {reason}")
         else:
             self.rule_out(target.stop)
-            self.state = replace(self.state, target=None)
+            self.set(target=None)
             self.fail(Todo.PLAN, f"{target.stop.name} is ruled out for now: {reason}")
 
     def return_failed(self, reason: str) -> None:
         """The robot did not get home: retry, or finish where it is."""
-        self.state = replace(self.state, returns=self.state.returns + 1)
+        self.set(returns=self.state.returns + 1)
         if self.state.returns <= self.rules.retries:
             self.back_off(self.state.returns)
             self.then(Todo.RETURN, f"home was not reached: {reason}")
         else:
             ending = f"{self.state.ending}; the robot did not get home: {reason}"
-            self.state = replace(self.state, ending=ending)
+            self.set(ending=ending)
             self.then(Todo.FINISH, ending)
 
     def fail(self, todo: Todo, reason: str) -> None:
         """Continue after a failure, or ask the operator after too many failures."""
         self.settle()
         failures = self.state.failures + 1
-        self.state = replace(self.state, failures=failures)
+        self.set(failures=failures)
         if failures < self.rules.failures_to_pause:
             self.back_off(failures)
             self.then(todo, reason)
@@ -838,13 +835,13 @@ class _Step:
     def back_off(self, failures: int) -> None:
         """Wait before the next attempt, twice as long after each failure in a row."""
         wait_s = min(self.rules.backoff_s * 2.0 ** (failures - 1), self.rules.backoff_limit_s)
-        self.state = replace(self.state, wait_until_s=self.now_s + wait_s if wait_s > 0 else None)
+        self.set(wait_until_s=self.now_s + wait_s if wait_s > 0 else None)
 
     def rule_out(self, stop: Stop) -> None:
         """Do not choose a stop for a while."""
         others = (out for out in self.state.blacklist if out.name != stop.name and self.now_s < out.until_s)
         out = RuledOut(stop.name, self.now_s + self.rules.blacklist_s)
-        self.state = replace(self.state, blacklist=(*others, out))
+        self.set(blacklist=(*others, out))
 
     def leave_by_s(self) -> float:
         """Time when to set off for home at the latest, from here and from the target."""
@@ -858,7 +855,7 @@ class _Step:
         self.count(OpenVisit(*(place or self.place), arrived_s=now_s, since_s=now_s, heard_s=now_s, sd_m=sd_m))
 
     def count(self, counting: OpenVisit) -> None:
-        self.state = replace(self.state, counting=counting)
+        self.set(counting=counting)
         self.enter(Phase.COUNTING, self.counting_reason())
         expected_s = dwell_rule(self.rules, self.state).expected_s(raw_rate(self.state))
         self.do(events.StartCounting(self.target.stop, str(self.rules.dwell), expected_s))
@@ -890,7 +887,7 @@ class _Step:
         counting = replace(
             counting, earlier_counts=counting.raw_counts, earlier_s=counting.exposure_s, met=None, outcome=""
         )
-        self.state = replace(self.state, target=replace(target, dwell=dwell), counting=counting)
+        self.set(target=replace(target, dwell=dwell), counting=counting)
         self.enter(Phase.COUNTING, f"counting on at {target.stop.name}{after_colon(reason)}")
 
     def end_or_count_on(self, code: MissionEnd, reason: str) -> None:
@@ -898,7 +895,7 @@ class _Step:
         if self.staying is None:
             self.end(code, reason)
             return
-        self.state = replace(self.state, counting=replace(self.counting, met=None, outcome="", to_the_end=True))
+        self.recount(met=None, outcome="", to_the_end=True)
         self.enter(Phase.COUNTING, f"{self.counting_reason()}: {reason}")
 
     def suspend(self, reason: str) -> None:
@@ -907,7 +904,7 @@ class _Step:
         if counting is not None and counting.since_s is not None:
             self.do(events.StopCounting(reason))
             before_s = counting.dwell_s(self.now_s)
-            self.state = replace(self.state, counting=replace(counting, before_s=before_s, since_s=None))
+            self.recount(before_s=before_s, since_s=None)
 
     def count_again(self, reason: str) -> None:
         """Resume counting after a pause, unless the robot was moved in the pause."""
@@ -923,7 +920,7 @@ class _Step:
     def dwell_is_over(self, code: VisitEnd, reason: str) -> None:
         """The dwell rule is met: choose the next stop, with the visit open where the rules say so."""
         if self.rules.stays:
-            self.state = replace(self.state, counting=replace(self.counting, met=code, outcome=reason))
+            self.recount(met=code, outcome=reason)
             self.then(Todo.PLAN, f"{self.target.stop.name} is done: {reason}")
         else:
             self.complete(code, reason)
@@ -944,14 +941,14 @@ class _Step:
         """
         self.suspend(reason)
         target, counting = self.state.target, self.state.counting
-        self.state = replace(self.state, target=None, counting=None)
+        self.set(target=None, counting=None)
         if target is None or counting is None:
             return 0
         if counting.met is not None:
             code, reason = counting.met, counting.outcome
-        self.state = replace(self.state, counting_s=self.state.counting_s + counting.before_s)
+        self.set(counting_s=self.state.counting_s + counting.before_s)
         if counting.records > 0:  # zero is a count, too
-            self.state = replace(self.state, samples=self.state.samples + 1, failures=0)
+            self.set(samples=self.state.samples + 1, failures=0)
             self.do(events.VisitDone(self.visit(target, counting, code, reason)))
         return counting.records
 
@@ -981,13 +978,13 @@ class _Step:
     def end(self, code: MissionEnd, reason: str) -> None:
         """Stop measuring: go home if there is a home, then finish."""
         self.leave_stop(_EARLY.get(code, VisitEnd.TIME_UP), reason)
-        self.state = replace(self.state, ending=reason, ended=code, returns=0, wait_until_s=None)
+        self.set(ending=reason, ended=code, returns=0, wait_until_s=None)
         self.then(Todo.RETURN, reason)
 
     def abandon(self, code: MissionEnd, reason: str) -> None:
         """Abort the mission where the robot is, as soon as it has stopped."""
         self.leave_stop(VisitEnd(code), reason)
-        self.state = replace(self.state, ending=reason, ended=code)
+        self.set(ending=reason, ended=code)
         self.then(Todo.IDLE, reason)
 
     def go_home(self, reason: str) -> None:
@@ -998,13 +995,13 @@ class _Step:
         elif self.rules.is_at(self.place, home, self.noise_m):
             self.finish(f"{self.state.ending}; the robot is home")
         else:
-            travel_s = self.rules.travel_s(self.place, xy(home))
+            travel_s = self.rules.travel_s(self.place, home.xy)
             self.send(Phase.RETURNING, home, travel_s, f"going home: {reason}")
 
     def finish(self, reason: str, phase: Phase = Phase.FINISHED) -> None:
         """The mission is over, finished or aborted."""
         aborted = phase is Phase.IDLE
-        self.state = replace(self.state, ended_s=self.now_s)
+        self.set(ended_s=self.now_s)
         self.enter(phase, f"{reason}; {READY}" if aborted else reason)
         self.do(events.Save(reason))
         # Journals of earlier versions hold no code.
@@ -1071,20 +1068,20 @@ class _Step:
             self.end(MissionEnd.TIME_UP, reason)
             return
         self.leave_stop(VisitEnd.TIME_UP, reason)
-        self.state = replace(self.state, ending=reason, ended=MissionEnd.TIME_UP, returns=0)
+        self.set(ending=reason, ended=MissionEnd.TIME_UP, returns=0)
         self.hold(Todo.RETURN, f"{reason}: resume to go home, or abort")
 
     def cancel_late(self) -> None:
         """The navigation did not report the end of a cancelled goal, or the robot is not known to stand."""
         goal, todo, limit_s, stands = self.goal, self.state.todo, self.rules.cancel_limit_s, self.stands
         if stands and todo in (Todo.PAUSE, Todo.IDLE, Todo.FINISH):
-            self.state = replace(self.state, goal=None)
+            self.set(goal=None)
             cause = f"{self.state.cause} (the end of the goal was not reported in {limit_s:.0f} s){self.unseen}"
             self.carry_out(todo, cause)
             return
         self.do(events.CancelGoal(goal.goal_id, self.state.cause))
         goal = replace(goal, cancelled_s=self.now_s, requests=goal.requests + 1)
-        self.state = replace(self.state, goal=goal)
+        self.set(goal=goal)
         unknown = self.state.position_s is None or self.now_s - self.state.position_s > limit_s
         doubt = f"the robot is not known to stand ({'its place is not known' if unknown else 'it still moves'})"
         remedy = ""
@@ -1102,7 +1099,7 @@ class _Step:
         match self.rules.on_silence:
             case OnSilence.WAIT:
                 counting = replace(self.counting, silent=True)
-                self.state = replace(self.state, counting=counting, reason=f"{reason}; still waiting")
+                self.set(counting=counting, reason=f"{reason}; still waiting")
             case OnSilence.PAUSE:
                 self.hold(Todo.COUNT, f"{reason}; then resume or abort")
             case OnSilence.ABORT:
@@ -1119,8 +1116,8 @@ ALWAYS: Final[dict[type[events.Event], Callable[[_Step, Any], None]]] = {
     Alarm: _Step.alarm,
     events.AlarmOver: _Step.alarm_over,
     events.EmergencyStop: _Step.emergency,
-    events.ClockStarted: lambda step, e: _set(step, boot=e.boot, steady_offset_s=e.offset_s),
-    events.ClockStepped: lambda step, e: _set(step, stamp_offset_s=step.state.stamp_offset_s + e.step_s),
+    events.ClockStarted: lambda step, e: step.set(boot=e.boot, steady_offset_s=e.offset_s),
+    events.ClockStepped: lambda step, e: step.set(stamp_offset_s=step.state.stamp_offset_s + e.step_s),
 }
 """What events do in every phase; a :class:`Tick` only meets deadlines."""
 
@@ -1193,10 +1190,6 @@ _KEPT: Final = (
 """What a new mission takes over from the state before."""
 
 
-def _set(step: _Step, **changes: Any) -> None:
-    step.state = replace(step.state, **changes)
-
-
 def satisfied(rules: MissionRules, forecast: Forecast) -> tuple[MissionEnd, str] | None:
     """Reason why a mission may end by a forecast, as code and in words; ``None`` if it goes on."""
     if rules.until_sd > 0 and forecast.sd <= rules.until_sd:
@@ -1212,11 +1205,6 @@ def satisfied(rules: MissionRules, forecast: Forecast) -> tuple[MissionEnd, str]
                 f"{100 * forecast.gain:.2g} % better, less than the {rules.until_gain:g} % demanded",
             )
     return None
-
-
-def xy(stop: Stop) -> Place:
-    """Place of a stop [m]."""
-    return stop.x_m, stop.y_m
 
 
 def after_colon(reason: str) -> str:

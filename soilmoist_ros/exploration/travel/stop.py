@@ -32,6 +32,11 @@ class Stop:
     y_m: float  # north of the field's datum [m]
     reach_m: float = field(default=math.inf, compare=False)
 
+    @property
+    def xy(self) -> tuple[float, float]:
+        """Its place [m]."""
+        return self.x_m, self.y_m
+
 
 def stops_xy(stops: Sequence[Stop]) -> Array:
     """Places of stops, shape (k, 2) [m]."""

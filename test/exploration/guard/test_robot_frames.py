@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.guard.robot_frames import (
     ASKED_M,
-    Agreement,
     FrameCheck,
     FrameSettings,
     RobotFrames,
@@ -304,12 +303,13 @@ def checked(places, move, known=None, noise_m=0.0, limit_m=2.0, seed=0):
 
 def test_a_shift_of_30_m_is_named_with_direction_and_remedy():
     _, verdict = checked(STANDING, PlaneMove(0.0, (0.0, 30.0)))
-    assert verdict.agreement is Agreement.DISAGREE
-    assert (verdict.east_m, verdict.north_m, verdict.distance_m) == pytest.approx((0.0, 30.0, 30.0))
+    assert verdict.agrees is False
+    assert verdict.offset_m == pytest.approx((0.0, 30.0))
     assert "TF places the robot 30.0 m north of its fix (0.0 m east, 30.0 m north; limit 2.0 m)" in verdict.message
     assert "give the navigation the field's datum 52.4660000,12.9580000" in verdict.message
     explained = verdict.message.split("navigation_datum: ")[1].split(", which")[0]
-    assert checked(STANDING, PlaneMove(0.0, (0.0, 30.0)), parse_datum(explained, PLANE))[1].distance_m < 0.05
+    again = checked(STANDING, PlaneMove(0.0, (0.0, 30.0)), parse_datum(explained, PLANE))[1]
+    assert math.hypot(*again.offset_m) < 0.05
 
 
 @pytest.mark.slow
@@ -323,7 +323,7 @@ def test_any_other_datum_is_recovered_from_a_drive_with_noise(east, north, yaw, 
     for place in ((0.0, 0.0), (60.0, 0.0)):
         assert math.dist(found.place(place), move.place(place)) < 0.6
     again = parse_datum(datum_text(PLANE, found), PLANE)
-    assert checked(loop(), move, again, noise_m=0.1, seed=seed)[1].agreement is Agreement.AGREE
+    assert checked(loop(), move, again, noise_m=0.1, seed=seed)[1].agrees is True
 
 
 def test_bad_fixes_among_good_ones_have_no_effect():
@@ -331,7 +331,7 @@ def test_bad_fixes_among_good_ones_have_no_effect():
     check = FrameCheck(PLANE, 2.0)
     for second, place in enumerate(places):
         check.add(float(second), place, STANDING[0])
-    assert check.verdict(15.0).agreement is Agreement.AGREE
+    assert check.verdict(15.0).agrees is True
     check, _ = checked(loop(), PlaneMove(0.5, (7.0, 8.0)))
     check.add(61.0, (2000.0, -300.0), PlaneMove(0.5, (7.0, 8.0)).place((62.0, 0.0)))
     assert math.dist(check.fitted().place((0.0, 0.0)), (7.0, 8.0)) < 0.01
@@ -341,11 +341,11 @@ def test_a_robot_that_moves_may_be_ahead_of_its_fix():
     check = FrameCheck(PLANE, 1.0)
     for second in range(20):  # 2 m/s, the fix a second late
         check.add(float(second), (2.0 * second - 2.0, 0.0), (2.0 * second, 0.0))
-    assert check.verdict(19.0).agreement is Agreement.AGREE
+    assert check.verdict(19.0).agrees is True
     assert check.verdict(19.0).limit_m == pytest.approx(3.0)
     for second in range(20, 40):  # stands still, and the shift stays
         check.add(float(second), (36.0, 0.0), (38.0, 0.0))
-    assert check.verdict(39.0).agreement is Agreement.DISAGREE
+    assert check.verdict(39.0).agrees is False
 
 
 def test_a_distance_that_varies_is_no_datum():
@@ -361,11 +361,11 @@ def test_a_distance_that_varies_is_no_datum():
 
 def test_little_is_known_from_few_or_old_pairs():
     check, verdict = checked(STANDING[:4], PlaneMove())
-    assert verdict.agreement is Agreement.UNKNOWN
+    assert verdict.agrees is None
     assert "4 pairs of TF and fix of 5" in verdict.message
     check, verdict = checked(STANDING, PlaneMove())
-    assert verdict.agreement is Agreement.AGREE
-    assert check.verdict(100.0).agreement is Agreement.UNKNOWN
+    assert verdict.agrees is True
+    assert check.verdict(100.0).agrees is None
     assert check.fitted() is None  # it has not moved
 
 
