@@ -55,8 +55,8 @@ class Failsafe:
 
     about: str  # when the alarm begins
     response: Response  # what follows unless it is set otherwise
-    limits: tuple[str, ...]  # names of the parameters that limit it, in :data:`LIMITS` or others of the planner
     remedy: str  # what the operator can do
+    limits: tuple[str, ...] = ()  # names of the parameters that limit it, in :data:`LIMITS` or others
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,155 +135,144 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
         Cause.IN_NO_GO: Failsafe(
             "the robot is deeper in a no-go area, its margin included, than the limit and the noise of the fixes",
             Response.PAUSE,
-            ("max_in_no_go_m",),
             "drive the robot out by hand, or check the no-go areas",
+            ("max_in_no_go_m",),
         ),
         Cause.OUTSIDE: Failsafe(
             "the robot is farther outside the field than the limit and the noise of the fixes",
             Response.PAUSE,
-            ("max_outside_m", "max_entry_m"),
             "drive the robot back in by hand, or check the field file",
+            ("max_outside_m", "max_entry_m"),
         ),
         Cause.FAR_OFF_ROUTE: Failsafe(
             "the robot drives farther from the route than the second limit; or it is off the route, and would be "
             "outside the field or in a no-go area in 3 s",
             Response.PAUSE,
-            ("far_off_route_m",),
             "look at the robot and its navigation, drive it back by hand if needed, then resume",
+            ("far_off_route_m",),
         ),
         Cause.OFF_ROUTE: Failsafe(
             "the robot drives farther from the route that was sent than the limit and the noise of the fixes",
             Response.WARN,
-            ("off_route_m",),
             "look at the robot: it may drive around an obstacle, or lose its way",
+            ("off_route_m",),
         ),
         Cause.MOVING: Failsafe(
             "the robot moves farther than 0.5 m and the noise of the fixes, and no goal of the planner drives "
             "it; all goals of the navigation are cancelled",
             Response.PAUSE,
-            (),
             "look at what moves the robot: its navigation, people, a slope; resume once it stands",
         ),
         Cause.JUMP: Failsafe(
             "several fixes in a row are at places that the robot cannot have reached; they are not used",
             Response.HOLD,
-            ("max_speed_mps",),
             "check the GNSS receiver and its corrections",
+            ("max_speed_mps",),
         ),
         Cause.RELOCATED: Failsafe(
             "the fixes agree on another place, which the robot cannot have reached by itself, "
             "or the place of a standing robot drifts",
             Response.PAUSE,
-            (),
             "check that the robot is where the map shows it, then resume",
         ),
         Cause.SPEED: Failsafe(
             "the robot moves faster than it can",
             Response.PAUSE,
-            ("max_speed_mps",),
             "check the robot and the GNSS receiver",
+            ("max_speed_mps",),
         ),
         Cause.FIX_OLD: Failsafe(
             "no plausible position has come for the limit",
             Response.HOLD,
-            ("fix_old_s", "max_fix_sd_m"),
             "check the GNSS receiver and its view of the sky",
+            ("fix_old_s", "max_fix_sd_m"),
         ),
         Cause.FIX_FROZEN: Failsafe(
             "the fixes repeat the very same place for the limit, while the robot is to drive",
             Response.PAUSE,
-            ("fix_frozen_s",),
             "check the GNSS receiver, and whether the robot is stuck",
+            ("fix_frozen_s",),
         ),
         Cause.RECORDS_OLD: Failsafe(
             "no record has come for the limit in a mission",
             Response.WARN,
-            ("records_old_s",),
             "check the neutron logger and its connection",
+            ("records_old_s",),
         ),
         Cause.MAP_OLD: Failsafe(
             "the map has not taken in new records for the limit",
             Response.WARN,
-            ("map_old_s",),
             "check the mapper; the records are in the recording and can be mapped later",
+            ("map_old_s",),
         ),
         Cause.NAVIGATION_SILENT: Failsafe(
             "the navigation is not there, two nodes answer in its name, it says nothing for the limit, or it does "
             "not end a cancelled goal, while it drives the robot",
             Response.HOLD,
-            ("navigation_silent_s",),
             "check the navigation of the robot",
+            ("navigation_silent_s",),
         ),
         Cause.OTHER_CLIENT: Failsafe(
             "the navigation works on a goal that the planner has not sent: another client drives the robot",
             Response.PAUSE,
-            (),
             "let that client finish, or cancel its goal there; the planner sends nothing until then",
         ),
         Cause.BATTERY_LOW: Failsafe(
             "the charge or the voltage is below the first limit",
             Response.RETURN,
-            ("battery_low", "battery_low_v"),
             "charge the battery",
+            ("battery_low", "battery_low_v"),
         ),
         Cause.BATTERY_EMPTY: Failsafe(
             "the charge or the voltage is below the second limit",
             Response.ABORT,
-            ("battery_empty", "battery_empty_v"),
             "fetch the robot and charge the battery",
+            ("battery_empty", "battery_empty_v"),
         ),
         Cause.BATTERY_SILENT: Failsafe(
             "the state of the battery was there, and has not come for a minute in a mission",
             Response.WARN,
-            (),
             "look at the robot's own display, and check what publishes battery_state",
         ),
         Cause.RESERVE: Failsafe(
             "the time left, or the charge left at its mean use, is needed for the way home",
             Response.RETURN,
-            ("battery_empty",),
             "set the home closer or the mission shorter",
+            ("battery_empty",),
         ),
         Cause.FRAME_MISMATCH: Failsafe(
             "the pose of the navigation and the fix are more than 2 m apart",
             Response.HOLD,
-            (),
             "check the datum of the field file and of the navigation",
         ),
         Cause.MAP_CHANGED: Failsafe(
             "a navigation that chooses the way itself has another map than the one that the ways are checked by",
             Response.PAUSE,
-            (),
             "the new map is used once the robot stands: look at it, then resume or abort",
         ),
         Cause.CLOCK_STEP: Failsafe(
             "the clock was set; durations are not affected",
             Response.WARN,
-            (),
             "check the time synchronisation of the computer",
         ),
         Cause.COUNTS_FRAME: Failsafe(
             "records are in another frame; they are not used",
             Response.WARN,
-            (),
             "check that the driver and the planner have the same field file and frame",
         ),
         Cause.COUNTS_STAMP: Failsafe(
             "records are stamped over an hour ahead or a day old; they are not used",
             Response.WARN,
-            (),
             "check the clocks of the computer and of the neutron logger",
         ),
         Cause.COUNTS_BAD: Failsafe(
             "more than half of the records of a minute are quarantined: their counts cannot be trusted",
             Response.PAUSE,
-            (),
             "check the sensor as /diagnostics says; the mission can be resumed when its counts are good again",
         ),
         Cause.OTHER_ROBOT: Failsafe(
             "another robot is nearer than the limit while the robot drives, or is to drive first where both met",
             Response.HOLD,
-            (),
             "the robot drives on by itself when the other one is away or stands; if both wait, move one of them",
         ),
     }

@@ -24,8 +24,6 @@ Flags = NDArray[np.bool_]
 ROBOT_RADIUS_M = 0.75  # half the width of Thorvald [m]
 _ROUNDING_M = 1e-3
 _STEP_M = 0.5  # step along a route at which its distance from the allowed area is measured [m]
-
-
 _ENTRIES = 20  # as many of the nearest places are judged for a robot that stands outside
 _LEAVING = 2.0  # a robot leaves a no-go area and its margin on a way of at most this multiple of the shortest one
 _NOISE_M = 0.1  # a robot that seems to be less deep in a no-go area than this stands at the edge [m]
@@ -69,12 +67,9 @@ class Fence:
                 "check the field's corners and no-go areas, or set a smaller robot_radius_m",
             )
         if len(self.corridors):
-            self.area = self._widened(self.area, corridor_m)
-            self._border = self._widened(self._border, corridor_m)
-
-    def with_corridors(self, corridors: ArrayLike, corridor_m: float) -> Fence:
-        """The fence with these corridors outside the field."""
-        return Fence(self.field, self.margin_m, self.beyond_m, corridors, corridor_m)
+            lines = shapely.union_all(shapely.linestrings(self.corridors)).buffer(corridor_m)
+            driven = lines.difference(self._closed)
+            self.area, self._border = self.area.joined(driven), self._border.joined(driven)
 
     def divided(self) -> str:
         """Parts of the field between which a robot with the margin cannot drive, in words; empty if whole."""
@@ -227,12 +222,6 @@ class Fence:
             if far or driven.intersects(deeper):
                 return self.refusal(line)
         return ""
-
-    def _widened(self, area: DrivableArea, corridor_m: float) -> DrivableArea:
-        import shapely
-
-        lines = shapely.union_all(shapely.linestrings(self.corridors)).buffer(corridor_m)
-        return area.joined(lines.difference(self._closed))
 
     def _text(self, what: str, line: BaseGeometry, part: BaseGeometry, how: str) -> str:
         import shapely

@@ -83,10 +83,11 @@ class FencedGraph:
                 nodes[way] = True
                 used |= clear & _along(whole, way)
         beyond = used & ~within
-        self.graph = _kept(whole, nodes, used)
+        self.graph = _with_edges(whole, used).part(nodes)
         self.stops = tuple(stop for stop, kept in zip(whole.stops, main & inside, strict=True) if kept)
         if beyond.any():
-            self.fence = fence.with_corridors(np.stack([start, end], axis=1)[beyond], corridor_m)
+            corridors = np.stack([start, end], axis=1)[beyond]
+            self.fence = Fence(fence.field, fence.margin_m, fence.beyond_m, corridors, corridor_m)
         self._forbidden = ~(within | used)
         self._known: dict[int, tuple[Array, Array]] = {}
         self.warning = self._lost(inside, within | used)
@@ -290,10 +291,6 @@ class FencedGraph:
 
 def _with_edges(graph: TravelGraph, edges: Flags) -> TravelGraph:
     return TravelGraph(graph.names, graph.xy, graph.edges[edges], graph.length_m[edges])
-
-
-def _kept(graph: TravelGraph, nodes: Flags, edges: Flags) -> TravelGraph:
-    return _with_edges(graph, edges).part(nodes)
 
 
 def _along(graph: TravelGraph, way: Iterable[int]) -> Flags:

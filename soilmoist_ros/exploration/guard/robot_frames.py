@@ -320,21 +320,14 @@ class RobotFrames:
     """Follows fixes and transforms of a robot.
 
     :raises InputError: if the datum is invalid
-
-    Attributes
-    ----------
-    move : PlaneMove | None
-        plane of the field to the frame of the navigation; ``None`` until it is known
-    ask_about_m : tuple[float, float]
-        place about which the datum service is to be asked, in the frame of the navigation [m]
     """
 
     def __init__(self, field: Field, settings: FrameSettings) -> None:
         self._frame = field.frame
         self._centre_m: Place = (float(field.polygon[:, 0].mean()), float(field.polygon[:, 1].mean()))
         self._settings = settings
-        self.move: PlaneMove | None = None
-        self.ask_about_m: Place = (0.0, 0.0)
+        self.move: PlaneMove | None = None  # from the plane of the field to the frame of the navigation, if known
+        self.ask_about_m: Place = (0.0, 0.0)  # asked of the datum service, in the frame of the navigation [m]
         if settings.datum == FIELD:
             self.move = PlaneMove()
         elif settings.datum not in (MAP, ROBOT):
@@ -343,10 +336,8 @@ class RobotFrames:
         self._check = FrameCheck(field.frame, settings.limit_m, self.move)
         self._track = Track(max_positions=_KEPT_FIXES)
         self._datum = "unknown" if self.move is None else datum_text(field.frame, self.move)
-        self._map_fault = ""
-        self._unchecked = ""
+        self._map_fault = self._unchecked = self._disagreed = ""
         self._agreed = False
-        self._disagreed = ""
 
     @property
     def waiting_for(self) -> str:

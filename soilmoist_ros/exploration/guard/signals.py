@@ -20,18 +20,10 @@ MIN_USE: Final = 0.02  # charge that must have been used before its mean use is 
 
 
 class Battery:
-    """State of a battery by its messages. What a message leaves out stays as it was.
-
-    Attributes
-    ----------
-    charge : float
-        last known charge [0..1], NaN if unknown
-    voltage_v : float
-        last known voltage [V], NaN if unknown
-    """
+    """State of a battery by its messages. What a message leaves out stays as it was."""
 
     def __init__(self) -> None:
-        self.charge = self.voltage_v = math.nan
+        self.charge = self.voltage_v = math.nan  # those known last [0..1] [V]
         self._charge_s = math.nan
         self._start: tuple[float, float] | None = None  # time and charge
 

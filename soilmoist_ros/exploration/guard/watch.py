@@ -83,14 +83,6 @@ class RobotSurroundings:
 
 
 @dataclass
-class _Heard:
-    """Time when something was heard last, and the number of checks since then."""
-
-    now_s: float
-    checks: int = 0
-
-
-@dataclass
 class _State:
     """A cause: what is wrong (empty if nothing is), when that was seen last, and whether its alarm is on."""
 
@@ -110,15 +102,6 @@ class Watch:
     the map are missed from its start.
 
     :param responses: what follows a cause where that is not the default in :data:`FAILSAFES`
-
-    Attributes
-    ----------
-    responses : dict[Cause, Response]
-        what follows each cause; may be changed at any time
-    places : PlaceJudge
-        decides on measured places
-    motion : Motion
-        estimates by plausible places whether the robot moves
     """
 
     def __init__(
@@ -126,10 +109,11 @@ class Watch:
     ) -> None:
         self.limits = limits or WatchLimits()
         self.responses = {cause: responses.get(cause, row.response) for cause, row in FAILSAFES.items()}
-        self.places = PlaceJudge(self.limits.place)
-        self.motion, self._astray = Motion(), Motion()  # the latter by places that are not believed
+        self.places = PlaceJudge(self.limits.place)  # decides on measured places
+        self.motion, self._astray = Motion(), Motion()  # by plausible places, and by those that are not believed
         self._states = {cause: _State() for cause in Cause}
-        self._heard: dict[str, _Heard] = {}
+        self._heard: dict[str, tuple[float, int]] = {}  # when something was heard last, and the check then [s]
+        self._checks = 0
         self._under_way = False
         self._fast, self._strayed = 0, False
         self._around = RobotSurroundings()
@@ -258,7 +242,7 @@ class Watch:
             self.report(cause, limit.fault)
 
     def report(self, cause: Cause, text: str) -> None:
-        """What is wrong about a cause from now on, with its values; empty if nothing is."""
+        """What is wrong about a cause from now on, with its values; empty if nothing."""
         state = self._states[cause]
         state.times += bool(text) and not state.text
         state.text, state.momentary = text, False
@@ -282,14 +266,9 @@ class Watch:
 
         :returns: the alarms that have begun or ended, in the order of :class:`Cause`
         """
-        for heard in self._heard.values():
-            heard.checks += 1
+        self._checks += 1
         self._judge(now_s, doing)
-        return tuple(
-            event
-            for cause, state in self._states.items()
-            if (event := self._turn(cause, state, now_s)) is not None
-        )
+        return tuple(filter(None, (self._turn(cause, state, now_s) for cause, state in self._states.items())))
 
     @property
     def on(self) -> tuple[Cause, ...]:
@@ -298,24 +277,17 @@ class Watch:
 
     def health(self, now_s: float) -> Health:
         """All causes with their severity, and the values behind them."""
-        values, levels = {}, [Level.OK]
+        values, levels, messages = {}, [Level.OK], list[str]()
         for cause, state in self._states.items():
-            response = self.responses[cause]
-            level = self._level(cause)
-            levels.append(level)
+            response, level = self.responses[cause], Level.OK
             wrong = state.text or (state.reason if state.on else "")
+            if state.on:
+                level = Level.ERROR if self._under_way and response is not Response.WARN else Level.WARN
+                messages.append(f"{cause}: {wrong}; {FAILSAFES[cause].remedy}")
+            levels.append(level)
             times = f", {state.times} so far" if state.times else ""
-            said = f"{level.name}: {wrong} ({response}{times})" if wrong else f"OK ({response}{times})"
-            values[cause.value] = said
-        on = {cause: self._states[cause].text or self._states[cause].reason for cause in self.on}
-        messages = [f"{cause}: {reason}; {FAILSAFES[cause].remedy}" for cause, reason in on.items()]
+            values[cause.value] = f"{level.name}{f': {wrong}' if wrong else ''} ({response}{times})"
         return Health("guard", max(levels), "; ".join(messages) or "nothing is wrong", values | self._facts(now_s))
-
-    def _level(self, cause: Cause) -> Level:
-        if not self._states[cause].on:
-            return Level.OK
-        grave = self._under_way and self.responses[cause] is not Response.WARN
-        return Level.ERROR if grave else Level.WARN
 
     def _facts(self, now_s: float) -> dict[str, str]:
         facts = {
@@ -326,8 +298,7 @@ class Watch:
             "place trusted": "yes" if (doubt := self.places.doubt) is None else f"not since {doubt.since_s:.1f} s",
             **{f"fixes {verdict}": str(count) for verdict, count in self.places.counts.items() if count},
         }
-        for name, heard in self._heard.items():
-            facts[f"age of {name} [s]"] = f"{now_s - heard.now_s:.1f}"
+        facts |= {f"age of {name} [s]": f"{now_s - heard_s:.1f}" for name, (heard_s, _) in self._heard.items()}
         if "battery" in self._heard:
             facts |= {"charge": f"{self._battery.charge:.2f}", "voltage [V]": f"{self._battery.voltage_v:.1f}"}
         else:
@@ -381,11 +352,12 @@ class Watch:
         self.report(Cause.RESERVE, self._reserve_fault(now_s, doing))
 
     def _frozen_fault(self, now_s: float, doing: Doing) -> str:
-        heard, limit_s = self._heard.get("fix"), self.limits.fix_frozen_s
-        if heard is None or not limit_s:
+        limit_s = self.limits.fix_frozen_s
+        if "fix" not in self._heard or not limit_s:
             return ""
-        before_s, self._judged_s = self._judged_s, heard.now_s
-        passed_s = heard.now_s - before_s
+        heard_s, _ = self._heard["fix"]
+        before_s, self._judged_s = self._judged_s, heard_s
+        passed_s = heard_s - before_s
         if not doing.driving and self._stuck_s > limit_s:
             self._stuck_s, self._stuck_since_s = 0.0, math.inf  # it is stopped, and has a new trial
         elif doing.driving and not doing.near_corner and 0 < passed_s <= APART_S:
@@ -393,7 +365,7 @@ class Watch:
             self._stuck_s, self._stuck_since_s = self._stuck_s + passed_s, min(self._stuck_since_s, before_s)
         if self._stuck_s <= limit_s:
             return ""
-        frozen_s = heard.now_s - self._stuck_since_s
+        frozen_s = heard_s - self._stuck_since_s
         if self.places.doubt is None:
             self.motion.forget()  # what was repeated while the robot drove does not show that it stands
             self.places.distrust(frozen_s)
@@ -444,9 +416,9 @@ class Watch:
         return f"the charge is {charge:.0%}, and {left:.0%} after the way home of {doing.way_home_s:.0f} s"
 
     def _hear(self, name: str, now_s: float) -> None:
-        self._heard[name] = _Heard(now_s)
+        self._heard[name] = now_s, self._checks
 
     def _silent_s(self, name: str, now_s: float) -> float:
         """Time since something was heard [s]; 0 before, and while too few checks were made since then."""
-        heard = self._heard.get(name)
-        return 0.0 if heard is None or heard.checks < self.limits.min_checks else now_s - heard.now_s
+        heard_s, check = self._heard.get(name, (now_s, self._checks))
+        return now_s - heard_s if self._checks - check >= self.limits.min_checks else 0.0
