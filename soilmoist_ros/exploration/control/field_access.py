@@ -73,22 +73,19 @@ class FieldAccess:
     ) -> None:
         self.grid = field.grid(cell_m)
         self.place = place
-        self.warning = ""
         self._given = field, motion, graph, rules, cell_m
         self._rules = rules
-        self._named: tuple[Stop, ...]
+        self._named = cell_stops(self.grid) if graph is None else graph.stops
+        self.home = self.stop(home) if home else None
         self.travel: TravelModel
         self._fenced: FencedGraph | None = None
         if graph is None:
             self.fence = Fence(field, rules.robot_radius_m)
             self.warning = self.fence.divided()
             self.travel = FreeTravel(motion, (field.polygon,), field.no_go, rules.robot_radius_m)
-            self._named = cell_stops(self.grid)
-            self.stops = _inside(self._named, self.fence)
-            self.home = self.stop(home) if home else None
+            inside = self.fence.contains(stops_xy(self._named))
+            self.stops = tuple(stop for stop, within in zip(self._named, inside, strict=True) if within)
         else:
-            self._named = graph.stops
-            self.home = self.stop(home) if home else None
             fence = Fence(field, rules.robot_radius_m, rules.beyond_m)
             self._fenced = FencedGraph(graph, fence, rules.outside, home, place, max(rules.beyond_m, 1.0))
             self.fence, self.warning = self._fenced.fence, self._fenced.warning
@@ -108,10 +105,7 @@ class FieldAccess:
         return self._fenced is None or self._fenced.serves(place)
 
     def with_home(self, home: str, place: tuple[float, float] | None) -> FieldAccess:
-        """The same with another home, for a robot at a place.
-
-        :raises InputError: if the home is not known or not allowed, or no allowed way leads there
-        """
+        """The access with another home, for a robot at a place; errors as of :class:`FieldAccess`."""
         return FieldAccess(*self._given, home, place)
 
     def around(
@@ -130,16 +124,14 @@ class FieldAccess:
         radii = [min(apart_m + PAST_M, math.dist(place, other) - _STAYS_M) - 1.1 * margin_m for other in others]
         rings = [radius * circle + other for other, radius in zip(others, radii, strict=True) if radius > 0]
         home = "" if self.home is None else self.home.name
-        if self.home is not None:
-            at = self.home.x_m, self.home.y_m
-            if any(math.dist(at, other) < apart_m + PAST_M for other in others):
-                home = ""  # somebody stands there: it is refused as a stop, and needs no way
+        if self.home is not None and any(math.dist(self.home.xy, other) < apart_m + PAST_M for other in others):
+            home = ""  # somebody stands there: it is refused as a stop, and needs no way
         around = replace(field, no_go=(*field.no_go, *rings))
         return FieldAccess(around, motion, graph, rules, cell_m, home, place)
 
     def refusal(self, stop: Stop) -> str:
         """Reason why a stop must not be measured at or driven to; empty if it may be."""
-        return self.fence.refusal([(stop.x_m, stop.y_m)])
+        return self.fence.refusal([stop.xy])
 
     def way(self, place: tuple[float, float], stop: Stop) -> Way:
         """The route from a place to a stop, validated by the fence.
@@ -152,7 +144,7 @@ class FieldAccess:
             corners = self.travel.route(place, stop)
         except ValueError as error:
             raise InputError(str(error), "choose another stop") from None
-        there, now = (stop.x_m, stop.y_m), tuple(corners[-1].tolist())
+        there, now = stop.xy, tuple(corners[-1].tolist())
         if math.dist(there, now) > MOVED_M:  # it was chosen on an earlier map
             moved = "{} is at ({:.1f}, {:.1f}) now, not at ({:.1f}, {:.1f})".format(stop.name, *now, *there)
             raise InputError(moved, "choose it again")
@@ -171,11 +163,10 @@ class FieldAccess:
 
         :raises InputError: if there is none
         """
-        for stop in self._named:
-            if stop.name == name:
-                return stop
-        names = [stop.name for stop in self._named]
-        remedy = f"use one of the {len(names)} nodes or cells of this field{did_you_mean(name, names)}"
+        named = {stop.name: stop for stop in self._named}
+        if name in named:
+            return named[name]
+        remedy = f"use one of the {len(named)} nodes or cells of this field{did_you_mean(name, list(named))}"
         raise InputError(f"there is no stop {name!r} to return to", remedy)
 
 
@@ -188,24 +179,10 @@ def cell_stops(grid: FieldGrid) -> tuple[Stop, ...]:
     )
 
 
-def _inside(stops: tuple[Stop, ...], fence: Fence) -> tuple[Stop, ...]:
-    inside = fence.contains(stops_xy(stops))
-    return tuple(stop for stop, within in zip(stops, inside, strict=True) if within)
-
-
 class CurrentAccess:
     """Makes the access to a field again when something that it depends on changes; an error changes nothing.
 
     :param home: the name of the stop to return to, as it is now; empty for none
-
-    Attributes
-    ----------
-    field : Field
-        the field
-    access : FieldAccess or None
-        ``None`` before a map of the navigation can be used
-    waiting_for : str
-        what is missing while there is no access
     """
 
     def __init__(
@@ -217,7 +194,7 @@ class CurrentAccess:
         use: Callable[[FieldAccess], None],
     ) -> None:
         self.field = field
-        self.access: FieldAccess | None = None
+        self.access: FieldAccess | None = None  # before a map of the navigation can be used
         self.waiting_for = "the map of the navigation"
         self._motion, self._rules = motion, rules
         self._home, self._use = home, use

@@ -38,10 +38,6 @@ FIX_SILENCE_S = 5.0  # without a fix for this time the positions of records serv
 _log = logging.getLogger(__name__)
 
 
-def _anywhere(fix: PlaceFix) -> tuple[float, float] | None:
-    return fix.xy if math.isfinite(fix.x_m) and math.isfinite(fix.y_m) else None
-
-
 class MissionFeed:
     """Passes events into a mission, one after the other.
 
@@ -51,22 +47,17 @@ class MissionFeed:
     :param carry_out: carries out an action; :class:`Answer` is left out, :meth:`command` gives it
     :param journal: has each event before it is acted on, and is on the disk before actions are carried out, other
         than publishing, and at the end
-    :param watch: decides on measured places, and whether the robot stands; without one all places are plausible
+    :param watch: decides on measured places, and whether the robot stands
     """
 
     def __init__(
-        self,
-        mission: Mission,
-        carry_out: Callable[[Action], None],
-        journal: MissionJournal,
-        watch: Watch | None = None,
+        self, mission: Mission, carry_out: Callable[[Action], None], journal: MissionJournal, watch: Watch
     ) -> None:
         self.mission = mission
         self._watch, self._journal = watch, journal
         self.place: tuple[float, float] | None = None
         self.place_s = -math.inf
-        self.place_age_s = math.inf
-        """Age of the last place when it came [s]."""
+        self.place_age_s = math.inf  # age of the last place when it came [s]
         self.records_without_place = 0
         self.record_s = -math.inf
         self._fix_s = -math.inf
@@ -113,7 +104,7 @@ class MissionFeed:
 
     def fix(self, fix: PlaceFix) -> bool:
         """The robot may be here; whether that is its place now."""
-        if _anywhere(fix) is not None:  # records have the places of the receiver that is not believed now
+        if math.isfinite(fix.x_m + fix.y_m):  # records have the places of the receiver that is not believed now
             self._fix_s = fix.now_s
         return self._moved(fix, self._fix_ages)
 
@@ -158,15 +149,13 @@ class MissionFeed:
     def _moved(self, fix: PlaceFix, ages: PlaceAges) -> bool:
         age_s = ages.age_s(fix.now_s, fix.stamp_s)
         fix, watch = replace(fix, age_s=age_s), self._watch
-        place = _anywhere(fix) if watch is None else watch.fix(fix)
+        place = watch.fix(fix)
         if place is None:
             return False
         self.place, self.place_s, self.place_age_s = place, fix.now_s, age_s
-        known_m = fix.sd_m if watch is None else watch.places.sd_m(fix.sd_m)
+        known_m = watch.places.sd_m(fix.sd_m)
         sd_m = known_m if math.isfinite(known_m) else 0.0
-        if watch is None:
-            self.give(Moved(fix.now_s, *place, sd_m=sd_m))
-        elif age_s > MAX_AGE_S:  # it shows where the robot was
+        if age_s > MAX_AGE_S:  # it shows where the robot was
             self.give(Moved(fix.now_s, *place, still_s=0.0, sd_m=sd_m))
         else:
             standing = watch.motion.standing(self.mission.rules.standstill_s)

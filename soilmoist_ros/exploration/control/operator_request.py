@@ -43,11 +43,7 @@ class ReplyCode(StrEnum):
 
 @dataclass(frozen=True)
 class OperatorRequest:
-    """What an operator asks for, as it came; what a verb does not use is ignored.
-
-    :param until_sd: standard deviation of the map at which the mission ends; 0: never, ``None``: as it is
-    :param covariates: files that may explain the map of the next mission; ``None``: as they are
-    """
+    """What an operator asks for, as it came; what a verb does not use is ignored."""
 
     verb: str  # one of Verb
     who: str = ""  # who asks; empty: the operator
@@ -60,11 +56,11 @@ class OperatorRequest:
     strategy: str = ""  # how stops are chosen; empty: as it is
     target: str = ""  # which map is to be good; empty: as it is
     home: str = ""  # name of the stop to return to; empty: as it is
-    until_sd: float | None = None
+    until_sd: float | None = None  # deviation of the map at which the mission ends; 0: never, ``None``: as it is
     until_gain: float | None = None  # gain in ten minutes below which it ends [%]; 0: never, ``None``: as it is
     field: str = ""  # field file of the next mission; empty: as it is
     earlier: tuple[str, ...] | None = None  # earlier runs that inform the next mission; ``None``: as they are
-    covariates: tuple[str, ...] | None = None
+    covariates: tuple[str, ...] | None = None  # files that may explain the next map; ``None``: as they are
 
 
 @dataclass(frozen=True)
@@ -132,10 +128,10 @@ class Requests:
         return command
 
     def _known_access(self) -> FieldAccess:
-        if self.access is None:
-            message = "it is not known yet where the robot may drive"
-            raise RequestError(ReplyCode.REFUSED, message, "wait for the map of the navigation")
-        return self.access
+        if self.access is not None:
+            return self.access
+        what, remedy = "it is not known yet where the robot may drive", "wait for the map of the navigation"
+        raise RequestError(ReplyCode.REFUSED, what, remedy)
 
     def _stop(self, request: OperatorRequest) -> Stop:
         """The stop to measure at: by name, or a place; on a graph that is the node there."""
@@ -144,13 +140,14 @@ class Requests:
             remedy = "give one of: place as [x, y], geographic_place as [latitude, longitude], one name in stops"
             raise RequestError(ReplyCode.BAD_PLACE, "measure needs one place", remedy)
         access, place = self._known_access(), self.state.position
+        named = {one.name: one for one in access.stops}
         if not request.stops:
             stop = self._stop_at(access, self._place(request))
-        elif (named := next((one for one in access.stops if one.name == request.stops[0]), None)) is not None:
-            stop = named
+        elif request.stops[0] in named:
+            stop = named[request.stops[0]]
         else:
-            names = [one.name for one in access.stops]
-            remedy = f"use one of the {len(names)} stops inside the field{did_you_mean(request.stops[0], names)}"
+            remedy = f"use one of the {len(named)} stops inside the field"
+            remedy += did_you_mean(request.stops[0], list(named))
             message = f"there is no stop {request.stops[0]!r} to measure at"
             raise RequestError(ReplyCode.UNKNOWN_STOP, message, remedy)
         if place is not None and not math.isfinite(access.travel.travel_s(place, [stop])[0]):
@@ -178,8 +175,8 @@ class Requests:
             raise RequestError(ReplyCode.BAD_PLACE, f"the place cannot be used: {refusal}", "choose one inside")
         if not access.on_graph:
             return Stop(f"x{place[0]:.1f}y{place[1]:.1f}", *place)
-        nearest = min(access.stops, key=lambda stop: math.dist(place, (stop.x_m, stop.y_m)))
-        away_m = math.dist(place, (nearest.x_m, nearest.y_m))
+        nearest = min(access.stops, key=lambda stop: math.dist(place, stop.xy))
+        away_m = math.dist(place, nearest.xy)
         if away_m > self.rules.arrival_radius_m:
             message = f"the robot drives on a graph, and its nearest node {nearest.name} is {away_m:.1f} m away"
             raise RequestError(ReplyCode.BAD_PLACE, message, f"measure there: stops: [{nearest.name}]")

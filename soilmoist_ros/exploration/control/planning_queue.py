@@ -29,10 +29,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(eq=False)
 class PropertyMap:
-    """The newest map of a property, as far as it has come.
-
-    :param changing: with it, the drift of the map and its samples by place and time; ``None`` without a drift
-    """
+    """The newest map of a property, as far as it has come."""
 
     name: str  # namespace of its mapper, empty for the robot's own
     weight: float = 1.0  # what a share of its variation is worth, compared with the weights of the others
@@ -40,7 +37,9 @@ class PropertyMap:
     factor: float = 1.0  # product of the correction factors of its last record [-]
     samples: tuple[Samples, float] | None = None  # merged samples, with the time of the last record in them [s]
     fit: tuple[VariogramFit, float] | None = None  # their variogram, with the time of the last record in it [s]
-    changing: Changing | None = None
+    changing: Changing | None = (
+        None  # drift of the map and its samples by place and time; ``None`` without a drift
+    )
     late: bool = False  # whether it was waited for in vain, and nothing has come since
 
     @property
@@ -114,8 +113,7 @@ class PlanningQueue:
     ) -> None:
         """A variogram and a drift have come, with the time of the last record in them [s].
 
-        :param fit: the variogram; ``None``: there is none now
-        :param changing: the drift; ``None`` without one
+        :param fit: ``None``: there is none now
         """
         held = self._maps[name]
         held.fit, held.changing, held.late = (None if fit is None else (fit, stamp_s)), changing, False
@@ -156,15 +154,15 @@ class PlanningQueue:
         return PlanJob(request, place, maps, late, tuple(self._others.values()))
 
 
-def answer(explorer: Explorer, job: PlanJob, needs_map: bool) -> Planned | PlanFailed:
-    """Answer a request. Takes a while, and never fails: what goes wrong becomes a :class:`PlanFailed`.
+def answer(make: Callable[[], Explorer], job: PlanJob, needs_map: bool) -> Planned | PlanFailed:
+    """Answer to a request, whose time is 0. It never fails: what goes wrong becomes a :class:`PlanFailed`.
 
-    :param explorer: chooses; its maps are brought up to date
+    :param make: gives the explorer that chooses; its maps are brought up to date
     :param needs_map: whether the strategy cannot do without a map
-    :returns: the answer; its time is 0, to be set when the mission gets it
     """
     plan_id = job.request.plan_id
     try:
+        explorer = make()
         bring_up_to_date(explorer, job.maps)
         missing = any(each.required and not explorer.has_map(each.name) for each in job.maps)
         if needs_map and job.request.kind is PlanKind.EXPLORE and missing:
@@ -213,11 +211,8 @@ class Terms(NamedTuple):
 
     def same_explorer(self, other: Terms) -> bool:
         """True if one explorer serves both."""
-        return self._made_for == other._made_for
-
-    @property
-    def _made_for(self) -> tuple[object, ...]:
-        return self.started_s, self.access, self.settings, self.rules.home, self.rules.dwell
+        rules, others = self.rules, other.rules
+        return self[:3] == other[:3] and (rules.home, rules.dwell) == (others.home, others.dwell)
 
 
 class PlanningThread:
@@ -249,15 +244,9 @@ class PlanningThread:
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     def _choose(self, job: PlanJob, terms: Terms) -> None:
-        try:
-            explorer = self._explorer_for(terms)
-            if job.late:
-                _log.warning("choosing the next stop without what was measured last: the mapper is late")
-            event = answer(explorer, job, terms.settings.needs_map)
-        except Exception as error:
-            _log.exception("planning failed")
-            event = PlanFailed(0.0, job.request.plan_id, f"{type(error).__name__}: {error}")
-        self._answers.put(event)
+        if job.late:
+            _log.warning("choosing the next stop without what was measured last: the mapper is late")
+        self._answers.put(answer(lambda: self._explorer_for(terms), job, terms.settings.needs_map))
         self._wake()
 
     def _explorer_for(self, terms: Terms) -> Explorer:

@@ -62,10 +62,9 @@ class PendingMeasurement:
 def pending_measurement(
     status: MissionStatus, mapped_at_once: bool = True, apart_m: float = 0.0
 ) -> PendingMeasurement | None:
-    """PendingMeasurement of a robot, ``None`` if it has none.
+    """The pending measurement of a robot, ``None`` if it has none.
 
     :param mapped_at_once: whether what it has counted at the stop is in the map already
-    :param apart_m: distance that other robots keep from it [m]
     """
     stop = status.target
     if stop is None:
@@ -79,9 +78,8 @@ def foreseen(
 ) -> FieldMap:
     """The map as it will be: with a sample of each pending measurement, at the rate that the map expects there.
 
-    :param field_map: the map so far; without a fit only the places join its samples
+    :param field_map: the map so far, which is returned if nothing is pending; without a fit only places join it
     :param factor: product of the correction factors now, ``effective exposure = exposure / factor`` [-]
-    :returns: another map; the same without pending measurements at which something is to be counted
     :raises IllConditionedError: if the matrix cannot be factored
     """
     pending = [each for each in pending_measurements if each.exposure_s >= MIN_EXPOSURE_S]
@@ -95,11 +93,10 @@ def foreseen(
     ahead = FieldMap(field_map.grid, field_map.settings)
     if field_map.soil_map is None:
         ahead.set_samples(expected)
-    else:
-        ahead.set_samples(
-            expected, field_map.soil_map.fit, None if changing is None else changing.joined(pending_samples)
-        )
-        ahead.update()
+        return ahead
+    changing = None if changing is None else changing.joined(pending_samples)
+    ahead.set_samples(expected, field_map.soil_map.fit, changing)
+    ahead.update()
     return ahead
 
 
@@ -184,8 +181,9 @@ class Team:
         for name, robot in self.robots.items():
             robot.silent_s += seconds
             status = robot.status
-            left_s = -math.inf if status is None else status.planned_dwell_s - status.dwell_s
-            over += [name] if robot.silent_s > self.lost_s + max(left_s, 0.0) or status is None else []
+            left_s = 0.0 if status is None else max(status.planned_dwell_s - status.dwell_s, 0.0)
+            if status is None or robot.silent_s > self.lost_s + left_s:
+                over.append(name)
         return over
 
     def release_lost(self) -> list[str]:
@@ -204,7 +202,7 @@ class Team:
             if status.place is not None and (lost or status.phase not in _DRIVES):
                 yield name, status.place
             if lost and status.target is not None:
-                yield name, (status.target.x_m, status.target.y_m)
+                yield name, status.target.xy
 
     def near(self, place: Place) -> str:
         """Robot that stands, or may stand, too near to a place, in words; empty without one."""
@@ -230,7 +228,7 @@ class Team:
             status, lost = robot.status, self.is_lost(robot)
             if place is None or status is None:
                 continue
-            stop = None if status.target is None else (status.target.x_m, status.target.y_m)
+            stop = None if status.target is None else status.target.xy
             drives = status.phase in _DRIVES and not lost
             for number, there in enumerate((status.place, stop)):
                 if there is None:
@@ -306,7 +304,7 @@ class Passing:
 
         :raises InputError: if there is none
         """
-        if near := self._team.near((stop.x_m, stop.y_m)):
+        if near := self._team.near(stop.xy):
             raise InputError(f"{stop.name} is not free: {near}", "choose another stop")
         way, apart_m = access.way(place, stop), self._team.apart_m
         close = {name: at for name, at in self._team.standing() if way.passes_m(at) < apart_m + PAST_M}
@@ -348,7 +346,7 @@ class Passing:
         if not (apart_m and standing):
             self._cut_off = False
             return set()
-        near = {stop.name for stop in access.stops if self._team.near((stop.x_m, stop.y_m))}
+        near = {stop.name for stop in access.stops if self._team.near(stop.xy)}
         cut_off: set[str] = set()
         if access.on_graph:
             try:
@@ -371,7 +369,7 @@ def _any_fits(
     names = names - set(request.blacklisted)
     return any(
         stop.name in names
-        and rules.travel_s(place, (stop.x_m, stop.y_m)) + rules.needed_dwell_s
-        <= request.budget_left_s - rules.way_home_s((stop.x_m, stop.y_m))
+        and rules.travel_s(place, stop.xy) + rules.needed_dwell_s
+        <= request.budget_left_s - rules.way_home_s(stop.xy)
         for stop in access.stops
     )

@@ -4,12 +4,14 @@
 
 import math
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.control.mission_feed import FIX_SILENCE_S, MissionClock, MissionFeed
+from soilmoist_ros.exploration.guard.motion import Motion
 from soilmoist_ros.exploration.mission.events import (
     ClockStarted,
     ClockStepped,
@@ -46,7 +48,12 @@ class Watched:
         self.mission = Mission(rules)
         self.secured = []
         """Numbers of events noted, and of actions carried out, at each sync of the disk."""
-        self.feed = MissionFeed(self.mission, self.carry_out, self)
+        self.feed = MissionFeed(self.mission, self.carry_out, self, self)
+        self.places, self.motion = SimpleNamespace(sd_m=lambda sd_m: sd_m), Motion()
+
+    def fix(self, fix):
+        """A watch that believes all places."""
+        return fix.xy if math.isfinite(fix.x_m) else None
 
     def note(self, mission, event):
         self.events.append(event)

@@ -69,7 +69,7 @@ def test_waits_no_longer_than_allowed():
 
 
 def test_the_answer_follows_the_map(explorer):
-    planned = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True)
+    planned = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True)
     assert isinstance(planned, Planned)
     assert "highest kriging variance" in planned.choice.reason
     nearest = np.hypot(*(SAMPLES.xy - (planned.choice.stop.x_m, planned.choice.stop.y_m)).T).min()
@@ -87,7 +87,7 @@ def test_the_map_follows_the_drift_that_came_with_the_variogram(explorer):
         queue.take_samples("", SAMPLES, 90.0)
         queue.take_fit("", FIT, 90.0, changing=each)
         queue.ask(request(), 91.0)
-        answer(explorer, queue.due(91.0, PLACE), True)
+        answer(lambda: explorer, queue.due(91.0, PLACE), True)
         (own,) = explorer.properties
         assert own.field_map.samples is SAMPLES
         assert own.field_map.soil_map.change == (Change() if each is None else each.change)
@@ -95,8 +95,8 @@ def test_the_map_follows_the_drift_that_came_with_the_variogram(explorer):
 
 def test_exploring_without_a_map_fails_where_one_is_needed(explorer):
     job = PlanJob(request(), PLACE, (replace(FOLLOWED, fit=None),), True)
-    assert answer(explorer, job, True) == PlanFailed(0.0, 1, "no map has come: is the mapper running?")
-    assert isinstance(answer(explorer, job, False), Planned)
+    assert answer(lambda: explorer, job, True) == PlanFailed(0.0, 1, "no map has come: is the mapper running?")
+    assert isinstance(answer(lambda: explorer, job, False), Planned)
     assert explorer.properties[0].field_map.samples is SAMPLES, "places measured are known without a map, too"
 
 
@@ -106,7 +106,7 @@ def test_whatever_breaks_is_a_failed_plan(explorer, monkeypatch, error):
         raise error
 
     monkeypatch.setattr(explorer, "plan", broken)
-    failed = answer(explorer, PlanJob(request(7), PLACE, (FOLLOWED,)), True)
+    failed = answer(lambda: explorer, PlanJob(request(7), PLACE, (FOLLOWED,)), True)
     assert failed.plan_id == 7
     assert "bad luck" in failed.reason
 
@@ -161,10 +161,10 @@ def test_a_stale_map_that_is_not_required_is_waited_for_once():
 
 
 def test_the_answer_goes_where_a_further_property_is_unknown(explorer):
-    alone = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
+    alone = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
     near = as_samples([(alone.x_m, alone.y_m), (10.0, 5.0), (2.0, 2.0)], [800, 900, 700], [100.0] * 3)
     compaction = PropertyMap("/compaction", 50.0, samples=(near, 0.0), fit=(FIT, 0.0))
-    both = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED, compaction)), True).choice
+    both = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED, compaction)), True).choice
     assert np.hypot(both.stop.x_m - alone.x_m, both.stop.y_m - alone.y_m) > 3.0
-    again = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
+    again = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
     assert again == alone, "a map that has gone does not matter any more"
