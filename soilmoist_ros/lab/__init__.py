@@ -9,6 +9,8 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     from soilmoist_ros.lab.campaign import RUNS as RUNS
     from soilmoist_ros.lab.campaign import CampaignInterrupted as CampaignInterrupted
+    from soilmoist_ros.lab.campaign import CampaignProgress as CampaignProgress
+    from soilmoist_ros.lab.campaign import Progress as Progress
     from soilmoist_ros.lab.campaign import run_campaign as run_campaign
     from soilmoist_ros.lab.campaign_data import CampaignData as CampaignData
     from soilmoist_ros.lab.campaign_file import Campaign as Campaign
@@ -17,20 +19,17 @@ if TYPE_CHECKING:
     from soilmoist_ros.lab.comparisons import PairedDifference as PairedDifference
     from soilmoist_ros.lab.figures import campaign_figures as campaign_figures
     from soilmoist_ros.lab.mission_store import MissionStore as MissionStore
-    from soilmoist_ros.lab.progress import CampaignProgress as CampaignProgress
-    from soilmoist_ros.lab.progress import Progress as Progress
     from soilmoist_ros.lab.report import write_campaign_report as write_campaign_report
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "campaign": "CampaignInterrupted RUNS run_campaign",
+        "campaign": "CampaignInterrupted CampaignProgress Progress RUNS run_campaign",
         "campaign_data": "CampaignData",
         "campaign_file": "Campaign load_campaign missions",
         "comparisons": "PairedDifference",
         "figures": "campaign_figures",
         "mission_store": "MissionStore",
-        "progress": "CampaignProgress Progress",
         "report": "write_campaign_report",
     },
 )

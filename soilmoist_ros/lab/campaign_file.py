@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, create_model, model_validator
 from pydantic import Field as Setting
@@ -34,11 +34,9 @@ from soilmoist_ros.lab.comparisons import LATTICE_DWELLS
 from soilmoist_ros.simulation import SETTINGS, MissionSettings, PropertySettings
 from soilmoist_ros.simulation import Setting as MissionSetting
 
-FindingKey = Literal["ami_high", "ami_low", "adaptive_sampling", "greedy_border"]
-"""Short names of the published findings."""
 KEY_DIGITS = 16
 MAX_RUNS = 1_000_000  # runs with different seeds, given by their number
-_OLD_KEYS = {"variogram": "model", "also": "properties", "also_weight": "properties"}
+_RENAMED = {"variogram": "model", "also": "properties", "also_weight": "properties"}  # in 0.2.0
 _log = logging.getLogger(__name__)
 
 
@@ -69,23 +67,6 @@ def _lists(value: Any) -> Any:
     many = value if isinstance(value, (list, tuple)) else [value]
     listed = bool(many) and all(isinstance(one, (list, tuple)) for one in many)
     return tuple(map(tuple, many)) if listed else (tuple(many),)
-
-
-def _with_new_keys(part: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """Rename old keys of a part of the file: ``also`` and ``also_weight`` become ``properties``."""
-    renamed = {name: value for name, value in part.items() if name not in _OLD_KEYS}
-    for name in part.keys() - renamed.keys():
-        new = _OLD_KEYS[name]
-        _log.warning("the key %r has become %r; the old one is read in this release only", name, new)
-        if new == "model":
-            renamed[new] = part[name]
-    if {"also", "also_weight"} & part.keys():
-        given = {**defaults, **part}
-        weights = _many(given.get("also_weight", 1.0))
-        renamed["properties"] = [
-            [f"{name}:{weight}"] for name in _many(given.get("also", "")) if name for weight in weights
-        ]
-    return renamed
 
 
 T = TypeVar("T")
@@ -124,15 +105,6 @@ class Experiment(Choices):
     """Run lattices with fixed dwells of 10, 20, 30 and 60 s too; the report compares all with the best of them."""
 
 
-class Published(Section):
-    """Comparison with the published experiments: the fields that represent each published case."""
-
-    high_gradient: Many[Name] | None = None  # fields with a high contrast
-    low_gradient: Many[Name] | None = None  # fields with a low contrast
-    reasons: Mapping[FindingKey, str] = Setting(default_factory=dict)
-    """Known reasons why the campaign differs from a finding; shown if it differs."""
-
-
 class Campaign(Section):
     """A set of simulated missions that are run and reported together."""
 
@@ -152,25 +124,20 @@ class Campaign(Section):
     defaults: Choices = Choices()
     """Default values for experiments."""
     experiments: Annotated[tuple[Experiment, ...], Setting(min_length=1)]
-    published: Published | None = None
-    """Comparison with the published findings; optional."""
 
     @model_validator(mode="before")
     @classmethod
-    def _read_old_keys(cls, content: Any) -> Any:
-        """Read keys of earlier releases for one release."""
+    def _name_old_keys(cls, content: Any) -> Any:
+        """Refuse or ignore keys of earlier releases with a word."""
         if not isinstance(content, Mapping):
             return content
-        defaults = _mapping(content.get("defaults"))
         experiments = content.get("experiments")
-        renamed = dict(content)
-        if defaults:
-            renamed["defaults"] = _with_new_keys(defaults, {})
-        if isinstance(experiments, list):
-            renamed["experiments"] = [
-                _with_new_keys(part, defaults) if isinstance(part, Mapping) else part for part in experiments
-            ]
-        return renamed
+        for part in (content.get("defaults"), *(experiments if isinstance(experiments, list) else ())):
+            for name in _RENAMED.keys() & _mapping(part).keys():
+                raise ValueError(f"the key {name!r} is {_RENAMED[name]!r} now, see `soilmoist campaign --help`")
+        if "published" in content:
+            _log.warning("'published' is not read any more: the report shows differences, without verdicts")
+        return {name: value for name, value in content.items() if name != "published"}
 
 
 @dataclass(frozen=True)
@@ -202,9 +169,7 @@ def load_campaign(name: str) -> Campaign:
         raise InputError(mistakes)
     choices = [_with_whole_paths(experiment, path.parent) for experiment in campaign.experiments]
     defaults = _with_whole_paths(campaign.defaults, path.parent)
-    published = campaign.published and _published_with_whole_paths(campaign.published, path.parent)
-    update = {"experiments": tuple(choices), "defaults": defaults, "published": published}
-    return campaign.model_copy(update=update)
+    return campaign.model_copy(update={"experiments": tuple(choices), "defaults": defaults})
 
 
 def missions(campaign: Campaign) -> list[CampaignMission]:
@@ -284,12 +249,6 @@ def _with_whole_paths(choices: Any, folder: Path) -> Any:
     return choices.model_copy(update=update)
 
 
-def _published_with_whole_paths(published: Published, folder: Path) -> Published:
-    cases = {"high_gradient": published.high_gradient, "low_gradient": published.low_gradient}
-    update = {case: names and tuple(_whole_path(name, folder) for name in names) for case, names in cases.items()}
-    return published.model_copy(update=update)
-
-
 def _field_file(field: str) -> Path | None:
     """The file of a field, ``None`` for a built-in one."""
     if _is_path(field):
@@ -340,7 +299,6 @@ def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
     for place, part in zip(places, [defaults, *experiments], strict=True):
         fields = {
             "field": list(_texts(part.get("field"))),
-            "also": list(_texts(part.get("also"))),
             "properties": [_property_field(text) for text in _texts(part.get("properties"))],
         }
         for key, names_of in fields.items():

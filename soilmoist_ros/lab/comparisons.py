@@ -16,10 +16,10 @@ would decide.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,31 +40,18 @@ QUARTER = 0.25  # share of the mission time at which strategies are compared, in
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """The missions of one combination of strategy and dwell rule against those of another with the same seeds.
+    """The missions of one combination of strategy and dwell rule against those of another with the same seeds."""
 
-    :param quantity: what is compared, of :data:`QUANTITIES`
-    :param strategy: name of the first strategy
-    :param dwell: its dwell rule
-    :param other_strategy: name of the second strategy
-    :param other_dwell: its dwell rule
-    :param pairs: number of seeds that both have
-    :param mean: mean of the first over the pairs
-    :param other_mean: mean of the second over the pairs
-    :param difference: mean of first minus second
-    :param low: lower end of the interval of the difference; NaN with fewer than two pairs
-    :param high: upper end
-    """
-
-    quantity: str
+    quantity: str  # what is compared, of :data:`QUANTITIES`
     strategy: str
     dwell: str
     other_strategy: str
     other_dwell: str
-    pairs: int
-    mean: float
+    pairs: int  # number of seeds that both have
+    mean: float  # mean of the first over the pairs
     other_mean: float
-    difference: float
-    low: float
+    difference: float  # mean of first minus second
+    low: float  # lower end of the interval of the difference; NaN with fewer than two pairs
     high: float
 
     @property
@@ -103,56 +90,34 @@ def paired_differences(missions: pd.DataFrame) -> Iterator[PairedDifference]:
             if both.empty:
                 continue
             a, b = both["mine"].to_numpy(float), both["theirs"].to_numpy(float)
-            means = (float(a.mean()), float(b.mean()))
+            means = float(a.mean()), float(b.mean())
+            a_name, a_dwell, b_name, b_dwell = map(str, (*first, *second))
             yield PairedDifference(
-                quantity, str(first[0]), str(first[1]), str(second[0]), str(second[1]), len(both), *means,
-                *difference_interval(a, b),
-            )  # fmt: skip
+                quantity, a_name, a_dwell, b_name, b_dwell, len(both), *means, *difference_interval(a, b)
+            )
 
 
 def paired_table(missions: pd.DataFrame, cases: Iterable[str]) -> pd.DataFrame:
     """One row per pair of combinations and quantity: settings of the case, then :class:`PairedDifference`."""
+    columns = PairedDifference.__dataclass_fields__
+    return _of_cases(missions, cases, columns, lambda case: map(asdict, paired_differences(case)))
+
+
+def _of_cases(
+    missions: pd.DataFrame,
+    cases: Iterable[str],
+    columns: Iterable[str],
+    compare: Callable[[pd.DataFrame], Iterable[dict[str, Any]]],
+) -> pd.DataFrame:
+    """The comparisons of each case, with its settings before them."""
     import pandas as pd
 
-    columns = list(cases)
-    rows: list[dict[str, object]] = []
-    for values, case in missions.groupby(columns, sort=False, dropna=False):
-        about = dict(zip(columns, values, strict=True))
-        rows += [{**about, **asdict(one)} for one in paired_differences(case)]
-    return pd.DataFrame(rows, columns=[*columns, *PairedDifference.__dataclass_fields__])
-
-
-class LatticeOutcome(NamedTuple):
-    """What is compared of a mission.
-
-    :param quarter_mse: mean squared error of the rate at :data:`QUARTER` of the time [(counts/s)^2]
-    :param mse: the same at the end
-    :param distance_m: distance driven until the end [m]
-    """
-
-    quarter_mse: float
-    mse: float
-    distance_m: float
-
-
-@dataclass(frozen=True)
-class Against:
-    """A strategy on one field against the best lattices in hindsight."""
-
-    strategy: str  # name of the strategy
-    dwell: str  # its dwell rule
-    pairs: int  # number of paired seeds
-    mse: float  # its mean error at the end [(counts/s)^2]
-    distance_m: float  # its mean distance [m]
-    end_best: str  # dwell of the lattice with the lowest error at the end
-    end_best_mse: float  # error of this lattice [(counts/s)^2]
-    end_best_distance_m: float  # its distance [m]
-    end_ratio: float  # ratio of the errors at the end
-    end_ratio_se: float  # its standard error
-    distance_ratio: float  # ratio of the distances
-    quarter_best: str  # dwell of the lattice with the lowest error at :data:`QUARTER` of the time
-    quarter_ratio: float  # ratio of the errors then
-    quarter_ratio_se: float  # its standard error
+    names = list(cases)
+    rows: list[dict[str, Any]] = []
+    for values, case in missions.groupby(names, sort=False, dropna=False):
+        about = dict(zip(names, values, strict=True))
+        rows += [{**about, **one} for one in compare(case)]
+    return pd.DataFrame(rows, columns=[*names, *columns])
 
 
 def paired_ratio(mine: Array, theirs: Array) -> tuple[float, float]:
@@ -167,75 +132,43 @@ def paired_ratio(mine: Array, theirs: Array) -> tuple[float, float]:
     return value, float(np.std(mine - value * theirs, ddof=1) / math.sqrt(len(mine)) / theirs.mean())
 
 
-def against_best_lattice(outcomes: Mapping[Combination, Mapping[int, LatticeOutcome]]) -> list[Against]:
-    """Compare all combinations on one field with the best lattices; empty unless all lattices have a common seed.
-
-    :param outcomes: outcomes by strategy and dwell rule, then by seed. Each combination is compared over the seeds
-        that it and all lattices have.
-    """
-    if not set(LATTICES) <= outcomes.keys():
-        return []
-    common = set.intersection(*(set(outcomes[name]) for name in LATTICES))
-    best = [_best(outcomes, metric, common) for metric in (0, 1)]
-    found = []
-    for name, mine in outcomes.items():
-        seeds = sorted(common & set(mine))
-        if seeds:
-            values = [np.array([outcomes[one][seed] for seed in seeds]).T for one in (name, *best)]
-            found.append(_against(name, values, best))
-    return found
-
-
-def _best(
-    outcomes: Mapping[Combination, Mapping[int, LatticeOutcome]], metric: int, seeds: set[int]
-) -> Combination:
-    """The lattice with the lowest mean of an error; one without a map, whose error is NaN, is never the best."""
-
-    def error(name: Combination) -> tuple[bool, float]:
-        mean = float(np.mean([outcomes[name][seed][metric] for seed in sorted(seeds)])) if seeds else math.nan
-        return math.isnan(mean), mean
-
-    return min(LATTICES, key=error)
-
-
-def _against(name: Combination, values: Sequence[Array], best: Sequence[Combination]) -> Against:
-    """Compare one combination.
-
-    :param values: outcomes of the combination, of the best lattice at a quarter, and of the best one at the end,
-        each of shape (3, n)
-    """
-    mine, quarter, end = values
-    end_ratio, end_se = paired_ratio(mine[1], end[1])
-    quarter_ratio, quarter_se = paired_ratio(mine[0], quarter[0])
-    return Against(
-        strategy=name[0],
-        dwell=name[1],
-        pairs=mine.shape[1],
-        mse=float(mine[1].mean()),
-        distance_m=float(mine[2].mean()),
-        end_best=best[1][1],
-        end_best_mse=float(end[1].mean()),
-        end_best_distance_m=float(end[2].mean()),
-        end_ratio=end_ratio,
-        end_ratio_se=end_se,
-        distance_ratio=float(mine[2].mean() / end[2].mean()),
-        quarter_best=best[0][1],
-        quarter_ratio=quarter_ratio,
-        quarter_ratio_se=quarter_se,
-    )
+AGAINST = (
+    "strategy", "dwell", "pairs", "mse", "distance_m", "end_best", "end_best_mse", "end_best_distance_m",
+    "end_ratio", "end_ratio_se", "distance_ratio", "quarter_best", "quarter_ratio", "quarter_ratio_se",
+)  # fmt: skip
+"""Columns of a strategy against the best lattices in hindsight, at the end and at :data:`QUARTER` of the time."""
 
 
 def hindsight_table(missions: pd.DataFrame, cases: Iterable[str]) -> pd.DataFrame:
-    """One row per combination of each case that has all lattices: settings of the case, then :class:`Against`."""
-    import pandas as pd
+    """One row per combination of each case that has all lattices: settings of the case, then :data:`AGAINST`."""
+    return _of_cases(missions, cases, AGAINST, _against_best)
 
-    columns = list(cases)
-    rows: list[dict[str, object]] = []
-    for values, case in missions.groupby(columns, sort=False, dropna=False):
-        outcomes: dict[Combination, dict[int, LatticeOutcome]] = {}
-        for row in case.to_dict("records"):
-            outcome = LatticeOutcome(row["mse_quarter"], row["mse"], row["distance_m"])
-            outcomes.setdefault((row["strategy"], row["dwell"]), {})[row["seed"]] = outcome
-        about = dict(zip(columns, values, strict=True))
-        rows += [{**about, **asdict(one)} for one in against_best_lattice(outcomes)]
-    return pd.DataFrame(rows, columns=[*columns, *Against.__dataclass_fields__])
+
+def _against_best(case: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """All combinations of one case, each over the seeds that it and all lattices have."""
+    outcomes = {name: rows.set_index("seed") for name, rows in case.groupby(["strategy", "dwell"], sort=False)}
+    if not set(LATTICES) <= outcomes.keys():
+        return
+    common = set.intersection(*(set(outcomes[name].index) for name in LATTICES))
+
+    def values(name: Combination, metric: str, seeds: Iterable[int] = common) -> Array:
+        return np.asarray(outcomes[name].loc[sorted(seeds), metric], float)
+
+    def best(metric: str) -> Combination:  # one without a map, whose error is NaN, is never the best
+        means = {name: float(values(name, metric).mean()) for name in LATTICES}
+        return min(LATTICES, key=lambda name: (math.isnan(means[name]), means[name]))
+
+    quarter, end = (best("mse_quarter"), best("mse")) if common else (LATTICES[0], LATTICES[0])
+    for name, mine in outcomes.items():
+        seeds = common & set(mine.index)
+        if not seeds:
+            continue
+        mse, distance_m = values(name, "mse", seeds), values(name, "distance_m", seeds)
+        end_mse, end_m = values(end, "mse", seeds), values(end, "distance_m", seeds)
+        at_quarter = paired_ratio(values(name, "mse_quarter", seeds), values(quarter, "mse_quarter", seeds))
+        row = (
+            *name, len(seeds), float(mse.mean()), float(distance_m.mean()),
+            end[1], float(end_mse.mean()), float(end_m.mean()), *paired_ratio(mse, end_mse),
+            float(distance_m.mean() / end_m.mean()), quarter[1], *at_quarter,
+        )  # fmt: skip
+        yield dict(zip(AGAINST, row, strict=True))

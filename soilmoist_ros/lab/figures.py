@@ -39,11 +39,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Look = tuple[str, Any, float]  # colour, dashes and width of a line
-EndName = tuple[float, str, str]  # last value of a line, its name and its colour
 
 WIDTH_IN = 10.0
 OTHER: Look = (INK, "-.", 1.5)
 ERROR = "Mean squared error [(counts/s)²]"
+STATED = "95 %, as stated"
 MAX_EXAMPLES = 5
 KEYS_PER_ROW = 5
 KEY_IN = 0.55  # height of the strip below the examples [in]
@@ -76,86 +76,87 @@ def campaign_figures(data: CampaignData) -> Iterator[tuple[str, Figure]]:
     yield "coverage", of_text_width(coverage_figure(data, data.strategy_cases or data.cases))
 
 
+class _Panel(NamedTuple):
+    """One chart of a column of the results against mission time."""
+
+    title: str
+    measure: str
+    hours: float
+    column: str
+    lines: Sequence[tuple[str, pd.DataFrame, Look]]  # name, rows and look of each line
+    scale: float = 1.0
+
+
 def strategies_figure(data: CampaignData, case: Case) -> Figure:
     """Distance and error against time, one line per strategy: mean and standard deviation over the runs."""
     rows = data.over_time(case, data.main_dwell(case))
-    figure = new_figure(WIDTH_IN, 3.7)
-    left = _plain(figure.add_axes((0.065, 0.145, 0.27, 0.76)), "y")
-    right = _plain(figure.add_axes((0.555, 0.145, 0.29, 0.76)), "y")
-    lines = [(strategy_text(name), rows[rows["strategy"] == name], _look(name)) for name in strategies_in(rows)]
-    kilometres = rows["distance_m"].max() >= 3000
-    scale, unit = (1e-3, "km") if kilometres else (1.0, "m")
-    distance_names = _lines(left, lines, "distance_m", scale=scale)
-    left.set_ylim(bottom=0)
-    _end_names(left, distance_names)
-    _end_names(right, _lines(right, lines, "mse", log=True))
-    for axes, title, y in ((left, "Distance driven", f"Distance [{unit}]"), (right, "Error of the map", ERROR)):
-        _hours(axes, case)
-        label(axes, "Mission time [h]", y, title)
-    return figure
+    lines = _by_strategy(rows)
+    scale, unit = (1e-3, "km") if rows["distance_m"].max() >= 3000 else (1.0, "m")
+    distance = _Panel("Distance driven", f"Distance [{unit}]", case.hours, "distance_m", lines, scale)
+    return _charts([distance, _Panel("Error of the map", ERROR, case.hours, "mse", lines)], 2)
 
 
 def intervals_figure(data: CampaignData, case: Case) -> Figure:
     """Error against time: one panel per strategy, one line per counting interval."""
     rows = data.over_time(case)
-    strategies = interval_strategies(data, case)
-    columns = min(len(strategies), 3)
-    deep = -(-len(strategies) // columns)
-    figure = new_figure(WIDTH_IN, 3.5 * deep)
-    panels: list[tuple[Axes, list[EndName]]] = []
-    for number, strategy in enumerate(strategies):
-        row, column = divmod(number, columns)
-        place = (0.065 + 0.325 * column, (deep - 1 - row + 0.155) / deep, 0.205, 0.735 / deep)
-        axes = _plain(figure.add_axes(place), "y")
+    dwells = sorted(rows["dwell"].unique(), key=_dwell_order)
+    panels = []
+    for strategy in interval_strategies(data, case):
         some = rows[rows["strategy"] == strategy]
-        dwells = sorted(some["dwell"].unique(), key=_dwell_order)
-        lines = [(dwell_text(d), some[some["dwell"] == d], _dwell_look(d, dwells)) for d in dwells]
-        panels.append((axes, _lines(axes, lines, "mse", log=True)))
-        _hours(axes, case)
-        label(axes, "Mission time [h]", ERROR if column == 0 else "", strategy_text(strategy))
-    limits = [axes.get_ylim() for axes, _ in panels]
-    for axes, names in panels:
-        axes.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
-        _log_axis(axes)
-        _end_names(axes, names)
-    return figure
-
-
-def interval_strategies(data: CampaignData, case: Case) -> list[str]:
-    """Strategies with missions of more than one counting interval."""
-    rows = data.over_time(case)
-    return [name for name in strategies_in(rows) if rows[rows["strategy"] == name]["dwell"].nunique() > 1]
+        of_dwell = {dwell: some[some["dwell"] == dwell] for dwell in dwells}
+        lines = [(dwell_text(d), its, _dwell_look(d, dwells)) for d, its in of_dwell.items() if len(its)]
+        panels.append(_Panel(strategy_text(strategy), ERROR, case.hours, "mse", lines))
+    return _charts(panels, 3)
 
 
 def coverage_figure(data: CampaignData, cases: Sequence[Case]) -> Figure:
     """Share of the field whose truth lies in the 95 % interval, against time; one panel per field."""
-    columns = min(len(cases), 4 if len(cases) == 4 else 3)
-    deep = -(-len(cases) // columns)
-    titles = [textwrap.fill(case.title, 30) for case in cases]
-    row_in = 2.7 + 0.2 * max(title.count("\n") + 1 for title in titles)
-    every = {name for case in cases for name in strategies_in(data.final(case))}
-    high = row_in * deep + 0.2 * (1 + _key_rows(len(every) + 1))
+    measure = "Truth in the interval [% of area]"
+    panels = [
+        _Panel(case.title, measure, case.hours, "coverage95",
+               _by_strategy(data.over_time(case, data.main_dwell(case))), 100)
+        for case in cases
+    ]  # fmt: skip
+    return _charts(panels, 4 if len(cases) == 4 else 3)
+
+
+def _by_strategy(rows: pd.DataFrame) -> list[tuple[str, pd.DataFrame, Look]]:
+    return [(strategy_text(name), rows[rows["strategy"] == name], _look(name)) for name in strategies_in(rows)]
+
+
+def _charts(panels: Sequence[_Panel], columns: int) -> Figure:
+    """Charts in rows, with equal limits for equal quantities, and one legend above them."""
+    columns = min(len(panels), columns)
+    deep = -(-len(panels) // columns)
+    titles = [textwrap.fill(panel.title, 30) for panel in panels]
+    row_in = 2.9 + 0.2 * max(title.count("\n") + 1 for title in titles)
+    key = {text: look for panel in panels for text, _, look in panel.lines}
+    if any(panel.column == "coverage95" for panel in panels):
+        key[STATED] = (INK, (0, (4, 3)), 0.9)
+    high, step = row_in * deep + 0.2 * (1 + _key_rows(len(key))), 0.94 / columns
     figure = new_figure(WIDTH_IN, high)
-    step = 0.94 / columns
-    drawn: dict[str, Look] = {}
-    panels, lowest = [], 50.0
-    for number, case in enumerate(cases):
+    drawn: list[Axes] = []
+    for number, panel in enumerate(panels):
         row, column = divmod(number, columns)
-        place = (0.065 + step * column, (row_in * (deep - 1 - row) + 0.5) / high, step - 0.04, 2.05 / high)
+        place = (0.065 + step * column, (row_in * (deep - 1 - row) + 0.5) / high, step - 0.06, 2.25 / high)
         axes = _plain(figure.add_axes(place), "y")
-        rows = data.over_time(case, data.main_dwell(case))
-        lines = [(strategy_text(s), rows[rows["strategy"] == s], _look(s)) for s in strategies_in(rows)]
-        axes.axhline(95, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=2)
-        _lines(axes, lines, "coverage95", scale=100, band=False)
-        _hours(axes, case)
-        measure = "Truth in the interval [% of area]" if column == 0 else ""
-        label(axes, "Mission time [h]", measure, titles[number])
-        drawn |= {text: look for text, _, look in lines}
-        panels.append(axes)
-        lowest = min(lowest, axes.get_ylim()[0])
-    for axes in panels:
-        axes.set_ylim(max(0.0, 10 * np.floor(lowest / 10)), 101)
-    _shared_key(figure, drawn)
+        _lines(axes, panel)
+        _hours(axes, panel.hours)
+        repeated = column > 0 and panel.measure == panels[number - 1].measure
+        label(axes, "Mission time [h]", "" if repeated else panel.measure, titles[number])
+        drawn.append(axes)
+    for axes, panel in zip(drawn, panels, strict=True):
+        limits = [one.get_ylim() for one, other in zip(drawn, panels, strict=True) if other.column == panel.column]
+        low, top = min(low for low, _ in limits), max(top for _, top in limits)
+        if panel.column == "mse":
+            axes.set_ylim(low, top)
+            _log_axis(axes)
+        elif panel.column == "coverage95":
+            axes.axhline(95, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=2)
+            axes.set_ylim(max(0.0, 10 * np.floor(min(low, 50.0) / 10)), 101)
+        else:
+            axes.set_ylim(bottom=0)
+    _shared_key(figure, key)
     return figure
 
 
@@ -167,7 +168,6 @@ def _shared_key(figure: Figure, drawn: dict[str, Look]) -> None:
         Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label=text)
         for text, (colour, dashes, width) in drawn.items()
     ]
-    handles.append(Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="95 %, as stated"))
     figure.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(0.057, 1.0), frameon=False, fontsize=SMALL,
         ncols=-(-len(handles) // _key_rows(len(handles))), labelcolor=INK, columnspacing=1.4, handlelength=2.2,
@@ -176,6 +176,12 @@ def _shared_key(figure: Figure, drawn: dict[str, Look]) -> None:
 
 def _key_rows(count: int) -> int:
     return -(-count // KEYS_PER_ROW)
+
+
+def interval_strategies(data: CampaignData, case: Case) -> list[str]:
+    """Strategies with missions of more than one counting interval."""
+    rows = data.over_time(case)
+    return [name for name in strategies_in(rows) if rows[rows["strategy"] == name]["dwell"].nunique() > 1]
 
 
 def examples_figure(data: CampaignData, case: Case) -> Figure | None:
@@ -220,43 +226,32 @@ def example_strategies(data: CampaignData, case: Case) -> list[str]:
     return ([name for name in present if not _is_baseline(name)] or present)[:MAX_EXAMPLES]
 
 
-def _lines(
-    axes: Axes,
-    lines: Sequence[tuple[str, pd.DataFrame, Look]],
-    column: str,
-    scale: float = 1.0,
-    log: bool = False,
-    band: bool = True,
-) -> list[EndName]:
-    """Draw mean lines with bands of one standard deviation over the runs; return the names for their ends.
+def _lines(axes: Axes, panel: _Panel) -> None:
+    """Draw mean lines with bands of one standard deviation over the runs, but for a coverage.
 
-    On a logarithmic axis the band does not go below the lowest run: mean minus deviation may be negative.
+    The band of an error does not go below the lowest run: mean minus deviation may be negative.
     """
-    names: list[EndName] = []
-    for text, rows, (colour, dashes, width) in lines:
-        by_time = rows.groupby("time_s")[column]
-        count, mean = by_time.count(), scale * by_time.mean()
-        sd = scale * by_time.std(ddof=1).fillna(0.0)
+    for _, rows, (colour, dashes, width) in panel.lines:
+        by_time = rows.groupby("time_s")[panel.column]
+        count, mean = by_time.count(), panel.scale * by_time.mean()
+        sd = panel.scale * by_time.std(ddof=1).fillna(0.0)
         good = (count >= 0.5 * count.max()) & mean.notna()
         hours, middle, spread = mean.index[good].to_numpy(float) / 3600, mean[good].to_numpy(), sd[good].to_numpy()
         if not len(hours):
             continue
         lowest = middle - spread
-        if log:
-            lowest = np.maximum(lowest, np.minimum((scale * by_time.min())[good].to_numpy(), middle))
-        if band:
+        if panel.column == "mse":
+            lowest = np.maximum(lowest, np.minimum((panel.scale * by_time.min())[good].to_numpy(), middle))
+        if panel.column != "coverage95":
             axes.fill_between(hours, lowest, middle + spread, color=colour, alpha=0.13, linewidth=0)
         axes.plot(hours, middle, color=colour, linestyle=dashes, linewidth=width, solid_capstyle="round", zorder=3)
-        names.append((float(middle[-1]), text, colour))
-    if log:
-        _log_axis(axes)
-    return names
+    if panel.column == "mse":
+        axes.set_yscale("log")
 
 
 def _log_axis(axes: Axes) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    axes.set_yscale("log")
     low, high = axes.get_ylim()
     steps = (1.0, 2.0, 5.0) if high / low < 200 else (1.0,)
     axes.yaxis.set_major_locator(LogLocator(subs=steps))
@@ -265,38 +260,10 @@ def _log_axis(axes: Axes) -> None:
     axes.yaxis.set_minor_locator(LogLocator(subs=()))
 
 
-def _end_names(axes: Axes, names: Sequence[EndName], gap: float = 0.072) -> None:
-    """Write the names at the right ends of the lines, moved apart where they would overlap."""
-    axes.figure.canvas.draw()
-    place = axes.transAxes.inverted()
-    heights = [float(place.transform(axes.transData.transform((0.0, value)))[1]) for value, _, _ in names]
-    order = np.argsort(heights, kind="stable")
-    spread = spaced(np.array(heights)[order], gap, 0.0, 1.0)
-    for index, height in zip(order, spread, strict=True):
-        _, text, colour = names[index]
-        axes.annotate(
-            text, (1.0, heights[index]), xytext=(1.045, float(height)), xycoords="axes fraction",
-            textcoords="axes fraction", va="center", fontsize=SMALL, color=colour, annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 1},
-        )  # fmt: skip
-
-
-def spaced(places: Array, gap: float, low: float = -np.inf, high: float = np.inf) -> Array:
-    """Ascending places, moved by least squares until they are ``gap`` apart and within the bounds."""
-    groups: list[list[float]] = []  # mean of places minus offsets, number of places
-    for number, place in enumerate(places):
-        groups.append([float(place) - number * gap, 1.0])
-        while len(groups) > 1 and groups[-2][0] > groups[-1][0]:
-            (mean, n), (other, m) = groups.pop(-2), groups.pop()
-            groups.append([(mean * n + other * m) / (n + m), n + m])
-    free = np.concatenate([np.full(int(n), mean) for mean, n in groups]) if groups else np.empty(0)
-    return np.asarray(np.clip(free, low, high - gap * (len(places) - 1)) + gap * np.arange(len(places)))
-
-
-def _hours(axes: Axes, case: Case) -> None:
+def _hours(axes: Axes, hours: float) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    axes.set_xlim(0, case.hours)
+    axes.set_xlim(0, hours)
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
 

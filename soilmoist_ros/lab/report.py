@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Report of a campaign: settings, figures, final values and the comparison with published results."""
+"""Report of a campaign: settings, figures, final values and differences."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from soilmoist_ros.lab.campaign_file import Campaign, missions
 from soilmoist_ros.lab.comparisons import LATTICES, PairedDifference
 from soilmoist_ros.lab.computing import Failure
 from soilmoist_ros.lab.figures import FigureSection, picture
-from soilmoist_ros.lab.findings import Comparison, findings
 from soilmoist_ros.lab.mission_store import MissionStore, code_version
 from soilmoist_ros.lab.table import Finished
 from soilmoist_ros.reporting import dwell_text, length, plain, render_page, strategy_text
@@ -64,7 +63,6 @@ def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ())
         raise InputError(
             "no mission of the campaign is finished", "run the campaign, and see why its missions failed"
         )
-    found = findings(data)
     return render_page(
         "campaign.html.j2",
         title=data.campaign.title,
@@ -82,7 +80,6 @@ def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ())
         finals=list(_finals(data)),
         differences=[(case.title, rows) for case in data.cases if (rows := _differences(data, case))],
         hindsight=list(_hindsight(data)),
-        findings=[(finding, [_as_text(item) for item in finding.comparisons]) for finding in found],
         runs=len(data.campaign.runs),
     )
 
@@ -156,46 +153,18 @@ def _sections(data: CampaignData) -> Iterator[FigureSection]:
 
 
 def _strategies_section(data: CampaignData, case: Case) -> FigureSection:
-    rows = data.final(case)
-    means = rows.groupby("strategy")[["distance_m", "mse"]].mean()
-    distance, error = means["distance_m"].dropna(), means["mse"].dropna()
-    sentences = []
-    if len(distance):
-        least, most = distance.idxmin(), distance.idxmax()
-        sentences.append(
-            f"At the end, {strategy_text(str(least))} has driven least "
-            f"({' '.join(length(distance[least]))} on average) and {strategy_text(str(most))} most "
-            f"({' '.join(length(distance[most]))})."
-        )
-    if len(error):
-        best, worst = error.idxmin(), error.idxmax()
-        sentences.append(
-            f"The lowest final error is that of {strategy_text(str(best))} ({number(error[best])} (counts/s)²), "
-            f"the highest that of {strategy_text(str(worst))} ({number(error[worst])})."
-        )
     return FigureSection(
         f"strategies-{case.number}", f"{case.title}: strategies",
         picture(figures.strategies_figure(data, case), f"Distance and error against time: {case.title}", True),
-        f"Lines: mean over {_runs(rows)}; bands: one standard deviation to both sides, cut at the lowest run. "
-        f"Interval: {dwell_text(data.main_dwell(case))}. The error axis is logarithmic; multiply by 100 for "
-        f"(counts/10 s)². {' '.join(sentences)}",
+        f"Lines: mean over {_runs(data.final(case))}; bands: one standard deviation to both sides, cut at the "
+        f"lowest run. Interval: {dwell_text(data.main_dwell(case))}. The error axis is logarithmic; "
+        "multiply by 100 for (counts/10 s)².",
     )  # fmt: skip
 
 
 def _intervals_section(data: CampaignData, case: Case) -> FigureSection:
-    panels = figures.interval_strategies(data, case)
-    rows = data.missions[(data.missions["case"] == case.number) & data.missions["strategy"].isin(panels)]
-    error = rows.groupby("dwell")["mse"].mean().dropna()
-    samples = rows.groupby("dwell")["samples"].mean()
-    text = ""
-    if len(error):
-        best = str(error.idxmin())
-        counts = ", ".join(f"{dwell_text(str(name))}: {value:.0f}" for name, value in samples.items())
-        text = (
-            f" Over all panels, {dwell_text(best)} ends lowest ({number(error[best])} (counts/s)²). Stops of a "
-            f"mission on average: {counts}."
-        )
-    pays = "optimal" in samples.index
+    rows = data.missions[data.missions["case"] == case.number]
+    pays = "optimal" in set(rows["dwell"])
     optimal = " Green: it counts as long as that lowers the variance of the map faster than moving on." * pays
     alt = f"Error against time by counting interval: {case.title}"
     return FigureSection(
@@ -203,7 +172,7 @@ def _intervals_section(data: CampaignData, case: Case) -> FigureSection:
         picture(figures.intervals_figure(data, case), alt, True),
         "Orange: the robot counts for a fixed time (FMI). Blue: it counts until the relative standard error of "
         f"the counts falls to a threshold (AMI).{optimal} Solid: long intervals; dashed: short ones. Mean over "
-        f"{_runs(rows)}, bands of one standard deviation, logarithmic axis.{text}",
+        f"{_runs(rows)}, bands of one standard deviation, logarithmic axis.",
     )  # fmt: skip
 
 
@@ -323,29 +292,6 @@ def mean_sd_text(values: pd.Series, max_decimals: int = 6) -> str:
         return number(mean)
     decimals = int(np.clip(1 - np.floor(np.log10(sd)), 0, max_decimals))
     return f"{mean:.{decimals}f} ± {sd:.{decimals}f}".replace("-", "−")
-
-
-def _as_text(item: Comparison) -> Row:
-    return Row(
-        where=item.where,
-        what=item.what,
-        quantity=item.quantity,
-        value=number(item.value),
-        reference=number(item.reference),
-        difference=_signed(item.difference, item.standard_error),
-        relative=_signed_percent(item.relative),
-        pairs=item.pairs,
-        outcome=item.outcome,
-    )
-
-
-def _signed(value: float, error: float) -> str:
-    if not np.isfinite(value):
-        return "–"
-    if not (np.isfinite(error) and error > 0):
-        return f"{'+' if value > 0 else ''}{number(value)}"
-    decimals = int(np.clip(1 - np.floor(np.log10(error)), 0, 6))
-    return f"{value:+.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
 
 
 def _signed_percent(share: float) -> str:

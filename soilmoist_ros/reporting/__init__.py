@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.frame import dwell_text as dwell_text
     from soilmoist_ros.reporting.page.frame import length as length
     from soilmoist_ros.reporting.page.frame import number as number
-    from soilmoist_ros.reporting.page.frame import percent as percent
     from soilmoist_ros.reporting.page.frame import plain as plain
     from soilmoist_ros.reporting.page.frame import render_page as render_page
     from soilmoist_ros.reporting.page.frame import strategy_text as strategy_text
@@ -87,7 +86,7 @@ _open, __dir__, __all__ = open_door(
         "opened_run": "OpenedRun open_run",
         "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",
         "outputs": "mission_run write_failed write_mission write_outputs",
-        "page.frame": "dwell_text length number percent plain render_page strategy_text strategy_traits",
+        "page.frame": "dwell_text length number plain render_page strategy_text strategy_traits",
         "page.report": "change_amount change_since change_summary dated relations",
         "page.statistics": "covariate_importance mean_moisture truth_score",
         "page.wording": "notes",

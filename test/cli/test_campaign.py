@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from soilmoist_ros.cli import campaign
 from soilmoist_ros.cli.main import main
-from soilmoist_ros.lab.progress import CampaignProgress
+from soilmoist_ros.lab.campaign import CampaignProgress
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -19,7 +20,15 @@ import pytest
 from soilmoist_ros.foundation.configuration import resource, resource_names
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.lab import mission_store
-from soilmoist_ros.lab.campaign import CampaignInterrupted, load_campaign, mission_key, missions, run_campaign
+from soilmoist_ros.lab.campaign import (
+    CampaignInterrupted,
+    CampaignProgress,
+    Pace,
+    load_campaign,
+    mission_key,
+    missions,
+    run_campaign,
+)
 from soilmoist_ros.lab.mission_store import DamagedMissionError, pack, unpack
 from soilmoist_ros.lab.table import METRICS
 from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings
@@ -375,14 +384,12 @@ def test_properties_are_a_list_and_lists_make_a_grid(tmp_path, given, expected):
     assert [" ".join(map(str, mission.settings.properties)) for mission in found] == expected
 
 
-def test_old_keys_of_a_property_mean_the_same_missions(tmp_path, caplog):
-    old = "[{name: a, also_weight: [0, 1]}, {name: b}]"
-    old = f"title: t\nruns: 1\ndefaults: {{also: rough, variogram: spherical}}\nexperiments: {old}\n"
-    new = "[{name: a, properties: [['rough:0'], [rough]]}, {name: b, properties: rough}]"
-    new = f"title: t\nruns: 1\ndefaults: {{model: spherical}}\nexperiments: {new}\n"
-    assert missions(written(tmp_path / "old.yaml", old)) == missions(written(tmp_path / "new.yaml", new))
+def test_old_keys_are_refused_with_their_new_names_and_verdicts_are_named(tmp_path, caplog):
     for key, today in (("also", "properties"), ("also_weight", "properties"), ("variogram", "model")):
-        assert f"the key {key!r} has become {today!r}" in caplog.text
+        with pytest.raises(InputError, match=f"{key}.* is '{today}' now"):
+            written(tmp_path / "old.yaml", f"title: t\nruns: 1\nexperiments: [{{name: a, {key}: x}}]\n")
+    written(tmp_path / "c.yaml", "title: t\nruns: 1\nexperiments: [{name: a}]\npublished: {high_gradient: b}\n")
+    assert "'published' is not read any more" in caplog.text
 
 
 @pytest.mark.slow
@@ -394,6 +401,28 @@ def test_each_further_property_has_its_columns_in_the_tables(tmp_path):
     assert list(final.index) == ["none", "rough:0 smooth"]
     assert {"mse_rough", "coverage95_rough", "mse_smooth", "coverage95_smooth"} < set(final.columns)
     assert final.loc["none", ["mse_rough", "mse_smooth"]].isna().all()
+
+
+def test_it_begins_unknown_and_ends_with_nothing():
+    states, now_s = [], [100.0]
+    pace = Pace(5, 2, states.append, lambda: now_s[0])
+    for _ in range(2):
+        now_s[0] += 2.0
+        pace.finished(2.0)
+    assert str(states[0]) == "3 of 5 missions"
+    assert math.isnan(states[0].left_s)
+    assert str(states[1]) == "4 of 5 missions · 30 a minute · 2 s left"
+    assert str(states[-1]) == "5 of 5 missions · 30 a minute"
+    assert states[-1].left_s == 0
+
+
+def test_failures_and_what_is_waited_for_are_shown():
+    states = []
+    pace = Pace(4, 4, states.append, lambda: 0.0)
+    pace.finished(float("nan"), failed=True)
+    pace.waits("waiting for a worker")
+    assert str(states[-1]) == "1 of 4 missions · 1 failed · waiting for a worker"
+    assert str(CampaignProgress(1, 2, per_minute=2.5, left_s=24.0)) == "1 of 2 missions · 2.5 a minute · 24 s left"
 
 
 @pytest.mark.parametrize("name", resource_names("campaigns"))

@@ -18,8 +18,6 @@ from soilmoist_ros.lab.comparisons import (
     LATTICE_DWELLS,
     LATTICES,
     QUANTITIES,
-    LatticeOutcome,
-    against_best_lattice,
     difference_interval,
     hindsight_table,
     paired_differences,
@@ -80,16 +78,6 @@ def test_all_pairs_of_each_case_are_in_the_table_and_missing_values_are_left_out
     assert paired_table(table_of({"gcb": {1: 1.0}}), ["field"]).empty
 
 
-def lattices(seeds=(1, 2, 3)):
-    """Lattices whose errors at a quarter rise with the dwell, and fall with it at the end."""
-    return {
-        name: {
-            seed: LatticeOutcome(10.0 * seed * (n + 1), 1.0 * seed / (n + 1), 100.0 * (n + 1)) for seed in seeds
-        }
-        for n, name in enumerate(LATTICES)
-    }
-
-
 @settings(deadline=None, max_examples=30)
 @given(seed=st.integers(0, 1000), factor=st.floats(0.1, 10))
 def test_the_ratio_of_equal_shares_is_exact_and_its_error_is_that_of_a_bootstrap(seed, factor):
@@ -104,9 +92,28 @@ def test_the_ratio_of_equal_shares_is_exact_and_its_error_is_that_of_a_bootstrap
     assert math.isnan(paired_ratio(mine[:1], theirs[:1])[1])
 
 
+def lattices(seeds=(1, 2, 3)):
+    """Lattices whose errors at a quarter rise with the dwell, and fall with it at the end."""
+    return {
+        name: {seed: (10.0 * seed * (n + 1), 1.0 * seed / (n + 1), 100.0 * (n + 1)) for seed in seeds}
+        for n, name in enumerate(LATTICES)
+    }
+
+
+def against(outcomes, case="a"):
+    """Table of one case, from error at a quarter and at the end, and distance, by combination and seed."""
+    rows = [
+        (case, strategy, dwell, seed, *one)
+        for (strategy, dwell), some in outcomes.items()
+        for seed, one in some.items()
+    ]
+    columns = ["field", "strategy", "dwell", "seed", "mse_quarter", "mse", "distance_m"]
+    return hindsight_table(pd.DataFrame(rows, columns=columns), ["field"])
+
+
 def test_the_best_lattices_at_a_quarter_and_at_the_end_may_differ():
-    gcb = {seed: LatticeOutcome(5.0 * seed, 0.2 * seed, 600.0) for seed in (1, 2, 3)}
-    one = against_best_lattice({**lattices(), ("gcb", "optimal"): gcb})[-1]
+    gcb = {seed: (5.0 * seed, 0.2 * seed, 600.0) for seed in (1, 2, 3)}
+    one = against({**lattices(), ("gcb", "optimal"): gcb}).iloc[-1]
     assert (one.strategy, one.dwell, one.pairs) == ("gcb", "optimal", 3)
     assert (one.quarter_best, one.end_best) == ("fmi:10", "fmi:60")
     assert (one.quarter_ratio, one.end_ratio) == (pytest.approx(0.5), pytest.approx(0.8))
@@ -115,29 +122,18 @@ def test_the_best_lattices_at_a_quarter_and_at_the_end_may_differ():
 
 
 def test_only_paired_seeds_count_and_all_lattices_are_needed():
-    more = {seed: LatticeOutcome(5.0, 0.2 if seed < 4 else 99.0, 600.0) for seed in (2, 3, 4, 5)}
-    one = against_best_lattice({**lattices(), ("gcb", "optimal"): more})[-1]
+    more = {seed: (5.0, 0.2 if seed < 4 else 99.0, 600.0) for seed in (2, 3, 4, 5)}
+    one = against({**lattices(), ("gcb", "optimal"): more}).iloc[-1]
     assert (one.pairs, one.mse) == (2, pytest.approx(0.2))
     few = lattices()
     del few[LATTICES[2]]
-    assert against_best_lattice(few) == []
-    assert against_best_lattice({}) == []
-    assert against_best_lattice({**lattices(seeds=()), ("gcb", "optimal"): more}) == []
-
-
-def test_the_table_has_a_row_for_each_combination_of_each_case_with_lattices():
-    rows = [
-        {"field": field, "hours": 2.0, "strategy": strategy, "dwell": dwell, "seed": seed, "mse_quarter": one[0],
-         "mse": one[1], "distance_m": one[2]}
-        for field in ("a", "b")
-        for (strategy, dwell), some in lattices().items()
-        for seed, one in some.items()
-        if field == "a" or dwell != "fmi:10"
-    ]  # fmt: skip
-    table = hindsight_table(pd.DataFrame(rows), ["field", "hours"])
-    assert table["field"].tolist() == ["a"] * 4
-    assert table["dwell"].tolist() == list(LATTICE_DWELLS)
-    assert table["end_ratio"].tolist() == pytest.approx([4, 2, 4 / 3, 1])
+    assert against(few).empty
+    assert against({}).empty
+    apart = {name: {n: (1.0, 1.0, 1.0)} for n, name in enumerate(LATTICES)}
+    assert against({**apart, ("gcb", "optimal"): more}).empty
+    unmapped = {**lattices(), LATTICES[0]: dict.fromkeys((1, 2, 3), (math.nan, math.nan, 1.0))}
+    assert (against(unmapped).quarter_best == "fmi:20").all(), "a lattice without a map is never the best"
+    assert against(lattices())["end_ratio"].tolist() == pytest.approx([4, 2, 4 / 3, 1])
 
 
 def test_an_experiment_with_hindsight_runs_the_lattices_too():

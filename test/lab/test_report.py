@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a campaign: report.py with campaign_data.py, figures.py and findings.py."""
+"""The page of a campaign: report.py with campaign_data.py, and figures.py."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ from soilmoist_ros.lab import report as campaign_report
 from soilmoist_ros.lab.campaign import Failure, missions, run_campaign
 from soilmoist_ros.lab.campaign_data import CampaignData
 from soilmoist_ros.lab.campaign_file import Campaign
-from soilmoist_ros.lab.figures import Picture, spaced
-from soilmoist_ros.lab.findings import findings
+from soilmoist_ros.lab.figures import Picture
 from soilmoist_ros.lab.mission_store import CampaignRun
 from soilmoist_ros.lab.report import mean_sd_text, render_campaign_report, write_campaign_report
 from soilmoist_ros.lab.table import mission_row
@@ -45,7 +44,6 @@ CAMPAIGN = Campaign.model_validate(
             },
             {"name": "strategies", "field": "high", "strategy": ["greedy", "monte_carlo", "adaptive_sampling"]},
         ],
-        "published": {"high_gradient": "high", "low_gradient": "low"},
     }
 )
 NOTHING = np.empty((0, 0))
@@ -77,94 +75,6 @@ def data(campaign=CAMPAIGN, keep=lambda settings: True, **how):
     stored = {m.key: crafted(m, **how) for m in missions(campaign) if keep(m.settings)}
     rows = [(m, mission_row(stored[m.key], 300.0)) for m in missions(campaign) if m.key in stored]
     return CampaignData(campaign, rows, lambda mission: stored[mission.key])
-
-
-def with_reasons(reasons):
-    published = CAMPAIGN.published.model_copy(update={"reasons": reasons})
-    return CAMPAIGN.model_copy(update={"published": published})
-
-
-def verdicts(**how):
-    return {finding.key: finding.verdict for finding in findings(data(**how))}
-
-
-def fixed(factor, only="fmi"):
-    return lambda s: factor if s.dwell.startswith(only) else 1.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("mse", "verdict"),
-    [
-        (fixed(1.4), "confirmed"),
-        (fixed(1.0), "not seen"),
-        (fixed(0.5), "not seen"),
-        (fixed(1.4, "fmi:6"), "partly"),
-    ],
-)
-def test_adaptive_intervals_on_the_high_gradient(mse, verdict):
-    assert verdicts(mse=mse)["ami_high"] == verdict
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("mse", "verdict"),
-    [
-        (fixed(1.0), "confirmed"),
-        (fixed(1.1), "confirmed"),
-        (fixed(2.0), "not seen"),
-        (fixed(0.5), "not seen"),
-        (fixed(2.0, "fmi:3"), "partly"),
-        (
-            lambda s: 1.0 + 0.4 * (s.seed - 2.5) * s.dwell.startswith("fmi"),
-            "partly",
-        ),  # alike, but too noisy for a difference
-    ],
-)
-def test_little_difference_on_the_low_gradient(mse, verdict):
-    assert verdicts(mse=mse)["ami_low"] == verdict
-
-
-def sampling(share):
-    return lambda s: 500 * (share if s.strategy == "adaptive_sampling" else 1)
-
-
-def sampling_error(factor):
-    return lambda s: factor if s.strategy == "adaptive_sampling" else 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("distance", "mse", "verdict"),
-    [
-        (sampling(0.4), sampling_error(1.2), "confirmed"),
-        (sampling(0.4), sampling_error(0.8), "partly"),
-        (sampling(0.4), sampling_error(2.0), "partly"),
-        (sampling(0.9), sampling_error(1.0), "not seen"),
-        (lambda s: {"greedy": 900, "monte_carlo": 450}.get(s.strategy, 400), sampling_error(1.0), "partly"),
-    ],
-)
-def test_adaptive_sampling(distance, mse, verdict):
-    assert verdicts(distance=distance, mse=mse)["adaptive_sampling"] == verdict
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("greedy", "other", "verdict"), [(0.9, 0.5, "confirmed"), (0.2, 0.5, "not seen"), (0.9, 0.9, "partly")]
-)
-def test_greedy_keeps_to_the_border(greedy, other, verdict):
-    assert verdicts(border=lambda s: greedy if s.strategy == "greedy" else other)["greedy_border"] == verdict
-
-
-@pytest.mark.slow
-def test_what_cannot_be_told_is_not_tested():
-    assert set(verdicts(keep=lambda s: s.seed < 3).values()) == {"not tested"}
-    lonely = Campaign.model_validate(
-        {"title": "t", "runs": 5, "experiments": [{"name": "a", "field": "high"}], "published": {}}
-    )
-    found = findings(data(lonely))
-    assert {finding.verdict for finding in found} == {"not tested"}
-    assert all(not finding.comparisons for finding in found)
 
 
 @pytest.mark.slow
@@ -212,9 +122,7 @@ def fake(monkeypatch):
 def test_page_of_a_campaign(tmp_path, fake):
     experiments = [{"name": "a", "field": "synthetic-high", "strategy": ["greedy", "adaptive_sampling", "lattice"],
                     "dwell": ["fmi:300", "ami:0.03"]}]  # fmt: skip
-    campaign = Campaign.model_validate(
-        {"title": "A <b>", "runs": 3, "experiments": experiments, "published": {"high_gradient": "synthetic-high"}}
-    )
+    campaign = Campaign.model_validate({"title": "A <b>", "runs": 3, "experiments": experiments})
     run_campaign(campaign, tmp_path, fake, workers=0)
     html = write_campaign_report(campaign, tmp_path).read_text(encoding="utf-8")
     page = Page(html)
@@ -250,25 +158,6 @@ def words_only(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("words_only")
-def test_verdicts_and_numbers_in_the_page():
-    def verdict(html, key):
-        section = html[html.index(f'id="{key}"') :]
-        return re.search(r'class="verdict [^"]*">([^<]*)<', section)[1]
-
-    html = render_campaign_report(data(with_reasons({"ami_low": "of a good reason"}), mse=fixed(1.4)))
-    assert verdict(html, "ami_high") == "confirmed"
-    assert verdict(html, "ami_low") == "not seen"
-    assert "of a good reason" in html
-    text = Page(html).text
-    assert "−29 %" in text  # 1 / 1.4 - 1
-    assert "Seen in 2 of 2 comparisons of the error averaged over time (−29 %)" in text
-    assert "not been established" in text
-    assert verdict(render_campaign_report(data(mse=fixed(1.0))), "ami_high") == "not seen"
-    assert verdict(render_campaign_report(data(mse=fixed(1.0))), "ami_low") == "confirmed"
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("words_only")
 def test_missing_and_failed_missions_are_named():
     some = data(keep=lambda s: s.seed != 3)
     text = Page(render_campaign_report(some)).text
@@ -278,8 +167,6 @@ def test_missing_and_failed_missions_are_named():
     text = Page(render_campaign_report(some, [failure] * 12)).text
     assert "seed=3: ValueError: <no range>" in text
     assert "and 2 more" in text
-    alone = data(CAMPAIGN.model_copy(update={"published": None}))
-    assert "published" not in Page(render_campaign_report(alone)).text
     with pytest.raises(InputError, match="no mission of the campaign is finished"):
         render_campaign_report(data(keep=lambda s: False))
 
@@ -292,7 +179,7 @@ def wide():
     """Seven strategies and four dwell rules; one rule has no number."""
     dwells = ("ami:0.03", "fmi:600", "fmi:300", "optimal")
     experiment = CAMPAIGN.experiments[0].model_copy(update={"strategy": SEVEN, "dwell": dwells})
-    campaign = CAMPAIGN.model_copy(update={"experiments": (experiment,), "published": None})
+    campaign = CAMPAIGN.model_copy(update={"experiments": (experiment,)})
     return data(campaign, mse=lambda s: 1 + SEVEN.index(s.strategy) + 0.3 * dwells.index(s.dwell))
 
 
@@ -320,10 +207,6 @@ def test_no_text_is_cut_off_or_written_over_another(wide):
             assert edge.x0 <= box.x0 < box.x1 <= edge.x1, text
             assert edge.y0 <= box.y0 < box.y1 <= edge.y1, text
         assert not [(a, b) for (a, first), (b, second) in combinations(boxes, 2) if first.overlaps(second)]
-
-
-def test_names_stay_within_bounds():
-    assert spaced(np.array([0.0, 0.01, 0.98, 1.0]), 0.1, 0.0, 1.0) == pytest.approx([0.0, 0.1, 0.9, 1.0])
 
 
 def test_texts():
