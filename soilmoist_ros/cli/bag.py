@@ -80,18 +80,18 @@ def bag_recover_command(bag: Path, out: Path) -> None:
 def bag_play_command(bag: Path, topics: str | None, time_factor: float, start_s: float) -> None:
     """Publish a BAG to running nodes, with /clock.
 
-    Nodes with use_sim_time receive the records, positions and raw lines again. The space bar pauses and resumes.
+    Nodes with use_sim_time receive the records, positions and raw lines again. The services
+    bag_player/pause and bag_player/resume pause and resume.
     """
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
-    from soilmoist_ros.nodes import on_space, player_of
+    from soilmoist_ros.nodes import player_of
     from soilmoist_ros.recording import INPUTS, bag_of
 
     with (
         player_of(
             bag_of(bag), topics or INPUTS, time_factor, start_s, lambda text: warn(f"note: {text}")
         ) as player,
-        on_space(player.toggle),
         progress_bar() as progress,
     ):
         progress("waiting for subscribers", 0.0)

@@ -16,11 +16,8 @@ import logging
 import resource
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,13 +49,8 @@ LIMIT_S: Final = 300.0
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Background:
-    """A picture in the plane of a field.
-
-    :param jpeg: the picture, north up
-    :param extent: west, east, south, north [m]
-    """
+class Background(NamedTuple):
+    """A picture in the plane of a field, north up; its extent is west, east, south, north [m]."""
 
     jpeg: bytes
     extent: tuple[float, float, float, float]
@@ -67,7 +59,6 @@ class Background:
 def make_background(source: Path, frame: LocalFrame, boundary: Array) -> Background:
     """The picture of a field and its surroundings.
 
-    :param source: GeoTIFF
     :param boundary: corners of the field, shape (n, 2) [m]
     :raises InputError: if the source cannot be used, or does not show the field
     """
@@ -83,24 +74,6 @@ def make_background(source: Path, frame: LocalFrame, boundary: Array) -> Backgro
         raise InputError("does not show the field", "check its place, and that of the field's datum", source)
     rgb[~seen] = GROUND
     return Background(_jpeg(rgb), extent)
-
-
-@contextmanager
-def _without_place() -> Iterator[None]:
-    """No warnings about pictures that have no place."""
-    from rasterio.errors import NotGeoreferencedWarning
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        yield
-
-
-def _colour_table(colours: Mapping[int, tuple[int, ...]]) -> Pixels:
-    """Red, green, blue and opacity of each number of a palette, shape (256, 4)."""
-    table = np.zeros((256, 4), np.uint8)
-    for number, colour in colours.items():
-        table[number] = colour
-    return table
 
 
 def _warped(
@@ -126,7 +99,10 @@ def _warped(
         bands, seen = warped.read(colours), warped.dataset_mask() > 0
     rgb = np.moveaxis(bands, 0, 2)
     if palette:
-        return _colour_table(raster.colormap(1))[rgb[..., 0], :3], seen
+        table = np.zeros((256, 4), np.uint8)  # red, green, blue and opacity
+        for number, colour in raster.colormap(1).items():
+            table[number] = colour
+        return table[rgb[..., 0], :3], seen
     return _in_8_bits(rgb, seen), seen
 
 
@@ -142,12 +118,14 @@ def _in_8_bits(rgb: NDArray[Any], seen: NDArray[np.bool_]) -> Pixels:
 def _jpeg(rgb: Pixels) -> bytes:
     """The picture in at most :data:`MAX_BYTES`, in the best quality that fits, else smaller."""
     import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
 
     while True:
         rows, columns, _ = rgb.shape
         profile = {"driver": "JPEG", "width": columns, "height": rows, "count": 3, "dtype": "uint8"}
         for quality in QUALITIES:
-            with _without_place(), rasterio.MemoryFile() as memory:
+            with warnings.catch_warnings(), rasterio.MemoryFile() as memory:
+                warnings.simplefilter("ignore", NotGeoreferencedWarning)  # the picture has no place
                 with memory.open(**profile, quality=quality, progressive=True) as made:
                     made.write(np.moveaxis(rgb, 2, 0))
                 content = bytes(memory.read())

@@ -174,7 +174,6 @@ def travel_map(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _travel_map(field_file: Path, stops: Mapping[str, Any]) -> tuple[str, str]:
-    """Text and summary of the travel map of a field file."""
     from datetime import UTC, datetime
 
     from soilmoist_ros.exploration import ROBOT_RADIUS_M, crop_rows, make_topological_map, open_lattice

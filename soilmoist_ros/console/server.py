@@ -14,7 +14,7 @@ import time
 from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import Future
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 from weakref import WeakSet
@@ -117,14 +117,14 @@ class ConsoleServer:
         self._jobs: Jobs | None = None
         self._runner: web.AppRunner | None = None
 
-    def start(self, host: str, port: int, *, else_free: bool = False) -> int:
+    def start(self, host: str, port: int) -> int:
         """Start to serve.
 
         :raises InputError: if the address cannot be used
         """
         self._thread.start()
         try:
-            return asyncio.run_coroutine_threadsafe(self._open(host, port, else_free), self._loop).result(20.0)
+            return asyncio.run_coroutine_threadsafe(self._open(host, port), self._loop).result(20.0)
         except OSError as error:
             self.close()
             raise InputError(
@@ -146,7 +146,7 @@ class ConsoleServer:
         self._loop.run_forever()
         self._loop.close()
 
-    async def _open(self, host: str, port: int, else_free: bool) -> int:
+    async def _open(self, host: str, port: int) -> int:
         web = self._web
         app = web.Application(client_max_size=MAX_BODY, middlewares=[self._guard()])
         app.router.add_get("/", self._on_page)
@@ -158,18 +158,13 @@ class ConsoleServer:
         RunRoutes(web, self._files.runs, self._jobs).add(app, self._operators)
         PlanRoutes(web, self._files, self._jobs, self._walks).add(app, self._operators)
         BackgroundRoute(web, self._background, self._board, self._jobs).add(app)
-        for name, handler in (("stop", self._on_stop), ("take", self._on_take)):
+        for name, handler in (("stop", partial(self._on_stop, True)), ("take", self._on_take)):
             app.router.add_post(f"/{name}", self._operators(handler))
-        for name, handler in (("command", self._on_command), ("release", self._on_release)):
+        for name, handler in (("command", self._on_command), ("release", partial(self._on_stop, False))):
             app.router.add_post(f"/{name}", self._operators(handler, holder=True))
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEP_S)
         await self._runner.setup()
-        try:
-            await web.TCPSite(self._runner, host, port).start()
-        except OSError:
-            if not else_free:
-                raise
-            await web.TCPSite(self._runner, host, 0).start()
+        await web.TCPSite(self._runner, host, port).start()
         self._loop.call_later(SILENT_S, self._end_silent, [])
         return int(self._runner.addresses[0][1])
 
@@ -234,12 +229,6 @@ class ConsoleServer:
                 return self._web.json_response({"error": "this is not JSON"}, status=400)
 
         return answer
-
-    @property
-    def _steered(self) -> Steering:
-        """The steering of a request that may steer."""
-        assert self._steering is not None
-        return self._steering
 
     def _may_steer(self, request: Any) -> bool:
         return self._steering is not None and self._access.may_steer(_visitor(request))
@@ -351,12 +340,13 @@ class ConsoleServer:
     # What is asked -------------------------------------------------------------------------------------------
 
     async def _on_command(self, content: Any) -> dict[str, Any]:
+        assert self._steering is not None
         robot, asked = request_from_json(content, self._board.get("robots", []))
         request = self._files.resolved(asked)
         opens = request.field or request.earlier or request.covariates
         limit_s = CHOICE_LIMIT_S if opens else REPLY_LIMIT_S
         try:
-            future = asyncio.wrap_future(self._steered.command(robot, request))
+            future = asyncio.wrap_future(self._steering.command(robot, request))
             reply = await asyncio.wait_for(future, limit_s)
         except TimeoutError:
             text = f"no answer from the planner in {limit_s:g} s: it is not known whether the command is used"
@@ -366,18 +356,11 @@ class ConsoleServer:
     async def _on_take(self, content: Any) -> dict[str, Any]:
         return {"holds": self._controls.take(_client(content), who_of(content), over=True)}
 
-    async def _on_stop(self, content: Any) -> dict[str, Any]:
+    async def _on_stop(self, pressed: bool, content: Any) -> dict[str, Any]:
+        """Press or release, and wait until every planner says that its emergency stop is pressed or released."""
+        assert self._steering is not None  # only who may steer comes here
         asked_s = self._board.now_s()
-        self._steered.press(who_of(content))
-        return await self._acknowledged(True, asked_s)
-
-    async def _on_release(self, content: Any) -> dict[str, Any]:
-        asked_s = self._board.now_s()
-        self._steered.release(who_of(content))
-        return await self._acknowledged(False, asked_s)
-
-    async def _acknowledged(self, pressed: bool, asked_s: float) -> dict[str, Any]:
-        """Wait until every planner says, after it was asked, that its emergency stop is pressed or released."""
+        (self._steering.press if pressed else self._steering.release)(who_of(content))
         limit_s = STOP_LIMIT_S if pressed else STOP_LIMIT_S + 2.0  # a release waits for the silence of others
 
         def missing() -> list[str]:

@@ -42,12 +42,7 @@ _KNOWN: Final = frozenset(field.name for field in fields(OperatorRequest))
 
 @dataclass(frozen=True)
 class Visitor:
-    """Who sent a request.
-
-    :param address: address of the other end of the connection
-    :param headers: headers of the request; names in any case
-    :param cookie: value of :data:`COOKIE`, empty without one
-    """
+    """Who sent a request: address of the other end, headers (names in any case), value of :data:`COOKIE`."""
 
     address: str
     headers: Mapping[str, str]

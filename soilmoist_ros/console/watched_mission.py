@@ -7,15 +7,14 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from soilmoist_ros.console.board import Board, RobotHistory
 from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.plan_routes import SurveyFiles
 from soilmoist_ros.console.server import ConsoleServer
-from soilmoist_ros.console.views import PLACE_DIGITS, field_view, mission_view, sample_views, visit_view
-from soilmoist_ros.console.visitors import PORT, Access
+from soilmoist_ros.console.views import field_view, mission_view, place_views, sample_views, visit_view
+from soilmoist_ros.console.visitors import PORT, Access, free_port
 from soilmoist_ros.exploration import Phase
 from soilmoist_ros.mapping import Field, FieldGrid, map_cells
 from soilmoist_ros.simulation import Moment
@@ -50,35 +49,28 @@ class WatchedMission:
         self._picture: MapLayers | None = None
         self._map_s, self._samples, self._visits = 0.0, 0, 0
         self._begun_s: float | None = None
-        self._stopped = False
+        self.stopped = False
         files = SurveyFiles(runs, runs, runs)
         self._server = ConsoleServer(self._board, None, Access(), lambda: self._picture, files, {})
-        port = self._server.start("127.0.0.1", PORT, else_free=True)
+        port = self._server.start("127.0.0.1", free_port(PORT))
         self.address = f"http://127.0.0.1:{port}/"
         """Address of the page."""
 
     def __enter__(self) -> WatchedMission:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self._server.close()
-
-    @property
-    def stopped(self) -> bool:
-        """True if :meth:`stop` was called."""
-        return self._stopped
 
     def stop(self) -> None:
         """End the mission at its next moment; signal handlers may call it."""
         # An event has a lock, which the interrupted thread may hold: the handler would wait for it for ever.
-        self._stopped = True
+        self.stopped = True
 
     def wait(self, limit_s: float = math.inf) -> None:
         """Wait for :meth:`stop`, or until a time has passed [s]."""
         end_s = time.monotonic() + limit_s
-        while not self._stopped and (left_s := end_s - time.monotonic()) > 0:
+        while not self.stopped and (left_s := end_s - time.monotonic()) > 0:
             time.sleep(min(left_s, _POLL_S))
 
     def show(self, moment: Moment) -> bool:
@@ -92,7 +84,7 @@ class WatchedMission:
         self.wait(due_s - now_s)
         for robot, one in zip(self._robots, moment.robots, strict=True):
             self._board.put(f"mission/{robot}", mission_view(one.status, {}))
-            self._board.put(f"plan/{robot}", [_place(stop.x_m, stop.y_m) for stop in one.ahead])
+            self._board.put(f"plan/{robot}", place_views((stop.x_m, stop.y_m) for stop in one.ahead))
             self._history[robot].place(*one.xy, 0.0)
             self._history[robot].count(one.status)
             self._board.hear(f"mission/{robot}")
@@ -120,7 +112,3 @@ class WatchedMission:
         self._board.hear("map")
         ended_s = time.monotonic()
         self._map_s = ended_s + max(MAP_S, _BUSY * (ended_s - begun_s))
-
-
-def _place(x_m: float, y_m: float) -> list[float]:
-    return [round(x_m, PLACE_DIGITS), round(y_m, PLACE_DIGITS)]

@@ -9,7 +9,6 @@ from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
     from soilmoist_ros.nodes.command_nodes import monitored as monitored
-    from soilmoist_ros.nodes.command_nodes import on_space as on_space
     from soilmoist_ros.nodes.command_nodes import player_of as player_of
     from soilmoist_ros.nodes.demo import DemoSettings as DemoSettings
     from soilmoist_ros.nodes.demo import run_demo as run_demo
@@ -29,7 +28,7 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "command_nodes": "monitored on_space player_of",
+        "command_nodes": "monitored player_of",
         "demo": "DemoSettings run_demo",
         "field_simulator": "FieldSimulator",
         "mapper": "Mapper",

@@ -5,10 +5,7 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import select
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -110,10 +107,6 @@ class BagPlayer(Node):
         for name, paused in (("pause", True), ("resume", False)):
             self.create_service(Trigger, f"~/{name}", partial(self._on_request, paused))
 
-    def toggle(self) -> None:
-        """Pause, or resume."""
-        self._pacer.paused = not self._pacer.paused
-
     def wait_for_listeners(self) -> None:
         """Wait, up to a limit, until the number of subscriptions is above zero and constant."""
         began_s = changed_s = time.monotonic()
@@ -138,7 +131,7 @@ class BagPlayer(Node):
                 now_s = time.monotonic()
                 self._pacer.step(now_s - before_s)
                 before_s = now_s
-                step = "paused (space resumes)" if self._pacer.paused else "playing (space pauses)"
+                step = "paused" if self._pacer.paused else "playing"
                 progress(step, self._playback.share(self._pacer.now_ns))
             self._publish_time(message.log_ns)
             self._publishers_of[message.topic].publish(message.data)
@@ -247,39 +240,3 @@ def monitored(live: LiveMission, frame: LocalFrame, domain: int) -> Iterator[Non
     """Run a :class:`NodeMonitor` in a thread."""
     with _spinning(lambda context: NodeMonitor(live, frame, context), domain):
         yield
-
-
-# The space bar --------------------------------------------------------------------------------------------------
-
-
-@contextmanager
-def on_space(call: Callable[[], None]) -> Iterator[None]:
-    """Call a function in a thread each time the space bar is pressed; without a terminal, do nothing."""
-    if sys.stdin is None or not sys.stdin.isatty():
-        yield
-        return
-    import termios
-    import tty
-
-    descriptor = sys.stdin.fileno()
-    before = termios.tcgetattr(descriptor)
-    ending = threading.Event()
-
-    def listen() -> None:
-        while not ending.is_set():
-            if select.select([descriptor], [], [], 0.1)[0]:
-                pressed = os.read(descriptor, 1)
-                if pressed == b" ":
-                    call()
-                elif not pressed:  # the terminal is closed
-                    return
-
-    thread = threading.Thread(target=listen, daemon=True)
-    tty.setcbreak(descriptor)
-    thread.start()
-    try:
-        yield
-    finally:
-        ending.set()
-        thread.join()
-        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)

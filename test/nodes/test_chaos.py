@@ -4,38 +4,20 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-from types import SimpleNamespace
-
 import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 import chaos
 import soak_nodes
-from diagnostic_msgs.msg import DiagnosticStatus
-from disturbed_nodes import OF_THE_WORLD, ON_NODES, Disturber, Timeline, scenario_of
-from real_nodes import START_S, Operator
-from rosgraph_msgs.msg import Clock
+from disturbed_nodes import OF_THE_WORLD, scenario_of
 
-from msg_adapters.mission import mission_to_message
-from msg_adapters.point_cloud import to_seconds, to_time
 from rehearsal.cases import Fault, Faults, Span
 from rehearsal.judge import Kind
-from soilmoist_ros.exploration.control.operator_request import Reply, ReplyCode
-from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.nodes.topics import CLOCK, LATCHED
 from soilmoist_ros.recording.map_sources import RecordTail
 from soilmoist_ros.simulation.robot.scenario import Scenario
 
 TIME_FACTOR = 20.0
-COUNTING = MissionStatus(
-    now_s=0.0, phase=Phase.COUNTING, reason="counting", target=None, planned_dwell_s=0.0, dwell_s=0.0,
-    progress=0.0, time_used_s=0.0, time_left_s=0.0, distance_m=0.0, samples=0, counting_s=0.0,
-    raw_counts=0, failures=0, blacklisted=(), estimated_end_s=None,
-)  # fmt: skip
 
 
 SPANS = (
@@ -79,54 +61,6 @@ def test_no_record_is_lost_and_nobody_is_disobeyed(tmp_path, monkeypatch):
     assert figures["goals"] >= 1
     assert figures["kills"] == 3
     assert {Kind.LOST, Kind.MAP_DIFFERS, Kind.OUTSIDE, Kind.GOAL_OUTSIDE} <= {one.kind for one in spoiled}
-
-
-def test_states_that_a_starved_listener_missed_are_not_made_up():
-    here, there = Stop("a", 0.0, 0.0), Stop("b", 4.3, 0.0)
-    said = [(float(at_s), replace(COUNTING, target=here)) for at_s in range(20)]
-    said += [(at_s, replace(COUNTING, target=there)) for at_s in (42.0, 43.0)]
-    timeline = Timeline(said, late_s=10.0)
-    assert timeline.at(-11.0) is None
-    assert timeline.at(5.0) == said[0][1]
-    assert timeline.at(30.0).phase is Phase.PLANNING, "it has driven from a to b, which nobody heard"
-    assert timeline.at(60.0) == said[-1][1]
-
-
-def test_a_state_without_a_time_is_from_when_it_was_heard(ros):
-    operator = Operator(ros.domain, start_s=1000.0)
-    try:
-        publisher = ros.node.create_publisher(DiagnosticStatus, "mission", LATCHED)
-        for heard, now_s in enumerate((1005.0, math.nan), 1):
-            publisher.publish(mission_to_message(replace(COUNTING, now_s=now_s)))
-            ros.wait_for(lambda heard=heard: len(operator.heard.statuses) == heard)
-        assert [at_s for at_s, _ in operator.heard.statuses] == [5.0, 0.0], "no clock has been heard: it begins"
-    finally:
-        operator.close()
-
-
-def test_a_goal_in_the_moment_of_the_resume_comes_after_it(ros, monkeypatch):
-    operator = Operator(ros.domain, START_S)
-    monkeypatch.setattr(operator, "ask", lambda request: Reply(ReplyCode.ACCEPTED, "resumed"))
-    disturber = Disturber(SimpleNamespace(operator=operator), (), 300.0)
-    clock = ros.node.create_publisher(Clock, "/clock", CLOCK)
-    late_s = []
-    try:
-        for goal_s in (20.0, 40.39923024177551, 170.41072670006542):
-            stamp = to_time(START_S + goal_s)
-            heard_s = to_seconds(stamp) - START_S
-            ros.wait_for(lambda s=stamp, h=heard_s: clock.publish(Clock(clock=s)) or operator.now_s == h)
-            late_s.append(operator.now_s - goal_s)
-            assert disturber.start()
-            assert goal_s - 0.001 < disturber.acts.done[-1][0] <= goal_s
-    finally:
-        operator.close()
-    assert max(late_s) > 0.0, "none of these times is heard as later than it was"
-
-
-def test_seed_and_number_make_a_run():
-    assert str(chaos.make_chaos(1, 3)) == str(chaos.make_chaos(1, 3)) != str(chaos.make_chaos(2, 3))
-    firsts = {span.fault for number in range(60) for span in chaos.make_chaos(1, number).faults.spans}
-    assert firsts == set(ON_NODES), "each fault has its turn"
 
 
 def test_every_fault_of_the_world_makes_a_scenario():

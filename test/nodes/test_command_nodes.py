@@ -4,9 +4,7 @@
 
 from __future__ import annotations
 
-import os
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +29,7 @@ from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.mapping.soil_map import map_cells
-from soilmoist_ros.nodes.command_nodes import NodeMonitor, on_space
+from soilmoist_ros.nodes.command_nodes import NodeMonitor
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, published_qos
 from soilmoist_ros.pipeline import replay_bag
 from soilmoist_ros.pipeline.field_survey import open_survey
@@ -149,24 +147,6 @@ def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
     times = [to_seconds(one.clock) for one in received]
     assert len(times) > 10
     assert set(times) <= {START_S + number for number in range(60)}
-
-
-def test_the_space_bar(monkeypatch):
-    ours, theirs = os.openpty()
-    pressed = []
-    with os.fdopen(theirs) as terminal, os.fdopen(ours, "wb", buffering=0) as keyboard:
-        monkeypatch.setattr(sys, "stdin", terminal)
-        with on_space(lambda: pressed.append(1)):
-            keyboard.write(b"x y z")
-            deadline_s = time.monotonic() + 10
-            while len(pressed) < 2 and time.monotonic() < deadline_s:
-                time.sleep(0.01)
-        monkeypatch.undo()
-    with open(os.devnull) as nothing:
-        monkeypatch.setattr(sys, "stdin", nothing)
-        with on_space(lambda: pressed.append(1)):
-            pass
-    assert len(pressed) == 2
 
 
 def test_a_publisher_serves_whom_the_recorded_ones_served():

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,12 +17,11 @@ from sensor_msgs.msg import PointCloud2
 from test_planner import Planning
 from virtual_navigation import VirtualNavigation, World
 
-from msg_adapters.counts import counts_from_message, counts_to_message, samples_from_message
+from msg_adapters.counts import counts_from_message, samples_from_message
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS
 from soilmoist_ros.pipeline import replay_bag
-from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.verify import bag_info
@@ -234,51 +232,6 @@ def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
         assert second.stop() == 0
     assert bag_info(tmp_path / "bags" / "run_2").whole
     assert "metadata.yaml" not in names(tmp_path / "bags" / "run"), "what was cut stays as it was"
-
-
-def test_the_map_of_a_further_property_goes_on_too(ros, tmp_path):
-    folder = tmp_path / "journal"
-    maps = {name: ros.collect(PointCloud2, f"{name}/samples", LATCHED) for name in ("", "salt")}
-    salt = ros.node.create_publisher(PointCloud2, "salt/counts", RECORDS)
-    counted = []
-
-    def count_salt(message):
-        counted.extend(replace(record, raw_counts=1000 + len(counted)) for record in counts_from_message(message))
-        salt.publish(counts_to_message(counted[-1:]))
-
-    def mapped(name):
-        return samples_from_message(maps[name][-1]).counts.sum() if maps[name] else 0
-
-    with World(ros, rate=RATE, mapper=False) as world, VirtualNavigation(ros, world):
-        planner = Planning(ros, tmp_path, journal_dir=str(folder), properties=["salt:0.5"], **MISSION)
-        field = {"field": str(tmp_path / "field.yaml"), "use_sim_time": True}
-        mappers = [ros.start("mapper", params=field, namespace=name) for name in ("/salt", "")]
-        ros.wait_for(lambda: salt.get_subscription_count() >= 2, message="mapper and planner")
-        planner.wait_phase(Phase.TRAVELLING)
-        ros.node.create_subscription(PointCloud2, "counts", count_salt, RECORDS)
-        ros.wait_for(lambda: mapped("salt") and len(counted) > 8, message="its map")
-        for process in (*mappers, planner.process):
-            process.kill()
-        world.sensor, world.rate = False, SLOW_RATE
-        ros.wait_for(lambda: counted[-1].stamp_s > world.last_record_s - 1, message="the last record")
-        written = in_journal(folder, "salt")
-        received = [record.stamp_s for record in counted]
-        assert written == received[: len(written)], "all from the first on"
-        assert len(written) > 3
-
-        for samples in maps.values():
-            samples.clear()
-        start = {"start_from": str(folder)}
-        ros.start("mapper", params={**field, **start, "start_property": "salt"}, namespace="/salt")
-        ros.start("mapper", params={**field, **start})
-        full = open_survey(field["field"]).map
-        for one in counted[: len(written)]:
-            full.add(one)
-        expected = full.state.samples.counts.sum()
-        assert expected > 1000
-        # A map of the killed mapper may arrive late, with a record that had not reached the planner.
-        ros.wait_for(lambda: mapped("salt") == expected and mapped(""), message=f"{expected:g} counts of salt")
-        assert mapped("") < 60 * len(in_journal(folder)), "a record has some 40 counts"
 
 
 def names(folder):

@@ -6,15 +6,12 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import math
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
 
 pytest.importorskip("rclpy")
 import rclpy
@@ -85,42 +82,3 @@ def test_the_file_explains_each_parameter(tables):
     assert '    # How it is | fitted. One of: reml, (empty).\n    fit: "reml"\n' in text
     assert "    # Topics.\n    # topics: []\n" in text
     assert yaml.safe_load(text) == {"/**": {"ros__parameters": {"radius_m": 2.0, "fit": "reml"}}}
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "said"),
-    [(None, None, ""), (0.5, None, "At least 0.5."), (None, 3, "At most 3."), (0, 1, "From 0 to 1.")],
-)
-def test_ranges_are_said_in_words(tables, low, high, said):
-    assert tables.allowed(Parameter(name="x", default=1.0, description="x", low=low, high=high)) == said
-
-
-def test_a_table_takes_the_place_of_the_old_one_only(tables):
-    document = "a\n<!-- x -->\nold\n<!-- end of x -->\nb\n"
-    new = tables.with_table(document, "x", "new \\1")
-    assert new == "a\n<!-- x -->\nnew \\1\n<!-- end of x -->\nb\n"
-    with pytest.raises(ValueError, match="<!-- y --> and <!-- end of y --> once"):
-        tables.with_table(document, "y", "new")
-
-
-@pytest.mark.parametrize(
-    ("docstring", "purpose"),
-    [
-        ("``mapper``: counts to maps.\n\nMore.", "counts to maps."),
-        ("The planner: runs the\nmission. It is thin.", "runs the mission."),
-        ("Drives a robot", "drives a robot."),
-    ],
-)
-def test_the_purpose_of_a_node_is_the_first_sentence_of_its_file(tables, docstring, purpose):
-    assert tables.purpose_of(docstring) == purpose
-
-
-PRINTABLE = st.text(st.characters(categories=["L", "N", "P", "S", "Zs"]))
-
-
-@given(st.floats(allow_nan=False, allow_infinity=False) | PRINTABLE | st.integers() | st.booleans())
-def test_a_default_is_the_same_value_when_it_is_read_back(tables, value):
-    read = yaml.safe_load(f"a: {tables.scalar(value)}")["a"]
-    assert type(read) is type(value)
-    assert read == value
-    assert not isinstance(value, float) or math.copysign(1, read) == math.copysign(1, value)

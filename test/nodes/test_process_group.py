@@ -15,14 +15,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes import process_group
-from soilmoist_ros.nodes.process_group import (
-    DOMAINS,
-    LAST_PORT,
-    PORTS_EACH,
-    ProcessGroup,
-    free_domain,
-    loopback_environment,
-)
+from soilmoist_ros.nodes.process_group import DOMAINS, LAST_PORT, PORTS_EACH, ProcessGroup, free_domain
 
 LIMIT_S = 20.0
 NODES = {
@@ -249,7 +242,6 @@ with free_domain() as domain:
     print(domain, flush=True)
     sys.stdin.read()
 """
-DISCOVERY = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
 
 
 def hold(folder):
@@ -287,26 +279,3 @@ def test_ports_lie_below_those_that_linux_hands_out():
     lowest = 32768
     assert LAST_PORT + PORTS_EACH * max(DOMAINS) < lowest
     assert 0 not in DOMAINS, "which is that of everybody else"
-
-
-def test_nodes_meet_whatever_the_shell_has_set(tmp_path, monkeypatch):
-    """The shell restricts ROS to a discovery server, or to the robot itself."""
-    pytest.importorskip("rclpy")
-    from ros_system import RosSystem
-    from std_srvs.srv import Trigger
-
-    from soilmoist_ros.recording.run_folder import write_parameters
-
-    for name, value in zip(DISCOVERY, ("OFF", "192.0.2.1", "192.0.2.1:11811"), strict=True):
-        monkeypatch.setenv(name, value)
-    for name in DISCOVERY:
-        assert name in loopback_environment(3)
-        monkeypatch.setenv(name, loopback_environment(3)[name])  # the observer runs in this process
-    with RosSystem(tmp_path) as ros:
-        assert ros.environment["ROS_DOMAIN_ID"] == str(ros.domain)
-        path = write_parameters(tmp_path, "mapper", {"field": "example", "save_dir": str(tmp_path)})
-        with ProcessGroup(ros.environment, tmp_path / "log") as nodes:
-            nodes.start("mapper", path)
-            assert ros.call(Trigger, "mapper/reset").success
-            process = nodes._processes["mapper"]
-        assert process.returncode == 0, nodes.log("mapper").read_text()

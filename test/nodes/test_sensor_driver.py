@@ -13,8 +13,6 @@ from datetime import UTC, datetime
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from hypothesis import given
-from hypothesis import strategies as st
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.context import Context
@@ -23,7 +21,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
 from std_msgs.msg import Float64, String
 
-from msg_adapters.counts import counts_from_message, counts_to_message, line_from_message
+from msg_adapters.counts import counts_from_message, line_from_message
 from msg_adapters.environment import diagnostics_from_message, fix_to_message
 from msg_adapters.point_cloud import to_seconds, to_time
 from soilmoist_ros.foundation.errors import Level
@@ -35,7 +33,7 @@ from soilmoist_ros.sensing.formats.log_layout import LogHeader
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, DoubtOutcome
-from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
+from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences, sentences_without_fix
 from virtual_survey import write_survey
 
@@ -449,16 +447,6 @@ def test_its_life_cycle(ros, field, logger, outputs):
     assert "Traceback" not in process.output()
 
 
-@given(st.floats(-1e4, 1e4), st.integers(0, 2**31), st.floats(1e-3, 1e5), st.floats(0.1, 10))
-def test_a_record_comes_back_from_its_message(x_m, counts, exposure_s, factor):
-    sent = CountRecord(T0, x_m, math.nan, math.nan, counts, exposure_s, exposure_s / factor, f_pressure=factor)
-    [found] = counts_from_message(counts_to_message([sent]))
-    assert (found.stamp_s, found.raw_counts, found.exposure_s) == (T0, counts, exposure_s)
-    assert (found.effective_exposure_s, found.f_pressure) == (exposure_s / factor, factor)
-    assert found.x_m == pytest.approx(x_m, rel=1e-6)
-    assert math.isnan(found.y_m)
-
-
 # The last header of a logger, for a driver that starts again ----------------------------------------------------
 
 LOGGER = ("tcp://192.168.1.20:5000", "hydroinnova_rover")
@@ -489,14 +477,3 @@ def test_a_damaged_file_is_ignored(content, tmp_path, caplog):
     assert NAME in caplog.text
     stored.update(STORED)
     assert StoredHeader(tmp_path, *LOGGER).header == STORED
-
-
-def test_a_file_with_parts_of_another_type_is_ignored(tmp_path):
-    StoredHeader(tmp_path, *LOGGER).update(STORED)
-    path = tmp_path / NAME
-    path.write_text(path.read_text().replace('"1 minutes."', "1").replace('"RecordNum"', "null"))
-    assert StoredHeader(tmp_path, *LOGGER).header == LogHeader(
-        ("None", "Temp °C"), STORED.units, {"Recordperiod": "1"}
-    )
-    path.write_text(path.read_text().replace('"units": [', '"units": 5, "others": ['))
-    assert StoredHeader(tmp_path, *LOGGER).header is None

@@ -169,19 +169,6 @@ def test_foxglove_buttons_call_the_services_of_the_planner():
     assert request == {"verb": "return_home", "who": "Foxglove"}
 
 
-def test_foxglove_layout_places_every_panel_once():
-    layout = foxglove_layout()
-
-    def leaves(node):
-        if isinstance(node, str):
-            return [node]
-        assert node["direction"] in {"row", "column"}
-        assert 0 < node["splitPercentage"] < 100
-        return leaves(node["first"]) + leaves(node["second"])
-
-    assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
-
-
 def test_both_layouts_say_nothing_of_other_topics():
     text = (ROOT / "config" / "rviz" / "soilmoist.rviz").read_text()
     named = {base(topic) for topic in re.findall(r"Value: (/\S+)", text)}
