@@ -231,8 +231,8 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         "records": str(stream.records_out),
         "records waiting for a fix": str(stream.survey.waiting),
         "records without a position": str(problems.noted[Kind.NO_POSITION]),
-        "records per minute": _number(60 * stream.record_rate_hz, 2),
-        "records and lines lost": str(problems.losses),
+        "records per minute": _number(stream.records_per_minute, 2),
+        "records and lines lost": str(problems.lost.total() - problems.lost[Kind.DUPLICATE]),
         "records quarantined": str(stream.quarantined.total()),
         "masked tubes": _masked(stream) or "none",
         "index of dispersion": _number(stream.survey.checks.totals.used.index, 2),
@@ -263,9 +263,9 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
             level, message = Level.ERROR, f"no record for {silent_s:.0f} s: {faults}"
         elif doubt is not None and doubt[0] is Level.ERROR:
             level, message = doubt
-        elif stream.recent_losses > MAX_LOSSES:
+        elif (losses := stream.recent_good.count(False)) > MAX_LOSSES:
             example = problems.last_loss.mistake.message if problems.last_loss else ""
-            message = f"{stream.recent_losses} of the last {LAST_RECORDS} records are lost ({example})"
+            message = f"{losses} of the last {LAST_RECORDS} records are lost ({example})"
             level = Level.WARN
         elif doubt is not None:
             level, message = doubt
@@ -348,7 +348,7 @@ def fix_health(stream: SensorStream, now_s: float) -> Health:
     values = _by_kind("dropped", stream.gnss_problems.lost)
     heard = stream.survey.heard
     if fix is None:
-        sentences = stream.sentences_read
+        sentences = stream.nmea.sentences_read
         came = f": {sentences} sentences, none with a position (GGA, GNS, RMC or GLL)" if sentences else ""
         came = f": {heard.other_type}" if heard.other_type else came
         dropped = stream.gnss_problems.lost.total()

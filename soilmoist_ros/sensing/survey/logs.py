@@ -123,7 +123,7 @@ def process_logs(
         survey.frame = _frame_about(survey, records)
     found: list[CountRecord] = []
     for path, record in entries:
-        survey.take_record(record, clock_ahead_s=record.clock_ahead_s, path=path)
+        survey.take_record(record, path=path)
         found += survey.take_ready()
     whole = [*survey.checks.totals.findings, *unlikely_weather(records)]
     problems += [Problem(finding.kind, Mistake(finding.message, finding.remedy)) for finding in whole]
@@ -356,7 +356,7 @@ def _frame_about(survey: Survey, records: Sequence[LoggerRecord]) -> LocalFrame 
     places: list[Position] = []
     previous: LoggerRecord | None = None
     for record in records:
-        place = survey.places.at(record, counting_interval_s(record, previous), record.clock_ahead_s)
+        place = survey.places.at(record, counting_interval_s(record, previous))
         places += [] if place is None else [place]
         previous = record
     if not places:

@@ -48,11 +48,6 @@ class ProblemCount:
         if problem.quarantined:
             self.last_quarantined = problem
 
-    @property
-    def losses(self) -> int:
-        """Number of problems with lost data."""
-        return self.lost.total() - self.lost[Kind.DUPLICATE]
-
 
 class SensorStream:
     """Feeds lines to a survey, and collects statistics for diagnostics.
@@ -91,10 +86,11 @@ class SensorStream:
         """True for each of the last records that is quarantined."""
         self.faulty = FaultyLines()
         """Lines since the last record that could be corrected."""
-        self._nmea = NmeaParser(on_problem=self.gnss_problems.add)
+        self.nmea = NmeaParser(on_problem=self.gnss_problems.add)
         self._stamps: deque[float] = deque(maxlen=LAST_RECORDS)
         self._period_s = 0.0
-        self._good: deque[bool] = deque(maxlen=LAST_RECORDS)
+        self.recent_good: deque[bool] = deque(maxlen=LAST_RECORDS)
+        """False for each of the last records that was lost."""
         self._gnss_offsets_s: deque[float] = deque(maxlen=CLOCK_COMPARISONS)
         self._gnss_offset_s = NAN
         self._clock_differences_s: deque[float] = deque(maxlen=LAST_RECORDS)
@@ -112,9 +108,7 @@ class SensorStream:
         gaps_s = [gap_s for a, b in pairwise(self._stamps) if (gap_s := b - a) > 0]
         if len(gaps_s) >= SURE_GAPS or not self.parser.period_s:
             self._period_s = median_low(gaps_s or [0.0])
-        self.survey.take_record(
-            record, now_s, clock_ahead_s=record.clock_ahead_s, unused_tubes=self.parser.unused_tubes
-        )
+        self.survey.take_record(record, now_s, unused_tubes=self.parser.unused_tubes)
         return record
 
     def _compare_with_gnss(self, record: LoggerRecord) -> None:
@@ -136,8 +130,7 @@ class SensorStream:
 
     def take_nmea_line(self, line: bytes, now_s: float = NAN) -> Fix | None:
         """Process a line of the GNSS receiver; returns the fix that it completes, if any."""
-        fix = self._nmea.feed(line, now_s)
-        if fix is not None:
+        if (fix := self.nmea.feed(line, now_s)) is not None:
             self.take_fix(fix)
         return fix
 
@@ -154,7 +147,7 @@ class SensorStream:
         self.recent_bad.extend(bool(record.quarantine) for record in ready)
         if ready:
             self.faulty = FaultyLines()
-        self._good.extend([True] * len(ready))
+        self.recent_good.extend([True] * len(ready))
         return ready
 
     def compare_clocks(self, stamp_s: float, now_s: float) -> None:
@@ -162,36 +155,26 @@ class SensorStream:
         self._clock_differences_s.append(stamp_s - now_s)
 
     @property
-    def sentences_read(self) -> int:
-        """Number of intact sentences of the receiver, of any type."""
-        return self._nmea.sentences_read
-
-    @property
     def clock_difference_s(self) -> float:
         """Smallest recent logger's clock minus computer's clock [s], as lines may be late; NaN if unknown."""
         return min(self._clock_differences_s, key=abs, default=NAN)
 
     @property
-    def record_rate_hz(self) -> float:
-        """Recent records per second of the logger's time, NaN with fewer than two records."""
+    def records_per_minute(self) -> float:
+        """Recent records per minute of the logger's time, NaN with fewer than two records."""
         spent_s = self._stamps[-1] - self._stamps[0] if self._stamps else 0.0
-        return (len(self._stamps) - 1) / spent_s if spent_s > 0 else NAN
+        return 60 * (len(self._stamps) - 1) / spent_s if spent_s > 0 else NAN
 
     @property
     def record_period_s(self) -> float:
         """Usual time between records [s], nominal for the first ones; zero if unknown. Called from any thread."""
         return self._period_s or self.parser.period_s or 0.0
 
-    @property
-    def recent_losses(self) -> int:
-        """Number of recently lost records."""
-        return self._good.count(False)
-
     def _on_problem(self, problem: Problem) -> None:
         self.logger_problems.add(problem)
         self.faulty.take_problem(problem)
         if problem.severity is Severity.ERROR:
-            self._good.append(False)
+            self.recent_good.append(False)
 
 
 # Why bytes of a logger become no record, and what to do about it ------------------------------------------------

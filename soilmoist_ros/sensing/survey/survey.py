@@ -55,7 +55,6 @@ class _Waiting:
     recorded: CountRecord
     raw: LoggerRecord
     interval_s: float
-    clock_ahead_s: float
     since_s: float
     path: Path | None
 
@@ -147,7 +146,6 @@ class Survey:
         record: LoggerRecord,
         now_s: float = 0.0,
         *,
-        clock_ahead_s: float = 0.0,
         unused_tubes: Collection[int] = (),
         path: Path | None = None,
     ) -> None:
@@ -156,7 +154,6 @@ class Survey:
         A bad record is corrected as far as possible, and quarantined.
 
         :param now_s: monotonic time [s]
-        :param clock_ahead_s: logger's clock minus GNSS time [s], 0 if unknown
         :param unused_tubes: indices of the tubes that the format leaves out
         """
         original, checked = record, self.checks.check(record, unused_tubes)
@@ -183,7 +180,7 @@ class Survey:
         if record.tube_counts != original.tube_counts:
             with suppress(UnusableRecordError):
                 recorded = self._correct(replace(record, tube_counts=original.tube_counts), shares)
-        self._waiting.append(_Waiting(corrected, recorded, record, interval_s, clock_ahead_s, now_s, path))
+        self._waiting.append(_Waiting(corrected, recorded, record, interval_s, now_s, path))
 
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
@@ -239,21 +236,21 @@ class Survey:
         enough_s = waiting.record.stamp_s + self._fix_wait_s
         overtaken = self._last is not None and self._last.stamp_s >= enough_s
         return (
-            track.fixed_s >= waiting.middle_s - waiting.clock_ahead_s
+            track.fixed_s >= waiting.middle_s - waiting.raw.clock_ahead_s
             or now_s >= waiting.since_s + self._fix_wait_s
-            or track.reached_s >= enough_s - waiting.clock_ahead_s
+            or track.reached_s >= enough_s - waiting.raw.clock_ahead_s
             or (overtaken and now_s >= waiting.since_s + LINE_DELAY_S)
         )
 
     def _placed(self, waiting: _Waiting) -> CountRecord | None:
         raw, path = waiting.raw, waiting.path
-        when = raw, waiting.interval_s, waiting.clock_ahead_s
+        when = raw, waiting.interval_s
         position, findings = self.places.at(*when), []
         if position is None and (position := self.places.jumped_at(*when)) is not None:
             message = f"the receiver jumped to {position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
             remedy = "check the antenna and the view of the sky"
             findings = [Finding(Kind.PLACE_JUMP, message, remedy, bad=True)]
-        offset_m = self.places.sensor_offset_m(waiting.middle_s, waiting.clock_ahead_s)
+        offset_m = self.places.sensor_offset_m(*when)
         if offset_m is None:
             heading = Mistake("the heading of the robot is unknown", "drive some metres", path, raw.line)
             self._on_problem(Problem(Kind.NO_HEADING, heading))
@@ -307,9 +304,9 @@ class SurveyPlaces:
                 self._own = CheckedTrack(max_positions=MAX_FIXES)
             self._own.add(record.stamp_s, record.position)
 
-    def at(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
+    def at(self, record: LoggerRecord, interval_s: float) -> Position | None:
         """Position at the middle of a record's counting interval, ``None`` if unknown."""
-        track, middle_s = self._receiver(record.stamp_s - interval_s / 2, clock_ahead_s)
+        track, middle_s = self._receiver(record, interval_s)
         single_s = 0.0 if track is self._own else min(interval_s / 2, MAX_EDGE_TOLERANCE_S)
         place = track.at(middle_s, position_gap_s(interval_s), max(single_s, EDGE_TOLERANCE_S))
         if place is not None:
@@ -322,19 +319,6 @@ class SurveyPlaces:
         altitude_m = NAN if location.altitude_m is None else location.altitude_m
         return Position(location.latitude_deg, location.longitude_deg, altitude_m)
 
-    def jumped_at(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
-        """Position of a record that the receiver reports after a jump, ``None`` without a jump; as :meth:`at`."""
-        track, middle_s = self._receiver(record.stamp_s - interval_s / 2, clock_ahead_s)
-        if not isinstance(track, CheckedTrack):
-            return None
-        return track.jumped.at(middle_s, position_gap_s(interval_s), max(interval_s / 2, EDGE_TOLERANCE_S))
-
-    def _receiver(self, stamp_s: float, clock_ahead_s: float) -> tuple[Track, float]:
-        """Positions of the separate receiver, else those in the log; and a time on their clock."""
-        if self.track.reached_s > -math.inf:
-            return self.track, stamp_s - clock_ahead_s
-        return self._own, stamp_s
-
     def altitude_m(self, record: LoggerRecord) -> float:
         """Altitude of the probe about the time of a record [m], NaN if unknown."""
         place = record.position or self.track.at(record.stamp_s, MAX_ALTITUDE_AGE_S, MAX_ALTITUDE_AGE_S)
@@ -343,13 +327,28 @@ class SurveyPlaces:
         location = self._site.location
         return NAN if location is None or location.altitude_m is None or self._moves else location.altitude_m
 
-    def sensor_offset_m(self, middle_s: float, clock_ahead_s: float) -> tuple[float, float] | None:
+    def jumped_at(self, record: LoggerRecord, interval_s: float) -> Position | None:
+        """Position of a record that the receiver reports after a jump, ``None`` without a jump; as :meth:`at`."""
+        track, middle_s = self._receiver(record, interval_s)
+        if not isinstance(track, CheckedTrack):
+            return None
+        return track.jumped.at(middle_s, position_gap_s(interval_s), max(interval_s / 2, EDGE_TOLERANCE_S))
+
+    def _receiver(self, record: LoggerRecord, interval_s: float) -> tuple[Track, float]:
+        """Positions of the separate receiver, else those in the log; and the middle of a record on their clock."""
+        middle_s = record.stamp_s - interval_s / 2
+        if self.track.reached_s > -math.inf:
+            return self.track, middle_s - record.clock_ahead_s
+        return self._own, middle_s
+
+    def sensor_offset_m(self, record: LoggerRecord, interval_s: float) -> tuple[float, float] | None:
         """East and north from the antenna to the sensor [m], ``None`` if the heading is unknown."""
         if self._arms == NO_ARMS or not self._moves:  # a probe at a fixed location is its place
             return 0.0, 0.0
-        separate = bool(len(self.track))
-        course = (self.track if separate else self._own).course
-        return self._arms.sensor_from_antenna(course.at(middle_s - (clock_ahead_s if separate else 0.0)))
+        middle_s = record.stamp_s - interval_s / 2
+        if len(self.track):
+            return self._arms.sensor_from_antenna(self.track.course.at(middle_s - record.clock_ahead_s))
+        return self._arms.sensor_from_antenna(self._own.course.at(middle_s))
 
     @property
     def _moves(self) -> bool:

@@ -143,7 +143,7 @@ def test_a_later_record_or_epoch_ends_the_waiting_as_the_clock_does():
     assert math.isnan(one.y_m)
     assert one.raw_counts == 60
     assert live.logger_problems.noted[Kind.NO_POSITION] == 2
-    assert live.logger_problems.losses == 0
+    assert not live.logger_problems.lost
 
 
 @pytest.mark.slow

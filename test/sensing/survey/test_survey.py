@@ -98,7 +98,7 @@ def test_a_single_fix_gives_the_place_within_the_interval_and_within_five_second
 
 def test_the_middle_of_the_interval_is_joined_by_gnss_time():
     survey = Survey(UNCORRECTED, FRAME, track=Track([fix(float(s)) for s in range(100)]))
-    survey.take_record(record(50.0), clock_ahead_s=20.0)
+    survey.take_record(record(50.0, clock_ahead_s=20.0))
     assert survey.take_ready()[0].x_m == pytest.approx(25.0, abs=1e-6)
     # the interval starts at the previous record up to 1.5 live times ago; after a longer gap it is the live time
     survey.take_record(record(64.9))
