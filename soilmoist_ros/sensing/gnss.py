@@ -262,12 +262,8 @@ class Heard:
     def odd(self) -> str:
         """Positions that are not of satellites, in words; empty if there are none."""
         what = {6: "dead reckoning", 8: "a simulator"}
-        found = [
-            f"{n} are of {what[quality]} (GGA {quality})"
-            for quality, n in sorted(self.by_quality.items())
-            if quality in what
-        ]
-        return ", ".join(found)
+        found = sorted(self.by_quality.items())
+        return ", ".join(f"{n} are of {what[quality]} (GGA {quality})" for quality, n in found if quality in what)
 
     @property
     def gaps(self) -> str:

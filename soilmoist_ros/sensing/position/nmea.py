@@ -39,6 +39,7 @@ from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
 
 MAX_SENTENCE = 512  # the standard allows 82 characters; receivers send more
+MAX_SD_M = 1e5  # standard deviation from which on it is impossible [m]
 KNOTS_MPS = 1852.0 / 3600.0
 VERTICAL_PER_HORIZONTAL = 2.0  # without GST: usual error of the altitude per error of each coordinate
 QUALITY_OF_MODE = {"R": 4, "F": 5, "P": 3, "D": 2, "A": 1, "E": 6, "S": 8, "M": 7, "N": 0}
@@ -51,17 +52,13 @@ _DATE_BEFORE = re.compile(rb"(\d{4}[-/]\d\d[-/]\d\d[T ]\d\d:\d\d:\d\d)[^$]*\$")
 Values = dict[str, float]  # values of a sentence by their names; NaN where a field is empty
 
 
-class _BadFieldError(ValueError):
-    """A field with an impossible value."""
-
-    def __init__(self, text: str, what: str) -> None:
-        super().__init__(f"{text[:30]!r} is {what}")
+def _bad(text: str, what: str) -> ValueError:
+    return ValueError(f"{text[:30]!r} is {what}")
 
 
 def _number(text: str) -> float:
-    value = read_number(text)
-    if value is None:
-        raise _BadFieldError(text, "not a number")
+    if (value := read_number(text)) is None:
+        raise _bad(text, "not a number")
     return value
 
 
@@ -70,7 +67,7 @@ def _time_of_day(text: str) -> float:
     value, clock = _number(text), text.partition(".")[0]
     seconds = value % 100
     if len(clock) != 6 or not clock.isdigit() or clock[:2] > "23" or clock[2:4] > "59" or seconds >= 61:
-        raise _BadFieldError(text, "not a time of day")
+        raise _bad(text, "not a time of day")
     return int(clock[:2]) * 3600.0 + int(clock[2:4]) * 60.0 + seconds
 
 
@@ -79,26 +76,22 @@ def _date(text: str) -> float:
     try:
         stamp_s = datetime.strptime(text[:10], "%d%m%y").replace(tzinfo=UTC).timestamp()
     except ValueError:
-        raise _BadFieldError(text, "not a date") from None
+        raise _bad(text, "not a date") from None
     return stamp_s if stamp_s >= EARLIEST_DATE_S else NAN
 
 
 def _degrees(text: str) -> float:
     """Decimal degrees of ``dddmm.mmmm``."""
-    value = _number(text)
-    degrees, minutes = divmod(value, 100.0)
-    if minutes >= 60.0 or value < 0:
-        raise _BadFieldError(text, "not degrees and minutes")
+    degrees, minutes = divmod(_number(text), 100.0)
+    if minutes >= 60.0 or degrees < 0:
+        raise _bad(text, "not degrees and minutes")
     return degrees + minutes / 60.0
 
 
-_SIGNS = {"N": 1.0, "E": 1.0, "S": -1.0, "W": -1.0}
-
-
 def _hemisphere(text: str) -> float:
-    if text.upper() not in _SIGNS:
-        raise _BadFieldError(text, "none of N, S, E, W")
-    return _SIGNS[text.upper()]
+    if text.upper() not in ("N", "E", "S", "W"):
+        raise _bad(text, "none of N, S, E, W")
+    return 1.0 if text.upper() in "NE" else -1.0
 
 
 def _mode(text: str) -> float:
@@ -151,12 +144,11 @@ class _Epoch:
     @property
     def midnight_s(self) -> float:
         """Begin of its day [s since 1970 UTC], NaN if no sentence has a date."""
-        day, month, year = (self.value("ZDA", name) for name in ("day", "month", "year"))
-        if math.isfinite(day + month + year):
-            with contextlib.suppress(ValueError):
-                stamp_s = datetime(int(year), int(month), int(day), tzinfo=UTC).timestamp()
-                if stamp_s >= EARLIEST_DATE_S:
-                    return stamp_s
+        with contextlib.suppress(ValueError, OverflowError):  # of NaN and inf, too
+            year, month, day = (int(self.value("ZDA", name)) for name in ("year", "month", "day"))
+            stamp_s = datetime(year, month, day, tzinfo=UTC).timestamp()
+            if stamp_s >= EARLIEST_DATE_S:
+                return stamp_s
         date_s = self.value("RMC", "date")
         return self.value("PUBX,04", "date") if math.isnan(date_s) else date_s
 
@@ -261,7 +253,7 @@ class NmeaParser:
             return None
         try:
             return kind, _values(message, SENTENCES[kind])
-        except _BadFieldError as error:
+        except ValueError as error:
             self._report(Kind.NOT_A_NUMBER, str(error), kind)
             return None
 
@@ -280,7 +272,7 @@ class NmeaParser:
         if place is None:
             return Fix.without_place(stamp_s, NoPlace.NO_COORDINATES, said, quality)
         hdop, satellites = epoch.best("hdop"), epoch.best("satellites")
-        covariance, known = self._covariance(epoch, quality, hdop)
+        covariance, known = _covariance(epoch, quality, hdop)
         sd = math.sqrt((covariance[0][0] + covariance[1][1]) / 2)
         return Fix(
             stamp_s=stamp_s,
@@ -297,33 +289,33 @@ class NmeaParser:
 
     def _stamp(self, epoch: _Epoch) -> float:
         """Time of the epoch: with the date of its sentences, else within 12 h of the previous epoch, or of now."""
-        midnight_s = epoch.midnight_s
-        dated = not math.isnan(midnight_s)
-        if not dated and not self._has_date and math.isfinite(self._now_s):
-            self._last_stamp_s = self._now_s  # each time anew: the clock may have been wrong before
-        if dated:
+        stamp_s = epoch.midnight_s + epoch.time_of_day_s
+        if math.isfinite(stamp_s):
             if not self._has_date:
-                self.first_dated_s = midnight_s + epoch.time_of_day_s
-            self._has_date, self._last_stamp_s = True, midnight_s + epoch.time_of_day_s
-        elif not math.isnan(self._last_stamp_s):
+                self.first_dated_s = stamp_s
+            self._has_date, self._last_stamp_s = True, stamp_s
+            return stamp_s
+        if not self._has_date and math.isfinite(self._now_s):
+            self._last_stamp_s = self._now_s  # each time anew: the clock may have been wrong before
+        if math.isnan(self._last_stamp_s):
+            self._report(Kind.NO_DATE, "no date yet")
+        else:
             ahead_s = (epoch.time_of_day_s - self._last_stamp_s + DAY_S / 2) % DAY_S - DAY_S / 2
             self._last_stamp_s += ahead_s
-        else:
-            self._report(Kind.NO_DATE, "no date yet")
-            return NAN
         return self._last_stamp_s
 
-    def _covariance(self, epoch: _Epoch, quality: int, hdop: float) -> tuple[Covariance, CovarianceKind]:
-        names = ("major_sd", "minor_sd", "orientation", "east_sd", "north_sd", "up_sd")
-        major, minor, orientation, east, north, up_sd = (epoch.value("GST", name) for name in names)
-        if _are_sds(major, minor) and not math.isnan(orientation):
-            return covariance_of_ellipse(major, minor, orientation, up_sd), CovarianceKind.KNOWN
-        if _are_sds(east, north):
-            return diagonal_covariance(east, north, up_sd), CovarianceKind.DIAGONAL_KNOWN
-        sd = horizontal_sd(quality, hdop)
-        if math.isnan(sd):
-            return UNKNOWN_COVARIANCE, CovarianceKind.UNKNOWN
-        return diagonal_covariance(sd, sd, VERTICAL_PER_HORIZONTAL * sd), CovarianceKind.APPROXIMATED
+
+def _covariance(epoch: _Epoch, quality: int, hdop: float) -> tuple[Covariance, CovarianceKind]:
+    names = ("major_sd", "minor_sd", "orientation", "east_sd", "north_sd", "up_sd")
+    major, minor, orientation, east, north, up_sd = (epoch.value("GST", name) for name in names)
+    if 0 < major < MAX_SD_M and 0 < minor < MAX_SD_M and not math.isnan(orientation):
+        return covariance_of_ellipse(major, minor, orientation, up_sd), CovarianceKind.KNOWN
+    if 0 < east < MAX_SD_M and 0 < north < MAX_SD_M:
+        return diagonal_covariance(east, north, up_sd), CovarianceKind.DIAGONAL_KNOWN
+    sd = horizontal_sd(quality, hdop)
+    if math.isnan(sd):
+        return UNKNOWN_COVARIANCE, CovarianceKind.UNKNOWN
+    return diagonal_covariance(sd, sd, VERTICAL_PER_HORIZONTAL * sd), CovarianceKind.APPROXIMATED
 
 
 def _values(message: pynmea2.NMEASentence, fields: Mapping[str, str]) -> Values:
@@ -335,11 +327,6 @@ def _values(message: pynmea2.NMEASentence, fields: Mapping[str, str]) -> Values:
         known = text or (given and name in _NEVER_EMPTY)
         values[name] = _CONVERTERS.get(name, _number)(text) if known else NAN
     return values
-
-
-def _are_sds(*values: float) -> bool:
-    """True if all values are possible standard deviations."""
-    return all(0 < value < 1e5 for value in values)
 
 
 def _quality(epoch: _Epoch) -> tuple[int, str]:
