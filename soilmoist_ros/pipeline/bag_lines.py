@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -45,10 +46,8 @@ _GNSS_TYPE = re.compile(
 
 @dataclass(frozen=True)
 class RunTopics:
-    """The topics of one robot.
+    """The topics of one robot in a bag, by the full name of the one with its records.
 
-    :param reader: the bag
-    :param counts: full name of the topic with the robot's records
     :param alone: whether the bag has no other robot
     """
 
@@ -59,13 +58,8 @@ class RunTopics:
     @classmethod
     def of_counts(cls, reader: BagReader, counts: str) -> Self:
         """The topics of the robot whose records have this full name."""
-        last = counts.rsplit("/", 1)[-1]
-        others = [
-            name
-            for name, kind in reader.topics.items()
-            if name != counts and name.endswith(f"/{last}") and kind == CLOUD
-        ]
-        return cls(reader, counts, not others)
+        clouds = _of_kinds(reader.topics, (CLOUD,), f"/{counts.rpartition('/')[2]}")
+        return cls(reader, counts, not set(clouds) - {counts})
 
     @classmethod
     def of_raw_lines(cls, reader: BagReader, counts: str) -> Self:
@@ -76,11 +70,7 @@ class RunTopics:
         """
         named = counts if counts.startswith("/") else f"/{counts}"
         ending = "/raw/logger"
-        spaces = [
-            name.removesuffix(ending)
-            for name, kind in reader.topics.items()
-            if name.endswith(ending) and kind == TEXT
-        ]
+        spaces = [name.removesuffix(ending) for name in _of_kinds(reader.topics, (TEXT,), ending)]
         meant = [space for space in spaces if space == named.rpartition("/")[0]] if counts[:1] == "/" else spaces
         if len(meant) == 1:
             return cls(reader, f"{meant[0]}/{named.rpartition('/')[2]}", len(spaces) == 1)
@@ -115,7 +105,7 @@ class RunTopics:
         own = f"{self.counts.rpartition('/')[0]}/{name}"
         if topics.get(own) == kind:
             return own
-        named = [topic for topic, type_name in topics.items() if topic.endswith(f"/{name}") and type_name == kind]
+        named = _of_kinds(topics, (kind,), f"/{name}")
         return named[0] if self.alone and len(named) == 1 else None
 
 
@@ -128,11 +118,10 @@ def text_lines(reader: BagReader, topic: str) -> list[bytes]:
     for message in reader.messages([topic]):
         try:
             decoded = reader.decode(message)
-            text = str(getattr(decoded, "data", None) or getattr(decoded, "sentence", "")).replace(
-                "\N{SYMBOL FOR NULL}", "\0"
-            )
+            text = str(getattr(decoded, "data", None) or getattr(decoded, "sentence", ""))
         except InputError:
             text = "\0"  # bytes that are not text: the parser counts them
+        text = text.replace("\N{SYMBOL FOR NULL}", "\0")
         found += split_lines(text.encode("latin-1", "replace"))[0]
     return found
 
@@ -145,21 +134,20 @@ def logger_topic(reader: BagReader, named: str = "") -> str:
     """
     if named:
         return reader.find_topic(named, TEXT)
-    texts = [name for name, kind in reader.topics.items() if kind == TEXT]
-    counts = reader.counts
-    texts = [name for name in texts if counts.get(name)] or texts
+    texts = _of_kinds(reader.topics, (TEXT,))
+    texts = [name for name in texts if reader.counts.get(name)] or texts
     own = [name for name in texts if name.endswith("/raw/logger")]
     if not own and len(texts) > 1:
         texts = [name for name in texts if not _is_nmea(reader, name)] or texts
     if len(own or texts) == 1:
         return (own or texts)[0]
-    clouds = [name for name, kind in reader.topics.items() if kind == CLOUD and name.endswith("/counts")]
     if texts:
         raise InputError(
             "has several topics that may be the lines of the logger",
             f"name one with --logger-topic: {', '.join(sorted(own or texts))}",
             reader.path,
         )
+    clouds = _of_kinds(reader.topics, (CLOUD,), "/counts")
     remedy = "map its counts: soilmoist replay" if clouds else f"record the lines of the logger as {TEXT}"
     raise InputError(f"has no lines of a logger (type {TEXT})", remedy, reader.path)
 
@@ -176,7 +164,9 @@ def read_fixes(
     kind, path = reader.topics.get(topic, ""), Path(topic.lstrip("/"))
     chosen = _choice_notes(reader, topic)
     if kind in (TEXT, SENTENCE):
-        fixes, problems = parse_nmea(text_lines(reader, topic), path, log_s or _recorded_s(reader))
+        extent = reader.extent
+        recorded_s = (extent.start_ns * 1e-9, extent.end_ns * 1e-9) if extent.messages else None
+        fixes, problems = parse_nmea(text_lines(reader, topic), path, log_s or recorded_s)
         return fixes, [*problems, *chosen]
     if kind not in (FIX, *GPS_FIX):
         readable = f"name one of type {FIX}, {GPS_FIX[0]}, {SENTENCE}, or {TEXT} with NMEA; {_OTHER_DRIVER}"
@@ -200,12 +190,6 @@ def read_fixes(
         remedy = f"if the times of receipt are right: --gnss-shift {-ahead_s:.0f}s"
         chosen.append(Problem(Kind.DOUBTFUL_POSITIONS, Mistake(said, remedy, path)))
     return [fix if fix.stamp_s else replace(fix, stamp_s=math.nan) for fix in fixes], chosen
-
-
-def _recorded_s(reader: BagReader) -> tuple[float, float] | None:
-    """Times of the first and the last message of a bag [s since 1970 UTC]."""
-    extent = reader.extent
-    return (extent.start_ns * 1e-9, extent.end_ns * 1e-9) if extent.messages else None
 
 
 _OTHER_DRIVER = "most drivers of receivers publish sensor_msgs/NavSatFix, too: record it"
@@ -239,8 +223,8 @@ _READABLE = (FIX, *GPS_FIX, SENTENCE)
 
 def _candidates(reader: BagReader) -> list[list[str]]:
     """Topics that may be the positions, the likeliest group first; those without messages if no other may."""
-    counts = reader.counts
-    for topics in ({name: kind for name, kind in reader.topics.items() if counts.get(name)}, reader.topics):
+    heard = {name: kind for name, kind in reader.topics.items() if reader.counts.get(name)}
+    for topics in (heard, reader.topics):
         kinds = (((TEXT,), "/raw/gnss"), ((FIX,), "/fix"), ((FIX,), ""), (GPS_FIX, ""), ((SENTENCE,), ""))
         found = [_of_kinds(topics, *one) for one in kinds]
         found = found if any(found) else [[name for name in _of_kinds(topics, (TEXT,)) if _is_nmea(reader, name)]]
@@ -255,14 +239,11 @@ def _of_kinds(topics: Mapping[str, str], kinds: Sequence[str], ending: str = "")
 
 def _is_nmea(reader: BagReader, topic: str) -> bool:
     """True if texts are the sentences of a receiver."""
-    found = 0
     for message in islice(reader.messages([topic]), _SNIFFED):
-        try:
-            text = str(reader.decode(message).data)
-        except InputError:
-            continue
-        found += re.search(r"\$(G[A-Z]|BD|QZ)[A-Z]{3},", text) is not None
-    return found > 0
+        with suppress(InputError):
+            if re.search(r"\$(G[A-Z]|BD|QZ)[A-Z]{3},", str(reader.decode(message).data)):
+                return True
+    return False
 
 
 def unread_positions(reader: BagReader) -> list[Problem]:

@@ -97,12 +97,10 @@ _REPLAY = (
 class ReplaySettings(MappingSettings):
     """Choices of a replay; those of :class:`MappingSettings` are the mapper's if they are ``None``.
 
-    :param field: field file, or name of a shipped one
     :param site: site file, or name of a shipped one; other corrections need the source ``raw``
     :param properties: names of the properties to map; empty for all in the bag
     :param truths: surrogate fields to compare with, by name of the property or its index in the list of
         properties, from 0; built-in names, or field files with a truth
-    :param counts_topic: topic with the records
     :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw`` corrects and
         places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
     :param logger_topic: topic with the raw lines of the logger, which are the source then; ``raw/logger`` if empty
@@ -140,7 +138,7 @@ class ReplaySettings(MappingSettings):
 def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
     """The map of the robot's own records, still without records, and remarks for the user."""
     had = read_parameters(configuration, "mapper")
-    survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
+    survey = _open(bag, had, chosen, chosen.site)
     if chosen.from_lines or not chosen.site or not had.get("site"):
         return survey, []
     recorded = load_site(had["site"]).corrections
@@ -151,43 +149,26 @@ def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) 
     return replace(survey, site=corrected), [Note(NoteCode.OTHER_CORRECTIONS, message)]
 
 
-def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str, name: str = "") -> FieldSurvey:
-    """A map without records: the mapper's settings, overridden by the user's choices.
-
-    :param name: name of the property; empty for the robot's own
-    """
+def _open(
+    bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str | None = None, name: str = ""
+) -> FieldSurvey:
+    """A map of a property without records: the mapper's settings, overridden by the user's choices."""
     field_file = chosen.field or had.get("field")
     if not field_file:
         raise InputError("does not say which field it is of", "give the field file with --field", bag)
-    own = {one.name: getattr(chosen, one.name) for one in dataclasses.fields(MappingSettings)}
-    earlier = had.get("earlier", ()) if chosen.earlier is None else chosen.earlier
-    covariates = had.get("covariates", ()) if chosen.covariates is None else chosen.covariates
     try:
         return open_survey(
             field_file,
-            site,
+            had.get("site", "") if site is None else site,
             simulated=had.get("simulated", False),
-            earlier=earlier,
+            earlier=had.get("earlier", ()) if chosen.earlier is None else chosen.earlier,
             property_name=name,
-            covariates=covariates,
+            covariates=had.get("covariates", ()) if chosen.covariates is None else chosen.covariates,
             recorded=had or None,
-            **own,
+            **{one.name: getattr(chosen, one.name) for one in dataclasses.fields(MappingSettings)},
         )
     except ValueError as error:
         raise InputError(str(error), "change this setting") from None
-
-
-def property_survey(
-    one: PropertyTopic, bag: Path, configuration: Path | None, chosen: ReplaySettings
-) -> FieldSurvey:
-    """The map of a property with its mapper's settings, without records.
-
-    If the bag lacks the mapper's parameters, the settings of the robot's own map apply, but without the site: a
-    calibration belongs to one sensor.
-    """
-    had = read_parameters(configuration, one.mapper)
-    had = had or {**read_parameters(configuration, "mapper"), "site": ""}
-    return _open(bag, had, chosen, had.get("site", ""), one.name)
 
 
 class RawSurvey(NamedTuple):
@@ -231,11 +212,7 @@ def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arm
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Replay:
-    """The result of a replay.
-
-    :param run: the run with all properties
-    :param comparisons: comparison of each property's map with the last map that its mapper published
-    """
+    """A run with all properties, and the comparison of each map with the last one that its mapper published."""
 
     run: MapRun
     comparisons: Sequence[PropertyComparison]
@@ -277,13 +254,11 @@ class _Recording:
     def _from_lines(self) -> list[tuple[str, CountRecord]]:
         """Records made of the raw lines, each with its topic."""
         chosen = self._chosen
-        robot = (
-            RunTopics.of_counts(
-                self._reader, f"{logger_topic(self._reader, chosen.logger_topic).rpartition('/')[0]}/counts"
-            )
-            if chosen.logger_topic
-            else RunTopics.of_raw_lines(self._reader, chosen.counts_topic)
-        )
+        if chosen.logger_topic:
+            space = logger_topic(self._reader, chosen.logger_topic).rpartition("/")[0]
+            robot = RunTopics.of_counts(self._reader, f"{space}/counts")
+        else:
+            robot = RunTopics.of_raw_lines(self._reader, chosen.counts_topic)
         arms = LeverArms.of(read_parameters(self._configuration, "sensor_driver"))
         self.robots, self.raw = [robot], read_raw(robot, self.survey, chosen, arms)
         doubts = position_notes(self.raw.position_problems, None)
@@ -348,7 +323,11 @@ class _Recording:
                 continue
             if not records and not own:
                 continue
-            survey = self.survey if own else property_survey(one, reader.path, self._configuration, chosen)
+            survey = self.survey
+            if not own:
+                # without its mapper's settings as the robot's own, but a calibration belongs to one sensor
+                had = read_parameters(self._configuration, one.mapper) or {**self._mapper, "site": ""}
+                survey = _open(reader.path, had, chosen, name=one.name)
             states = [survey.map.state for record in records if survey.map.add(record) is None]
             published = read_published_map(_mapper_topics(one, self.robots, own))
             truth = surrogate_field(truths[one.name]) if one.name in truths else None
@@ -372,9 +351,8 @@ class _Recording:
     def simulated(self) -> bool:
         """True if the lines of a logger declare simulated counts."""
         loggers = filter(None, (robot.find("raw/logger", TEXT) for robot in self.robots))
-        return any(
-            line.startswith(b"#simulated=yes") for name in loggers for line in text_lines(self._reader, name)
-        )
+        lines = (line for name in loggers for line in text_lines(self._reader, name))
+        return any(line.startswith(b"#simulated=yes") for line in lines)
 
     def compared(self, one: ReplayedProperty) -> PropertyComparison:
         """Comparison of a property with the map that its mapper published."""
@@ -390,8 +368,6 @@ def replay_bag(
     """Map the records of a bag.
 
     :param bag: folder of a bag or of a run, or an MCAP or db3 file
-    :param settings: choices
-    :param progress: called as the work goes on
     :raises InputError: if the bag or a file cannot be used
     :raises NoMapError: if no map can be made; it has all that a report can show
     """
@@ -411,11 +387,7 @@ def replay_bag(
             remarks.append(Note(NoteCode.LOST_MESSAGES, f"The recorder noted of {one_bag.name}: {lost_messages}."))
     first, raw, reference = properties[0], recording.raw, recording.reference
     lost = loss_rows(raw.problems if raw else ())
-    inputs = [
-        input_file(path, "bag")
-        for one_bag in (bags_of(bag) if bag.is_dir() else [bag])
-        for path in message_files(one_bag)
-    ]
+    inputs = [input_file(path, "bag") for one_bag in bags_of(bag) for path in message_files(one_bag)]
 
     def failure(error: SoilmoistError | None = None) -> NoMapError:
         mission = replay_mission([first], missions, configuration, lambda step, share: None) if missions else None
@@ -441,6 +413,13 @@ def replay_bag(
     properties = [one for one, _ in mapped]
     run, *others = (run for _, run in mapped)
     quarantined = {row.kind for row in lost if row.consequence == "quarantined"}
+    mission = None
+    if missions:
+        mission = replay_mission(properties, missions, configuration, progress)
+        maps = [
+            replace(one, soil_map=its.soil_map) for one, (_, its) in zip(mission.properties, mapped, strict=True)
+        ]
+        mission = replace(mission, properties=maps)
     run = replace(
         run,
         inputs=[*inputs, *run.inputs],
@@ -452,14 +431,8 @@ def replay_bag(
         logger_format=raw.format_title if raw else "",
         simulated=run.simulated or simulated or any(one.truth is not None for one in properties),
         others=others,
+        mission=mission,
     )
-    if missions:
-        mission = replay_mission(properties, missions, configuration, progress)
-        maps = [
-            replace(one, soil_map=its.soil_map)
-            for one, its in zip(mission.properties, run.properties, strict=True)
-        ]
-        run = replace(run, mission=replace(mission, properties=maps))
     return Replay(run, [recording.compared(one) for one in properties])
 
 
@@ -485,9 +458,10 @@ def _in_order(
 def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -> RunTopics:
     """Topics of the mapper of a property: that of the robot, or the shared one of several."""
     robot = robots[0]
-    if len(robots) > 1:
-        return RunTopics(robot.reader, one.counts[0].removeprefix(f"/{robot.namespace[:-1]}"), alone=False)
-    return robot if own else RunTopics(robot.reader, one.counts[0], alone=False)
+    if own and len(robots) == 1:
+        return robot
+    shared = f"/{robot.namespace[:-1]}" if len(robots) > 1 else ""
+    return RunTopics(robot.reader, one.counts[0].removeprefix(shared), alone=False)
 
 
 def _no_map(

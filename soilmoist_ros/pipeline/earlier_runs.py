@@ -7,8 +7,9 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import accumulate, combinations, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,14 +71,9 @@ EARLIER = "earlier"
 
 @dataclass(frozen=True)
 class RunRecords:
-    """The records of a finished run.
+    """The good records of a finished run (folder or recording) in order of time, and the plane of their places.
 
-    :param path: folder of the run, or its recording
-    :param frame: plane of the records
-    :param records: records in order of time, without quarantined ones
     :param property_name: name of the property that they count; empty if the run does not name it
-    :param simulated: whether the counts are simulated
-    :param curve: calibration of the sensor, ``None`` without one
     :param corrections: parameters of each applied correction by its name, ``None`` if the run does not say
     """
 
@@ -87,7 +83,7 @@ class RunRecords:
     property_name: str = ""
     simulated: bool = False
     curve: MoistureCurve | None = None
-    corrections: Mapping[str, Mapping[str, Any]] | None = field(default=None)
+    corrections: Mapping[str, Mapping[str, Any]] | None = None
 
 
 def find_runs(path: Path) -> list[Path]:
@@ -121,9 +117,7 @@ def read_run(path: Path, name: str = "", first: bool = True) -> RunRecords | Non
     :returns: ``None`` if the run does not have this further property
     :raises InputError: if the run has no records, not this property, or does not say where it was
     """
-    if (path / SUMMARY).is_file():
-        return _of_folder(path, name, first)
-    return _of_bag(path, "" if first else name)
+    return _of_folder(path, name, first) if (path / SUMMARY).is_file() else _of_bag(path, "" if first else name)
 
 
 def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
@@ -190,11 +184,8 @@ def _good(records: Sequence[CountRecord], path: Path) -> list[CountRecord]:
 
 @dataclass(frozen=True, eq=False)
 class EarlierTarget:
-    """What earlier surveys must fit: the map that is being made.
+    """The map that is being made, which earlier surveys must fit.
 
-    :param frame: plane of the field
-    :param grid: the field
-    :param settings: of its map
     :param name: name of the property; may be empty for the robot's own
     :param first: whether it is the robot's own; runs without a further property are left out
     :param simulated: whether its counts are simulated, ``None`` if either may be
@@ -217,7 +208,6 @@ def read_earlier_runs(paths: Sequence[Path | str], target: EarlierTarget) -> tup
     so the rates are those that the present sensor would count, and the counts stay Poisson.
 
     :param paths: output folders, recordings, or folders of such
-    :param target: what they must fit
     :raises InputError: with all that cannot be used: no run, another property or field, a survey given twice
     """
     found: list[EarlierRun] = []
@@ -228,10 +218,11 @@ def read_earlier_runs(paths: Sequence[Path | str], target: EarlierTarget) -> tup
             found += [_earlier(run, target) for run in runs if run is not None]
         except InputError as error:
             mistakes += error.mistakes
-    for number, run in enumerate(found):
-        for other in found[:number]:
-            if same_survey(run.records, other.records):
-                mistakes.append(Mistake(f"is the same survey as {other.path}", "give it once", run.path))
+    mistakes += [
+        Mistake(f"is the same survey as {other.path}", "give it once", run.path)
+        for other, run in combinations(found, 2)
+        if same_survey(run.records, other.records)
+    ]
     if mistakes:
         raise InputError(mistakes)
     return tuple(sorted(_named(found), key=lambda run: run.survey.stamp_s))
@@ -270,10 +261,7 @@ def same_survey(first: Sequence[CountRecord], second: Sequence[CountRecord]) -> 
 
 
 def _earlier(run: RunRecords, target: EarlierTarget) -> EarlierRun:
-    """A run as an earlier survey.
-
-    :raises InputError: if it does not fit
-    """
+    """A run as an earlier survey; an error if it does not fit."""
     if target.simulated is not None and run.simulated != target.simulated:
         kinds = ("measured", "simulated")
         message = f"its counts are {kinds[run.simulated]}, those of this survey {kinds[target.simulated]}"
@@ -315,10 +303,7 @@ def _scale(its: MoistureCurve | None, curve: MoistureCurve | None, samples: Samp
 
 
 def _inside(run: RunRecords, target: EarlierTarget) -> tuple[list[CountRecord], int]:
-    """Records in the field and its margin, in its plane, and the number of the others.
-
-    :raises InputError: if there is none
-    """
+    """Records in the field and its margin, one at least, in its plane, and the number of the others."""
     import shapely
 
     xy = np.array([(record.x_m, record.y_m) for record in run.records])
@@ -361,9 +346,7 @@ def _named(runs: Sequence[EarlierRun]) -> list[EarlierRun]:
 def earlier_doubts(run: EarlierRun, rate_cps: float, now: datetime, end: datetime | None = None) -> Iterator[str]:
     """What can hardly be right with an earlier survey; each doubt is a sentence that follows its name.
 
-    :param run: the survey
     :param rate_cps: mean rate of the survey that it is compared with, in counts of the same sensor [counts/s]
-    :param now: time of the report
     :param end: end of the survey that it is compared with; ``None`` for any, or for a clock without a date
     """
     stamp_s = run.survey.stamp_s
@@ -392,20 +375,15 @@ def mean_rate(samples: Samples) -> float:
 def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun]) -> RunChange | None:
     """The change since the latest earlier survey; ``None`` without one, or if there are too many samples.
 
-    :param soil_map: map of the present survey
     :param stamp_s: end of the present survey [s]
-    :param earlier: earlier surveys
     """
-    by_time = sorted(earlier, key=lambda run: (abs(stamp_s - run.survey.stamp_s), run.survey.name))
-    before = [run for run in by_time if run.survey.stamp_s <= stamp_s]
-    ordered = [*before, *(run for run in by_time if run not in before)]
-    used: list[EarlierRun] = []
-    count = len(soil_map.samples)
-    for run in ordered:
-        count += len(run.survey.samples)
-        if count > MAX_SAMPLES:
-            break
-        used.append(run)
+
+    def order(run: EarlierRun) -> tuple[bool, float, str]:
+        return run.survey.stamp_s > stamp_s, abs(stamp_s - run.survey.stamp_s), run.survey.name
+
+    ordered = sorted(earlier, key=order)
+    counts = accumulate((len(run.survey.samples) for run in ordered), initial=len(soil_map.samples))
+    used = [run for run, count in zip(ordered, islice(counts, 1, None), strict=True) if count <= MAX_SAMPLES]
     if not used:
         return None
     surveys = [soil_map.samples, *(run.survey.samples for run in used)]
@@ -424,16 +402,11 @@ def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun])
     alone = JointKriging(soil_map.variogram, surveys[:1], np.eye(1))
     of_cell = (errors**2).sum(axis=1)
     sd, sd_alone = (math.sqrt(float(share @ (one.predict(places, 0)[1] + of_cell))) for one in (kriging, alone))
-    return RunChange(used[0], change, persistence, means, sd, sd_alone, not before)
+    return RunChange(used[0], change, persistence, means, sd, sd_alone, used[0].survey.stamp_s > stamp_s)
 
 
 def mission_earlier(settings: MissionSettings, paths: Sequence[Path]) -> Mapping[str, tuple[EarlierRun, ...]]:
-    """Finished runs as earlier surveys of each property of a simulated mission, by its name.
-
-    :param settings: the mission
-    :param paths: as :func:`read_earlier_runs`
-    :raises InputError: as :func:`read_earlier_runs`
-    """
+    """Finished runs as earlier surveys of each property of a simulated mission; see :func:`read_earlier_runs`."""
     from soilmoist_ros.simulation import mission_fields, mission_properties
 
     if not paths:
@@ -451,11 +424,7 @@ def mission_earlier(settings: MissionSettings, paths: Sequence[Path]) -> Mapping
 
 
 def simulated_runs(mapped: MappedProperty, soil_map: SoilMap) -> tuple[EarlierRun, ...]:
-    """The series of surveys that a mission simulated, in order of time.
-
-    :param mapped: a property of the mission
-    :param soil_map: its map
-    """
+    """The series of surveys of a property that a mission simulated, in order of time."""
     radius_m = default_merge_radius_m(soil_map.grid, FieldMapSettings().margin_m)
     found = []
     for back, one in enumerate(mapped.series, 1):

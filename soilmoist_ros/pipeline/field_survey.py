@@ -77,12 +77,8 @@ MAX_BEYOND_AREA_DEG = 6.0
 class FieldSurvey:
     """A field, the site of a sensor, and the map that grows with its records.
 
-    :param field: the field
-    :param site: the sensor and its soil
-    :param map: map that grows with the records
     :param files: role and path of the files of field and site
     :param simulated: the counts come from a simulation; every output says so
-    :param earlier: earlier surveys that inform the map
     """
 
     field: Field
@@ -93,7 +89,7 @@ class FieldSurvey:
     earlier: tuple[EarlierRun, ...] = ()
 
     def with_reference_error(self, error: Drift) -> FieldSurvey:
-        """The same, without records, for records that a reference sensor corrects."""
+        """A copy without records, for records that a reference sensor corrects."""
         knowledge = replace(self.map.knowledge, reference=error)
         return replace(self, map=FieldMap(self.map.grid, self.map.settings, knowledge))
 
@@ -153,7 +149,6 @@ def open_survey(
 
     :param field: field file, or the name of a shipped one
     :param site: site file, or the name of a shipped one; empty for a rate map without a site
-    :param simulated: the counts come from a simulation
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
     :param property_name: name of the property in them; empty for the robot's own
     :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field
@@ -163,13 +158,9 @@ def open_survey(
     """
     values = MappingSettings(**chosen).values(recorded)
     field_path = resource("fields", field)
-    the_field = load_field(field_path)
-    files = [("field", field_path)]
-    the_site = Site()
-    if site:
-        site_path = resource("sites", site)
-        the_site = load_site(site_path)
-        files.append(("site", site_path))
+    site_path = resource("sites", site) if site else None
+    the_field, the_site = load_field(field_path), load_site(site_path) if site_path else Site()
+    files = [("field", field_path), *([("site", site_path)] if site_path else [])]
     radius_m = the_site.footprint_radius_m
     grid = the_field.grid(values["cell_m"] or None, radius_m)
     settings = field_map_settings(
@@ -199,11 +190,7 @@ def open_map(
     covariates: Sequence[CovariateSource],
     error: Drift | None = None,
 ) -> tuple[FieldMap, tuple[EarlierRun, ...]]:
-    """A map without records, and the earlier surveys that inform it.
-
-    :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
-    :raises InputError: if a file cannot be used
-    """
+    """A map without records, and the earlier surveys that inform it, see :func:`read_earlier_runs`."""
     runs = read_earlier_runs(earlier, target) if earlier else ()
     explained = read_covariates(covariates, target.frame, target.grid)
     known = Knowledge(tuple(run.survey for run in runs), explained, error)
@@ -319,13 +306,12 @@ def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[Correct
     h_formula = "N(Q0) / N(Q), universal transport solution" if universal else "1 + c (Q - Q0)"
     i_formula = "C0 / C" if used.intensity_scale == 1 else "1 / (1 + k (C / C0 - 1))"
     i_source = _intensity_source(settings, intensity, records) if intensity else ""
-    rows: list[tuple[str, str, str, dict[str, float | str], str]] = [
+    found = []
+    for name, how, factor, parameters, remark in (
         ("air pressure", "exp(beta (P - P0))", "f_pressure", of_pressure, _from_the_place(site)),
         ("air humidity", h_formula, "f_humidity", of_humidity, ""),
         ("incoming neutrons", i_formula, "f_intensity", of_intensity, i_source),
-    ]
-    found = []
-    for name, how, factor, parameters, remark in rows:
+    ):
         spread = _range([getattr(record, factor) for record in records])
         found.append(CorrectionRow(name, how, parameters, *spread, remark if parameters else "not applied"))
     if settings.biomass is not None:

@@ -90,9 +90,8 @@ def _doubt(text: str) -> FileFinding:
 
 
 def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[FileFinding]:
-    """Area, place, direction, cells and covariates of a field.
+    """Area, place, direction, cells and covariates of a field, for a robot of this radius.
 
-    :param robot_radius_m: distance that a robot keeps from the border and no-go areas [m]
     :raises InputError: if a covariate cannot be used
     """
     import shapely
@@ -167,8 +166,6 @@ def looks_swapped(place: LatLon) -> str:
 def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = "") -> Iterator[FileFinding]:
     """Nodes of a topological map that the planner would use in a field, and its doubts about the map.
 
-    :param robot_radius_m: distance that the robot keeps from no-go areas [m]
-    :param home: name of the node to return to; empty for none
     :raises InputError: if the map cannot be read, none of its nodes lies in the field, or the home is not allowed
     """
     from soilmoist_ros import exploration
@@ -211,18 +208,18 @@ def site_findings(site: Site) -> Iterator[FileFinding]:
                     f"are usual at {place.altitude_m:g} m: right only if N0 was calibrated with this reference "
                     "('reference_hpa: auto' takes that of the altitude)"
                 )
+    pressure = f"pressure ({used.beta_per_hpa:.5f} 1/hPa, 1 at {used.reference_pressure_hpa:g} hPa)"
+    scaling = settings.intensity.scaling if settings.intensity else ""
     applied = [
-        f"pressure ({used.beta_per_hpa:.5f} 1/hPa, 1 at {used.reference_pressure_hpa:g} hPa)"
-        if settings.pressure
-        else "no pressure",
+        pressure if settings.pressure else "no pressure",
         f"humidity ({site.humidity_method})" if settings.humidity else "no humidity",
-        f"incoming neutrons (scaling {settings.intensity.scaling}, k {used.intensity_scale:.3f})"
-        if settings.intensity
+        f"incoming neutrons (scaling {scaling}, k {used.intensity_scale:.3f})"
+        if scaling
         else "no incoming neutrons",
-        *([f"plants (factor {settings.f_biomass:.3f})"] if settings.biomass else []),
-        *([f"road (factor {settings.f_road:.3f})"] if settings.road else []),
+        f"plants (factor {settings.f_biomass:.3f})" if settings.biomass else "",
+        f"road (factor {settings.f_road:.3f})" if settings.road else "",
     ]
-    yield FileFinding("correction", ", ".join(applied))
+    yield FileFinding("correction", ", ".join(filter(None, applied)))
     yield from _on_monitor(settings)
     for key, why in site.unused_keys():
         yield FileFinding("not used", f"{key}: {why}")
@@ -297,7 +294,6 @@ def log_findings(
 
     :param logs: the logs, one at least
     :param places: latitude and longitude of the records, shape (n, 2) [deg], see :func:`log_positions`
-    :param site: the site, if it is known
     :param now_s: the present [s since 1970-01-01 UTC]
     :param track: positions of a separate receiver, if there are any
     :param reading: how the logs were read, see :func:`.reading_of`
@@ -348,11 +344,7 @@ def log_findings(
 def position_findings(
     logs: Sequence[LogFile], track: Track | None, problems: Sequence[Problem], site: Site
 ) -> Iterator[FileFinding]:
-    """Doubts about positions of a separate receiver, and what was assumed for them.
-
-    :param track: the positions, if there are any
-    :param problems: problems in their files
-    """
+    """Doubts about positions of a separate receiver, if there are any, and what was assumed for them."""
     records = [record for log in logs for record in log.records]
     if track is not None and records:
         if (why := why_unplaced(records, track, site.logger_clock is not None)) is not None:
@@ -459,10 +451,7 @@ def contradictions(
 ) -> Iterator[Mistake | FileFinding]:
     """What files that are given together say about each other: mistakes, and lines for the user.
 
-    :param field: the field, if one is given
-    :param site: the site, if one is given
     :param places: latitude and longitude of the records, shape (n, 2) [deg]; empty without a log
-    :param source: where the places come from
     """
     location = site.location if site else None
     checked, about = places, source
@@ -495,14 +484,12 @@ def far_from_site(site: Site, places: NDArray[np.float64], source: PositionSourc
     frame = LocalFrame(site.location.latitude_deg, site.location.longitude_deg)
     target = f"the place of the site {site.name!r}"
     about = replace(source, field_file=None, target=target, target_keys="'location' in the site file")
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     try:
-        require_near(Field(target, frame, _SQUARE), places, MAX_FROM_SITE_M, about)
+        require_near(Field(target, frame, square), places, MAX_FROM_SITE_M, about)
     except InputError as error:
         return error.mistakes
     return ()
-
-
-_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
 def _date(stamp_s: float) -> str:

@@ -77,13 +77,10 @@ MAX_EXTENT_M = 300_000.0
 
 @dataclass(frozen=True, kw_only=True)
 class MapSettings(MappingSettings):
-    """Choices of a mapping run; ``None`` derives the value from the data.
+    """Choices of a mapping run; ``None`` derives the value from the data. Shipped files can be given by name.
 
-    :param logger: logger format, a shipped name or a file
-    :param site: site file, or the name of a shipped one
-    :param field: field file, or the name of a shipped one; ``None`` maps the hull of the track
+    :param field: field file; ``None`` maps the hull of the track
     :param nmea: GNSS logs, for loggers without positions
-    :param title: title of the report
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     :param max_exact_samples: maximum number of samples for an exact map; larger maps are computed in tiles
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
@@ -140,8 +137,6 @@ def map_logs(
     """Map the logs of a survey.
 
     :param paths: log files of one probe, folders and ZIP archives of them, or bags with the lines of its logger
-    :param settings: choices
-    :param progress: called during the work
     :param compute: computes the tiles of a large map, see :func:`shared_work`; writing the outputs needs it again
     :raises InputError: if a file cannot be used; lists all mistakes
     """
@@ -280,15 +275,15 @@ def _grid(field: Field | None, survey: SurveyRecords, site: Site, cell_m: float 
 
 
 def _inputs(read: _Logs, settings: MapSettings) -> list[InputFile]:
-    others = [("GNSS log", file) for path in settings.nmea for file in message_files(path)]
-    files = (("site", read.site_file), ("field", read.field_file), ("reference sensor", settings.reference))
-    others += [(role, path) for role, path in files if path is not None]
-    others += [("covariate", path) for path in dict.fromkeys(one.path for one in read.covariates)]
-    logs = [(path, len(log.records)) for log in read.logs for path in message_files(log.path)]
-    return [
-        *(input_file(path, "neutron log", count) for path, count in logs),
-        *(input_file(path, role) for role, path in others),
+    files = [
+        *(("neutron log", file, len(log.records)) for log in read.logs for file in message_files(log.path)),
+        *(("GNSS log", file, None) for path in settings.nmea for file in message_files(path)),
+        ("site", read.site_file, None),
+        ("field", read.field_file, None),
+        ("reference sensor", settings.reference, None),
+        *(("covariate", path, None) for path in dict.fromkeys(one.path for one in read.covariates)),
     ]
+    return [input_file(path, role, count) for role, path, count in files if path is not None]
 
 
 def count_notes(problems: Sequence[Problem], records: int) -> list[Note]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
 
@@ -185,12 +186,7 @@ def log_positions(logs: Sequence[LogFile], track: Track | None, site: Site) -> N
 def position_source(
     logs: Sequence[LogFile], nmea: Sequence[Path], site: Site, field_file: Path | None
 ) -> PositionSource:
-    """Where the positions of logs come from, for advice.
-
-    :param nmea: GNSS logs, if any
-    :param site: site of the logs
-    :param field_file: the field file, if any
-    """
+    """Source of the positions of logs, for advice."""
     if nmea:
         return PositionSource(nmea[0].name, field_file=field_file)
     if not any(record.position for log in logs for record in log.records):
@@ -295,12 +291,9 @@ def shifted_track(fixes: Sequence[Fix], shift_s: float, path: Path) -> tuple[Che
     :raises InputError: if it has several positions of one time, far apart
     """
     known = sorted((fix for fix in fixes if fix.no_place is None), key=attrgetter("stamp_s"))
-    first, apart_m = next(iter(known), None), []
-    for fix in known:
-        if first is not None and fix.stamp_s == first.stamp_s and fix is not first:
-            apart_m.append(distance_m(first.position, fix.position))
-        else:
-            first = fix
+    apart_m = []
+    for _, (first, *others) in groupby(known, key=attrgetter("stamp_s")):
+        apart_m += [distance_m(first.position, fix.position) for fix in others]
     if len(apart_m) >= MIN_COMMON and (median_m := float(np.median(apart_m))) > MAX_APART_AT_ONCE_M:
         message = f"has {len(apart_m)} times with several positions, {distance_text(median_m)} apart (median)"
         remedy = "give the positions of one receiver; or the times have no seconds: export them with seconds"
@@ -314,9 +307,8 @@ def shifted_track(fixes: Sequence[Fix], shift_s: float, path: Path) -> tuple[Che
 
 
 def read_reference(path: Path, site: Site, records: Sequence[CountRecord], frame: LocalFrame) -> Reference:
-    """The change of the rate during a survey, from the log of a stationary sensor.
+    """The change of the rate during a survey, from the log of a stationary sensor in a format with a header.
 
-    :param path: the log; its format is detected from its header
     :raises InputError: if the log cannot be used, does not last for the survey, or is of a sensor that moved, that
         was elsewhere, or that is the one of the survey
     """

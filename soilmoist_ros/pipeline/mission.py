@@ -59,6 +59,7 @@ class Status(NamedTuple):
 
 
 _MAY_BE_UNKNOWN = {"target_x_m", "target_y_m", "stamp_s", "last_command_s"}
+_TYPES = get_type_hints(Status)
 _OF_LATER_VERSIONS = {name: str(value) for name, value in Status._field_defaults.items()}
 
 
@@ -90,12 +91,11 @@ def _status(values: dict[str, str]) -> Status | None:
     """The status of a message; ``None`` if the message lacks a value: another node may use the topic."""
     try:
         values = {**_OF_LATER_VERSIONS, **values}
-        status = Status(**{name: kind(values[name]) for name, kind in get_type_hints(Status).items()})
+        status = Status(**{name: kind(values[name]) for name, kind in _TYPES.items()})
     except (KeyError, ValueError):
         return None
-    numbers = {name: value for name, value in status._asdict().items() if isinstance(value, float)}
-    known = all(math.isfinite(value) for name, value in numbers.items() if name not in _MAY_BE_UNKNOWN)
-    return status if known else None
+    known = (value for name, value in status._asdict().items() if name not in _MAY_BE_UNKNOWN)
+    return status if all(math.isfinite(value) for value in known if isinstance(value, float)) else None
 
 
 def read_visits(topics: RunTopics, robot: int = 1) -> list[Visit] | None:
@@ -110,10 +110,7 @@ def read_visits(topics: RunTopics, robot: int = 1) -> list[Visit] | None:
 def mission_visits(
     statuses: Sequence[Status], visits: Sequence[Visit] | None, records: Sequence[CountRecord]
 ) -> list[Visit]:
-    """The visits of one mission, in order.
-
-    :param visits: visits of all missions in the bag, ``None`` if the bag lacks them
-    """
+    """The visits of one mission, in order, out of those of all in the bag; estimated if the bag lacks them."""
     if visits is None:
         return estimate_visits(statuses, records)
     # Where the clock was set, the mission has a start on each clock. Its time stands still before and after it.
@@ -164,17 +161,12 @@ def _raw_counts(last: Status, done: Status, arrived_s: float, records: Sequence[
     stamp than the last status may arrive later. Counts, not stamps, therefore decide which records the status
     includes. After a pause the stop has more records than the mission counted, and stamps decide.
     """
-    there = [
-        record
-        for record in records
-        if record.stamp_s <= done.stamp_s and record.stamp_s - record.exposure_s >= arrived_s - _CLOCK_S
-    ]
-    sums = list(accumulate((record.raw_counts for record in there), initial=0))
-    if last.raw_counts in sums:
-        later = there[sums.index(last.raw_counts) :]
-    else:
-        later = [record for record in there if record.stamp_s > last.stamp_s]
-    return last.raw_counts + sum(record.raw_counts for record in later)
+    begin_s = arrived_s - _CLOCK_S
+    there = [one for one in records if one.stamp_s <= done.stamp_s and one.stamp_s - one.exposure_s >= begin_s]
+    counts = sum(record.raw_counts for record in there)
+    if last.raw_counts in accumulate((record.raw_counts for record in there), initial=0):
+        return counts
+    return last.raw_counts + sum(record.raw_counts for record in there if record.stamp_s > last.stamp_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,10 +204,7 @@ def replay_mission(
     configuration: Path | None,
     progress: Callable[[str, float], None],
 ) -> MissionResult:
-    """The mission with the map errors after each visit; without the maps.
-
-    :param robots: the robots of the mission, one at least; the mission starts with the first of them
-    """
+    """The mission with the map errors after each visit; without the maps. It starts with the first robot."""
     began_s = min(robot.began_s for robot in robots)
     later_s = [robot.began_s - began_s for robot in robots]
     course = [
@@ -278,7 +267,7 @@ def _forecasts(course: Sequence[tuple[float, str]]) -> Iterator[TimedForecast]:
 def mission_log(robots: Sequence[RobotMission], later_s: Sequence[float]) -> list[str]:
     """Lines of the mission log: changes of the state, and who commanded what when.
 
-    :param later_s: start of each after the start of the first [s]
+    :param later_s: start of each robot after the start of the first [s]
     """
     lines = []
     for robot, later in zip(robots, later_s, strict=True):
@@ -286,13 +275,13 @@ def mission_log(robots: Sequence[RobotMission], later_s: Sequence[float]) -> lis
         said, commanded = ("", ""), ("", math.nan)
         for status in robot.statuses:
             time_s = status.time_used_s + later
-            command = status.last_command, status.last_command_s
+            command, state = (status.last_command, status.last_command_s), (status.state, status.reason)
             if status.last_command and command != commanded:
-                commanded = command
                 lines.append((time_s, f"{name}{status.last_command}"))
-            if (status.state, status.reason) != said:
-                said = status.state, status.reason
+                commanded = command
+            if state != said:
                 lines.append((time_s, f"{name}{status.state}: {status.reason}"))
+                said = state
     lines.sort(key=lambda line: line[0])
     return [f"{time_s:8.0f} s  {text}" for time_s, text in lines]
 

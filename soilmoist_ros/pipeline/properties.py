@@ -48,11 +48,7 @@ _TEXTS: Final = ("target", "preset")
 
 @dataclass(frozen=True)
 class RecordedPlaces:
-    """The plane of a recording, and the field to which its places are converted.
-
-    :param recorded: plane of the recorded places
-    :param field: the field that is mapped
-    """
+    """The plane of a recording, and the field to which its places are converted."""
 
     recorded: LocalFrame
     field: Field
@@ -82,11 +78,9 @@ class RecordedPlaces:
         for text in reader.read_texts(found) if found else ():
             with suppress(ValueError):
                 doubt = Doubt.from_text(text)
-                if not self._same:
-                    places = [(doubt.x_m, doubt.y_m), (doubt.before_x_m, doubt.before_y_m)]
-                    (x_m, y_m), (before_x_m, before_y_m) = self._to_field(places)
-                    doubt = replace(doubt, x_m=x_m, y_m=y_m, before_x_m=before_x_m, before_y_m=before_y_m)
-                doubts.take(doubt)
+                places = [(doubt.x_m, doubt.y_m), (doubt.before_x_m, doubt.before_y_m)]
+                (x_m, y_m), (before_x_m, before_y_m) = self._to_field(places)
+                doubts.take(replace(doubt, x_m=x_m, y_m=y_m, before_x_m=before_x_m, before_y_m=before_y_m))
         return doubts
 
     def trusted_records(self, reader: BagReader, counts: Sequence[str], frame: str) -> list[CountRecord]:
@@ -98,18 +92,18 @@ class RecordedPlaces:
 
     def visits(self, visits: Sequence[Visit]) -> list[Visit]:
         """Visits with their places in the plane of the field."""
-        if self._same or not visits:
-            return list(visits)
-        stood = self._to_field([(visit.x_m, visit.y_m) for visit in visits])
-        planned = self._to_field([(visit.stop_x_m, visit.stop_y_m) for visit in visits])
-        return [
-            replace(visit, x_m=x, y_m=y, stop_x_m=stop_x, stop_y_m=stop_y)
-            for visit, (x, y), (stop_x, stop_y) in zip(visits, stood, planned, strict=True)
-        ]
+        found = []
+        for visit in visits:
+            places = [(visit.x_m, visit.y_m), (visit.stop_x_m, visit.stop_y_m)]
+            (x, y), (stop_x, stop_y) = self._to_field(places)
+            found.append(replace(visit, x_m=x, y_m=y, stop_x_m=stop_x, stop_y_m=stop_y))
+        return found
 
     def _to_field(self, xy_m: ArrayLike) -> list[list[float]]:
         """Places in the plane of the field [m]; NaN stays NaN."""
         xy = np.asarray(xy_m, float)
+        if self._same:
+            return [[float(x), float(y)] for x, y in xy]
         known = np.isfinite(xy).all(axis=1)
         moved = np.full_like(xy, np.nan)
         moved[known] = self.field.frame.to_local(*self.recorded.to_geographic(xy[known]).T)
@@ -119,12 +113,9 @@ class RecordedPlaces:
 def recorded_places(configuration: Path | None, field: Field) -> RecordedPlaces:
     """The plane of a recording, by the field file of its driver; that of the field if it is unknown."""
     for node in ("sensor_driver", "mapper"):
-        named: Mapping[str, Any] = read_parameters(configuration, node)
-        if named.get("field"):
-            try:
-                return RecordedPlaces(load_field(resource("fields", str(named["field"]))).frame, field)
-            except InputError:
-                continue
+        if named := read_parameters(configuration, node).get("field"):
+            with suppress(InputError):
+                return RecordedPlaces(load_field(resource("fields", str(named))).frame, field)
     return RecordedPlaces(field.frame, field)
 
 
@@ -150,12 +141,12 @@ def why_nothing(survey: FieldSurvey, records: Sequence[CountRecord], path: Path)
     field = survey.field
     if not places and (why := _why_unplaced(records, path)) is not None:
         return InputError([why])
-    if places:
-        try:
-            source = PositionSource("the recording", field_file=dict(survey.files).get("field"))
+    source = PositionSource("the recording", field_file=dict(survey.files).get("field"))
+    try:
+        if places:
             require_near(field, field.frame.to_geographic(places), survey.map.settings.margin_m, source)
-        except InputError as error:
-            return error
+    except InputError as error:
+        return error
     reasons = [
         f"{entry.count} {reason.value} (the last: {entry.example})" for reason, entry in survey.map.skipped.items()
     ]
@@ -179,12 +170,10 @@ class PublishedMap:
 
 @dataclass(frozen=True)
 class PropertyComparison:
-    """Comparison of a replayed map with the last map that its mapper published.
+    """Comparison of a replayed map with the last map that its mapper published, in words.
 
     :param same: whether the maps are equal, bit for bit; ``None`` if they were not compared
-    :param message: result and reason, for people
-    :param difference: largest difference as a share of the largest value of its band; NaN if there are no
-        values to compare
+    :param difference: largest difference as a share of the largest value of its band; NaN without values
     """
 
     same: bool | None
@@ -202,7 +191,6 @@ def read_published_map(topics: RunTopics) -> PublishedMap | None:
 
     :raises InputError: if it cannot be read
     """
-    name, reader = topics.find("soil_map", CLOUD), topics.reader
     last = _last_cloud(topics, "soil_map")
     if last is None:
         return None
@@ -211,7 +199,8 @@ def read_published_map(topics: RunTopics) -> PublishedMap | None:
         raw_counts = None if samples is None else float(points(samples)["raw_counts"].sum())
         return PublishedMap(_stamp_s(last), points(last), raw_counts)
     except (KeyError, ValueError) as error:
-        raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", reader.path) from None
+        name = topics.find("soil_map", CLOUD)
+        raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", topics.reader.path) from None
 
 
 def _last_cloud(topics: RunTopics, named: str, stamp_s: float | None = None) -> Any:
@@ -227,13 +216,9 @@ def _last_cloud(topics: RunTopics, named: str, stamp_s: float | None = None) -> 
 def compare(
     field_map: FieldMap, states: Sequence[MapState], last: PublishedMap | None, several: bool = False
 ) -> PropertyComparison:
-    """Compare the replayed map with the last published map.
+    """Compare the replayed map of the records up to the last one of the published map with that map.
 
-    Recorder and mapper begin and end at different times, so the replayed map uses the records up to the last
-    record of the published map.
-
-    :param several: whether several robots sent the records; mapper and recorder may receive them in different
-        orders
+    :param several: whether several robots sent the records
     """
     if last is None or last.stamp_s == 0:
         why = "the bag has no map" if last is None else "the robot's last map is empty"
@@ -246,30 +231,23 @@ def compare(
     ]
     if not alike:
         why = "it was reset, or began before or went on after the recording"
-        return PropertyComparison(
-            None, f"not compared: the robot's last map is of other records than the bag: {why}"
-        )
+        message = f"not compared: the robot's last map is of other records than the bag: {why}"
+        return PropertyComparison(None, message)
     soil_map, cells = field_map.compute(alike[-1]), last.cells
     differs = "differs from the robot's last one: "
-    known_bands = cells.dtype.names or ()
-    if any(name not in known_bands for name in _OF_RATE):
-        return PropertyComparison(False, f"{differs}that lacks bands")
-    shape = np.shape(cells) if soil_map is None else soil_map.rate.shape
-    if shape != cells.shape:
-        sizes = f"it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}"
-        return PropertyComparison(False, f"{differs}{sizes}")
+    bands, shape = cells.dtype.names or (), field_map.grid.shape
+    if not set(_OF_RATE) <= set(bands) or shape != cells.shape:
+        return PropertyComparison(False, f"{differs}that has {cells.shape} cells of {', '.join(bands)}")
     largest = 0.0
-    moisture = all(name in known_bands for name in _OF_MOISTURE)
-    for name in (*_OF_RATE, *_OF_MOISTURE) if moisture else _OF_RATE:
+    for name in (*_OF_RATE, *_OF_MOISTURE) if set(_OF_MOISTURE) <= set(bands) else _OF_RATE:
         there = cells[name]
         here = np.full(shape, np.nan) if soil_map is None else np.asarray(getattr(soil_map, name))
         here = here.astype(there.dtype)
-        if not np.array_equal(np.isnan(here), np.isnan(there)):
-            return PropertyComparison(False, f"{differs}other cells have a {name}")
         known = ~np.isnan(there)
-        if known.any():
-            error = np.abs(here[known].astype(float) - there[known])
-            largest = max(largest, float(error.max()) / max(float(np.abs(there[known]).max()), 1e-30))
+        if not np.array_equal(np.isnan(here), ~known):
+            return PropertyComparison(False, f"{differs}other cells have a {name}")
+        error = np.abs(here[known].astype(float) - there[known]).max(initial=0.0)
+        largest = max(largest, float(error) / max(float(np.abs(there[known]).max(initial=0.0)), 1e-30))
     if largest == 0:
         return PropertyComparison(True, "equals the robot's last one, bit for bit", 0.0)
     why = ""
@@ -301,15 +279,11 @@ class PropertyTopic:
 
 
 def team_properties(robots: Sequence[RunTopics], configuration: Path | None) -> list[PropertyTopic]:
-    """The properties that robots measured together, see :func:`property_topics`.
-
-    :raises InputError: if the properties of a planner are damaged
-    """
+    """The properties that robots measured together, see :func:`property_topics`."""
     merged: dict[str, PropertyTopic] = {}
-    for robot in robots:
-        for found in property_topics(robot, configuration):
-            known = merged.get(found.name)
-            merged[found.name] = found if known is None else replace(known, counts=known.counts + found.counts)
+    for found in (one for robot in robots for one in property_topics(robot, configuration)):
+        known = merged.get(found.name)
+        merged[found.name] = found if known is None else replace(known, counts=known.counts + found.counts)
     return list(merged.values())
 
 
@@ -331,20 +305,18 @@ def property_topics(topics: RunTopics, configuration: Path | None) -> list[Prope
     for path in sorted(clouds - {topics.counts}):
         if path.startswith(f"{space}/") and not _is_robot(topics, path):
             paths.setdefault(path, path.removeprefix(f"{space}/").removesuffix(f"/{last}"))
-    found = [PropertyTopic(FIRST, (topics.counts,), "mapper", 1.0)]
+    found = {FIRST: PropertyTopic(FIRST, (topics.counts,), "mapper", 1.0)}
     for path, name in paths.items():
         if path in clouds:
             whole = name.strip("/")
-            taken = {one.name for one in found}
-            own = Path(whole).name if Path(whole).name not in taken else whole.replace("/", "_")
-            found.append(PropertyTopic(own, (path,), f"{whole}/mapper", planned.get(name, 0.0)))
-    return found
+            own = whole.replace("/", "_") if Path(whole).name in found else Path(whole).name
+            found[own] = PropertyTopic(own, (path,), f"{whole}/mapper", planned.get(name, 0.0))
+    return list(found.values())
 
 
 def read_planner(configuration: Path | None, topics: RunTopics) -> dict[str, Any]:
-    """Parameters of the planner of a robot, empty if there are none.
+    """Parameters of the planner of a robot, which is named with or without its namespace; empty for none.
 
-    :param configuration: folder of the configuration; the planner is named with or without its namespace
     :raises InputError: if a parameter that the replay shows is not a number or text as planners have it
     """
     nodes = (f"{topics.namespace}planner", "planner")
@@ -421,11 +393,8 @@ def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag:
 
 
 def named_truths(found: Sequence[PropertyTopic], truths: Mapping[str | int, str], bag: Path) -> dict[str, str]:
-    """The truths by the names of their properties.
-
-    :raises InputError: if there is no such property
-    """
-    names = dict(enumerate(one.name for one in found))
-    named = {names.get(key, str(key)) if isinstance(key, int) else key: field for key, field in truths.items()}
+    """The truths by the names of their properties, see :func:`chosen_properties`."""
+    names: dict[str | int, str] = dict(enumerate(one.name for one in found))
+    named = {names.get(key, str(key)): field for key, field in truths.items()}
     chosen_properties(found, list(named), bag)
     return named

@@ -60,9 +60,8 @@ class SurveyTimes:
     @property
     def survey_end_utc(self) -> datetime | None:
         """End of the last counting interval; ``None`` as for the start."""
-        if self.survey_start_utc is None:
-            return None
-        return datetime.fromtimestamp(max(record.stamp_s for record in self.track), UTC)
+        end = max((record.stamp_s for record in self.track), default=0.0)
+        return None if self.survey_start_utc is None else datetime.fromtimestamp(end, UTC)
 
     @property
     def survey_duration_s(self) -> float | None:
@@ -95,12 +94,7 @@ def track_xy(track: Sequence[CountRecord]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class InputFile:
-    """An input file of the run; unknown sizes and numbers are ``None``, an unknown checksum is empty.
-
-    :param name: name or path as the user wrote it
-    :param n_records: records read from it, ``None`` if it holds none (a polygon, a configuration)
-    :param role: purpose of the file
-    """
+    """An input file of the run by its path as the user wrote it; ``n_records`` is ``None`` if it holds none."""
 
     name: str
     n_records: int | None = None
@@ -115,11 +109,8 @@ REFERENCE = "reference sensor"
 
 @dataclass(frozen=True)
 class CorrectionRow:
-    """An applied correction factor; the factor's mean and range are over the records.
+    """An applied correction factor: formula in plain text, parameters by name with unit, range over the records.
 
-    :param name: quantity corrected for, e.g. ``air pressure``
-    :param formula: the formula in plain text
-    :param parameters: parameter name (with its unit) -> value
     :param remark: e.g. where the values came from, or why the correction was not applied
     """
 
@@ -158,7 +149,6 @@ class CalibrationInfo:
     :param bulk_density_gcm3: dry bulk density [g/cm^3]
     :param lattice_water: gravimetric lattice water [g/g]
     :param organic_water: gravimetric water equivalent of organic matter [g/g]
-    :param source: e.g. ``6 soil cores of 2024-05-02``
     :param illustrative: whether N0 is a guess, so that only patterns of the moisture are meaningful
     """
 
@@ -173,14 +163,11 @@ class CalibrationInfo:
 
 @dataclass(frozen=True)
 class IrrigationLimits:
-    """What divides a field into dry and moist zones, and how deep roots reach.
+    """Limits of dry and moist zones [m^3/m^3], and the depth of roots.
 
-    :param root_depth_mm: depth of the root zone [mm]
-    :param wilting_point: moisture at the wilting point [m^3/m^3]
-    :param field_capacity: moisture at field capacity [m^3/m^3]
-    :param depletion: share of the water between both that plants use before they lack water [0..1]
-    :param dry_below: limit of the dry zone given by the user [m^3/m^3]; with the next one it replaces those above
-    :param moist_above: limit of the moist zone given by the user [m^3/m^3]
+    :param depletion: share of the water between wilting point and field capacity that plants use before they lack
+        water [0..1]
+    :param dry_below: limit given by the user; with ``moist_above`` it replaces those above
     """
 
     root_depth_mm: float = 300.0
@@ -245,13 +232,10 @@ class Note:
 
 @dataclass(frozen=True, eq=False)
 class EarlierRun:
-    """An earlier survey, and where it comes from.
+    """An earlier survey with its records in the present field, and the run that it comes from.
 
-    :param survey: its samples in the present field
-    :param path: the run
     :param begin_s: begin of its first record [s since 1970-01-01 UTC]
-    :param records: records in the present field
-    :param outside: records that lie outside and are left out
+    :param outside: number of records that lie outside and are left out
     :param scale: rate of its sensor relative to that of the present one over equal soil, by their calibrations;
         divided out
     :param remarks: what the user should know, in sentences
@@ -282,9 +266,6 @@ def date_text(stamp_s: float) -> str:
 class RunChange:
     """The change of a field since an earlier survey.
 
-    :param since: the earlier survey
-    :param change: from that one to the present one
-    :param persistence: how alike the patterns of the surveys are
     :param means: change of the field's mean rate since each earlier survey [counts/s], by its name
     :param sd: standard deviation of the smooth rate of a cell, typical of the map [counts/s]
     :param sd_alone: what it would be without the earlier surveys [counts/s]
@@ -307,9 +288,7 @@ class MapRun(SurveyTimes):
     :param frame: local frame in which the map and the track lie
     :param created_utc: creation time of the outputs, time-zone aware
     :param track: the processed records in order of time, including records without a place
-    :param losses: input that was dropped, or kept although less reliable
     :param notes: notes to the reader in addition to the notes on the map, see :func:`notes`
-    :param calibration: origin of the calibration; ``None`` if unknown
     :param simulated: the counts come from a simulation; every output says so
     :param truth_rate: true corrected rate on the map's grid [counts/s], shape (ny, nx), if known
     :param footprint_radius_m: radius of the soil seen by the sensor [m], 0 for a point, ``None`` if unknown
@@ -319,10 +298,8 @@ class MapRun(SurveyTimes):
     :param uncertain_vwc_sd: standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
     :param uncertain_rate_share: standard deviation of the rate from which a place counts as uncertain, as a
         share of the rate [-]
-    :param earlier: earlier surveys that inform the map
-    :param change: what has changed since the latest of them
+    :param change: change since the latest of the earlier surveys
     :param quarantined: records left out of the map, each with its reason, in order of time
-    :param irrigation: limits of dry and moist soil
     :param time_zone: name of the field's time zone, for local times next to UTC; empty for UTC alone
     :param sensed: depth and radius that the counts come from, if known
     :raises ValueError: if ``created_utc`` has no time zone
@@ -425,11 +402,7 @@ class FailedRun(SurveyTimes):
 
     :param why: what happened, in sentences
     :param todo: what the user can do, the most useful first
-    :param created_utc: creation time of the outputs, time-zone aware
     :param track: all records in order of time, those without a place and quarantined ones included
-    :param losses: why records are not in a map
-    :param troubles: faults that nodes reported
-    :param simulated: the counts come from a simulation; every output says so
     """
 
     why: str
@@ -458,10 +431,7 @@ class FailedRun(SurveyTimes):
 
 
 class NoMapError(InputError):
-    """A run made no map; the message says why.
-
-    :param failed: what is known of the run
-    """
+    """A run made no map; the message says why, and ``failed`` has what is known of the run."""
 
     def __init__(self, failed: FailedRun) -> None:
         self.failed = failed
