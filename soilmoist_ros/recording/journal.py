@@ -108,7 +108,6 @@ class LoadedJournal(NamedTuple):
     :param snapshot: text given to the last :meth:`Journal.snapshot`, ``None`` if there is none
     :param entries: entries after the snapshot, by number; all entries without a snapshot, or if the whole journal
         was wanted
-    :param problems: problems of the files, in words
     :param complete: whether no entry is known to be missing since the snapshot, see :meth:`Journal.doubt`
     """
 
@@ -173,13 +172,11 @@ class Journal:
         return self._seq
 
     def append(self, kind: str, payload: Mapping[str, Any], *, durable: bool = True) -> int:
-        """Write an entry.
+        """Write an entry, and return its number.
 
         :param kind: kind of the entry, such as ``event``
-        :param payload: plain data, fit for JSON
         :param durable: whether to return only when the entry is on the disk; otherwise it gets there with the next
             durable entry
-        :returns: the entry's number
         :raises TypeError: if the payload is not plain data
         :raises OSError: if the disk refuses it; the journal stays as it was, and the next entry may be tried
         """
@@ -322,13 +319,12 @@ def _read(folder: Path, data: bytes) -> tuple[Lines, str | None, int, list[str]]
     lines = decode(data, ENTRIES)
     problems = list(lines.problems)
     path = folder / _SNAPSHOT
-    if not path.exists():
-        return lines, None, 0, problems
-    found = decode(path.read_bytes(), _SNAPSHOT)
-    problems += found.problems
-    if len(found.entries) == 1 and isinstance(found.entries[0].payload.get("state"), str):
-        return lines, found.entries[0].payload["state"], found.entries[0].seq, problems
-    problems.append(f"{_SNAPSHOT} cannot be used; all entries are replayed instead")
+    if path.exists():
+        found = decode(path.read_bytes(), _SNAPSHOT)
+        problems += found.problems
+        if len(found.entries) == 1 and isinstance(state := found.entries[0].payload.get("state"), str):
+            return lines, state, found.entries[0].seq, problems
+        problems.append(f"{_SNAPSHOT} cannot be used; all entries are replayed instead")
     return lines, None, 0, problems
 
 

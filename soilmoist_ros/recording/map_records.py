@@ -62,22 +62,16 @@ class MapRecords:
     two points of a message without stamps, counts twice. The map adds records in order of time, so it does not
     depend on when each source was read.
 
-    :param field_map: map to which the records are added
     :param late_s: how much older than the last record of the map a record may be [s] before the map is made again
         in order of time; 0: the records are those of one robot
-
-    Attributes
-    ----------
-    until_s : float
-        stamp of the last reset, up to which other sources than messages bring nothing [s]; -inf before the first
-    arrived : list[CountRecord]
-        records since then, in the order in which they came, without those that the map starts with
     """
 
     def __init__(self, field_map: FieldMap, late_s: float = 0.0) -> None:
         self.map = field_map
         self.until_s = -math.inf
+        """Stamp of the last reset, up to which other sources than messages bring nothing [s]."""
         self.arrived: list[CountRecord] = []
+        """Records since then, in the order in which they came, without those that the map starts with."""
         self._late_s = late_s
         self._records: list[CountRecord] = []
         self._doubts: dict[str, Doubts] = {}
@@ -89,7 +83,6 @@ class MapRecords:
         """Add the records that no source has brought yet.
 
         :param source: name of the source; each call brings records that the source has not brought before
-        :param records: records in the order of the source
         :returns: the records that were new
         """
         seen = self._seen.setdefault(source, Counter())
@@ -251,7 +244,7 @@ class RecordExchange:
             wait_s = min(2 * wait_s, _AGAIN_S[1]) if before == (mine, other) else _AGAIN_S[0]
             self._sent[name, begin] = (mine, other), now_s, wait_s
             found += [record for span in spans for record, _ in span.records if record.stamp_s > since_s]
-        return sorted(found, key=lambda record: record.stamp_s)
+        return sorted(found, key=_stamp)
 
     def _spans(self, hours_until: int) -> Iterator[tuple[int, list[_Span]]]:
         """Begin of each span [s], in order, with its minutes; spans before a time are hours."""
@@ -276,5 +269,4 @@ def record_key(record: CountRecord) -> bytes:
     return numbers + record.quarantine.encode() if record.quarantine else numbers
 
 
-def _stamp(record: CountRecord) -> float:
-    return record.stamp_s
+_stamp: Final = attrgetter("stamp_s")

@@ -53,9 +53,8 @@ class RecordLog:
         self._refused = False  # by the last sync
 
     def write(self, records: Iterable[CountRecord]) -> None:
-        """Write records; they are on the disk afterwards.
+        """Write records, and those that the disk has refused before; they are on the disk afterwards.
 
-        :param records: new records; none to try again those that the disk has refused
         :raises OSError: if the disk refuses them
         """
         self._waiting += records  # first: what is not known here cannot be written later
@@ -143,17 +142,11 @@ class RecordTail:
         return LoggedRecords(records, until_s)
 
 
-def logs_below(folder: Path) -> list[Path]:
-    """Folders of the logs directly below a folder, by name."""
-    return sorted(path.parent for path in folder.glob(f"*/{ENTRIES}"))
-
-
 def _log_record(payload: dict[str, Any]) -> CountRecord:
     others = ("raw_counts", "frame", "quarantine")
     values = {name: float(value) for name, value in payload.items() if name not in others}
-    return CountRecord(
-        raw_counts=int(payload["raw_counts"]), **values, quarantine=str(payload.get("quarantine", ""))
-    )
+    quarantine = str(payload.get("quarantine", ""))
+    return CountRecord(raw_counts=int(payload["raw_counts"]), **values, quarantine=quarantine)
 
 
 def open_session(root: Path, journal: Path | None, fresh: bool) -> Path:
@@ -191,11 +184,6 @@ class MapSources:
     :param frame: frame of the records; others are left out
     :param fault: why a record is left out, empty for none; called with whether it was stored before the start
     :raises InputError: if the folder cannot be written, or another process maps the session
-
-    Attributes
-    ----------
-    problem : str
-        why records are not on the disk, or not read; empty without a problem
     """
 
     def __init__(
@@ -206,6 +194,7 @@ class MapSources:
         fault: Callable[[CountRecord, bool], str] = lambda record, stored: "",
     ) -> None:
         self.problem = ""
+        """Why records are not on the disk, or not read; empty without a problem."""
         self._records = records
         self._folder = folder
         self._frame = frame
@@ -234,20 +223,18 @@ class MapSources:
 
     def _write(self, new: Sequence[CountRecord]) -> None:
         """Write records to the mapper's log, and those that the disk has refused before."""
-        if self._own is None or not (new or self._own.waits):
-            return
         try:
-            self._own.write(new)
-            self.problem = ""
+            if self._own is not None and (new or self._own.waits):
+                self._own.write(new)
+                self.problem = ""
         except OSError as error:
             self._fail(f"records are in the map, but not on the disk: {error.strerror or error}")
 
     def poll(self) -> None:
         """Add what the drivers have written since the last call."""
         self._write(())
-        for folder in logs_below(self._folder) if self._folder is not None else ():
-            if folder.name == OWN:
-                continue
+        logs = self._folder.glob(f"*/{ENTRIES}") if self._folder is not None else ()
+        for folder in sorted(path.parent for path in logs if path.parent.name != OWN):
             new = folder not in self._tails
             tail = self._tails.setdefault(folder, RecordTail(folder, self._frame))
             try:

@@ -71,12 +71,10 @@ def sync_folder(folder: Path) -> None:
 
 
 def write_parameters(run: Path, node: str, values: Mapping[str, object]) -> Path:
-    """Write the parameters of a node, as ``--params-file`` reads them.
+    """Write the parameters of a node into the folder of a run, as ``--params-file`` reads them; returns the file.
 
-    :param run: folder of the run
     :param node: name of the node, after the namespace of a further property: ``compaction/mapper``
     :param values: parameters by name: numbers, texts, truth values, lists of texts
-    :returns: the file
     :raises InputError: if it cannot be written
     """
     path = run / CONFIGURATION / f"{node}.yaml"
@@ -101,32 +99,22 @@ def is_bag(path: Path) -> bool:
 
 
 def message_files(bag: Path) -> list[Path]:
-    """The files with the messages of a bag, including compressed files.
-
-    :param bag: folder of the bag, or its only file
-    """
+    """The files with the messages of a bag (a folder, or its only file), including compressed files."""
     if not bag.is_dir():
         return [bag]
     return [path for path in sorted(bag.iterdir()) if set(BAG_FILES) & set(path.suffixes)]
 
 
 def configuration_of(bag: Path) -> Path | None:
-    """The folder with the configuration of a bag, in the bag's folder or next to it; ``None`` if there is none.
-
-    :param bag: the folder of a bag, or a file in it
-    """
+    """The folder with the configuration of a bag, or of a file in it; in the bag's folder or next to it."""
     home = bag.absolute() if bag.is_dir() else bag.absolute().parent
-    for folder in (home, home.parent):
-        if (folder / CONFIGURATION).is_dir():
-            return folder / CONFIGURATION
-    return None
+    places = (folder / CONFIGURATION for folder in (home, home.parent))
+    return next((place for place in places if place.is_dir()), None)
 
 
 def copy_configuration(bag: Path, target: Path) -> None:
-    """Copy the configuration of a bag, if there is one, into another bag.
+    """Copy the configuration of a bag, if there is one, into the folder of another bag.
 
-    :param bag: folder of the bag, or a file in it
-    :param target: folder of the other
     :raises InputError: if it cannot be written
     """
     configuration = configuration_of(bag)
@@ -143,8 +131,6 @@ def read_parameters(configuration: Path | None, node: str) -> dict[str, Any]:
 
     Names of files that are in the configuration folder become paths in it, since a run folder may be moved.
 
-    :param configuration: folder of the configuration
-    :param node: name of the node
     :raises InputError: if the file exists but is not a file of parameters
     """
     path = (configuration or Path()) / f"{node}.yaml"
@@ -186,18 +172,12 @@ class RunConfiguration:
         self._bag: Path | None = None
 
     def take(self, node: str, values: Mapping[str, object]) -> None:
-        """Set the parameters of a node.
-
-        :param node: its name, after its namespace if the namespace differs from the recorder's
-        :param values: values by name
-        """
+        """Set the parameters of a node, named with its namespace if that differs from the recorder's."""
         self._nodes[node.strip("/")] = dict(values)
 
     def write(self, bag: Path) -> list[str]:
-        """Write what is new for this recording.
+        """Write what is new for this recording, and return the nodes whose parameters were written.
 
-        :param bag: its folder
-        :returns: nodes whose parameters were written
         :raises InputError: if a file cannot be written; the next call tries again
         """
         if bag != self._bag:
@@ -256,11 +236,9 @@ def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
     source = _file_of(parameter, value)
     if source is None:
         return value
-    for stem in (parameter, f"{node.replace('/', '_')}_{parameter}"):
-        copies = _copies(source, parameter, stem)
-        free = all(_content(folder / name) in (None, content) for name, content in copies.items())
-        if free or stem != parameter:
-            break
+    copies = _copies(source, parameter, parameter)
+    if any(_content(folder / name) not in (None, content) for name, content in copies.items()):
+        copies = _copies(source, parameter, f"{node.replace('/', '_')}_{parameter}")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, content in copies.items():

@@ -54,10 +54,8 @@ class PointCloud(Protocol):
 
 
 def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
-    """Points as a structured array with one element per point, in the order of the message.
+    """Points as a structured array of shape (height, width) with the message's fields.
 
-    :param cloud: the message
-    :returns: array of shape (height, width) with the message's fields
     :raises ValueError: if its data are too short, the datatype of a field is unknown, or fields overlap
     """
     order = ">" if cloud.is_bigendian else "<"
@@ -93,9 +91,10 @@ def count_records(cloud: PointCloud, had: int = 0) -> list[CountRecord]:
     :param had: number of records before it
     :raises ValueError: if a field of counted records is missing, or it or the bag has too many
     """
-    if int(cloud.height) * int(cloud.width) > _MAX_RECORDS:
-        raise ValueError(f"it has {int(cloud.height) * int(cloud.width)} records, more than {_MAX_RECORDS}")
-    if had + int(cloud.height) * int(cloud.width) > _MAX_IN_ALL:
+    count = int(cloud.height) * int(cloud.width)
+    if count > _MAX_RECORDS:
+        raise ValueError(f"it has {count} records, more than {_MAX_RECORDS}")
+    if had + count > _MAX_IN_ALL:
         raise ValueError(f"the bag has more than {_MAX_IN_ALL} records")
     table = points(cloud).ravel()
     names = table.dtype.names or ()
@@ -117,35 +116,24 @@ def count_records(cloud: PointCloud, had: int = 0) -> list[CountRecord]:
 
 
 def quarantined_topic(counts: str) -> str:
-    """Topic with the quarantined records of a driver.
+    """Topic with the quarantined records of a driver, next to its ``counts``.
 
     >>> quarantined_topic("/robot_1/counts")
     '/robot_1/quarantined_counts'
-
-    :param counts: topic with its good records
     """
     return f"{counts.rpartition('/')[0]}/{QUARANTINED}" if "/" in counts else QUARANTINED
 
 
 # In the order of the fields of CountRecord, after its stamp.
 _COUNTS: Final = (
-    "x",
-    "y",
-    "z",
-    "raw_counts",
-    "exposure_s",
-    "effective_exposure_s",
-    "f_pressure",
-    "f_humidity",
-    "f_intensity",
+    *("x", "y", "z", "raw_counts", "exposure_s", "effective_exposure_s"),
+    *("f_pressure", "f_humidity", "f_intensity"),
 )
 
 
 def visit_of(message: Any, robot: int = 1) -> Visit:
-    """The visit of a message.
+    """The visit of a soilmoist_msgs/Visit of ROS or rosbags; an unknown code becomes ``VisitEnd.UNKNOWN``.
 
-    :param message: a soilmoist_msgs/Visit, decoded by ROS or by rosbags; an unknown code becomes
-        ``VisitEnd.UNKNOWN``
     :param robot: number of the robot, from 1
     :raises ValueError: if a field of a visit is missing
     """

@@ -35,9 +35,8 @@ _KEEP_AT_LEAST: Final = 500
 
 @dataclass(frozen=True)
 class Definition:
-    """Definition of a message type, as a reader needs it.
+    """Definition of a message type (named as ``std_msgs/msg/String``), as a reader needs it.
 
-    :param type_name: name as in ``std_msgs/msg/String``
     :param text: definition, followed by the definitions of all types in it
     :param encoding: ``ros2msg``; bags of other recorders may have ``ros2idl``
     :param type_hash: hash of the type (``RIHS01_...``), empty if unknown
@@ -58,25 +57,16 @@ def search_prefixes() -> list[Path]:
 def find_definition(type_name: str, prefixes: Sequence[Path] | None = None) -> Definition:
     """Definition of a message type, with the definitions of all types in it.
 
-    :param type_name: name as in ``std_msgs/msg/String``
     :param prefixes: folders to search; :func:`search_prefixes` if ``None``
     :raises InputError: if the type, or a type in it, is not installed
     """
     where = search_prefixes() if prefixes is None else prefixes
-    path = _find(type_name, where)
-    parts = [path.read_text(encoding="utf-8")]
-    seen = {type_name}
-    waiting = _used_types(parts[0], type_name)
-    while waiting:
-        name = waiting.pop(0)
-        if name in seen:
-            continue
-        seen.add(name)
+    names, parts = [type_name], list[str]()
+    for name in names:  # grows
         text = _find(name, where).read_text(encoding="utf-8")
-        package, _, kind = name.split("/")
-        parts += [_SEPARATOR, f"MSG: {package}/{kind}", text]
-        waiting += _used_types(text, name)
-    return Definition(type_name, "\n".join(parts), type_hash=_type_hash(path, type_name))
+        parts += [_SEPARATOR, f"MSG: {name.replace('/msg/', '/')}", text] if parts else [text]
+        names += [used for used in _used_types(text, name) if used not in names]
+    return Definition(type_name, "\n".join(parts), type_hash=_type_hash(_find(type_name, where), type_name))
 
 
 def _find(type_name: str, prefixes: Sequence[Path]) -> Path:
@@ -96,14 +86,13 @@ def _find(type_name: str, prefixes: Sequence[Path]) -> Path:
 def _used_types(text: str, type_name: str) -> list[str]:
     """Full names of the types of a definition's fields; names without a package get the definition's."""
     package = type_name.split("/")[0]
-    found = []
+    found = dict[str, None]()
     for line in text.splitlines():
         match = _FIELD.match(line.partition("#")[0])
-        if match is None or _PRIMITIVE.fullmatch(match[1]):
-            continue
-        *folders, kind = match[1].split("/")
-        found.append(f"{folders[0] if folders else package}/msg/{kind}")
-    return found
+        if match is not None and not _PRIMITIVE.fullmatch(match[1]):
+            *folders, kind = match[1].split("/")
+            found[f"{folders[0] if folders else package}/msg/{kind}"] = None
+    return list(found)
 
 
 def _type_hash(path: Path, type_name: str) -> str:
@@ -144,15 +133,14 @@ def require_small(types: Mapping[str, Any], names: Iterable[str]) -> None:
 
 @dataclass(frozen=True)
 class Qos:
-    """Quality of service, in the words of rosbag2.
+    """Quality of service, in the words of rosbag2; any word may also be ``system_default`` or ``unknown``.
 
-    :param history: ``keep_last``, ``keep_all``, ``system_default`` or ``unknown``
-    :param depth: messages kept
-    :param reliability: ``reliable``, ``best_effort``, ``system_default`` or ``unknown``
-    :param durability: ``volatile``, ``transient_local``, ``system_default`` or ``unknown``
+    :param history: ``keep_last`` or ``keep_all``
+    :param reliability: ``reliable`` or ``best_effort``
+    :param durability: ``volatile`` or ``transient_local``
     :param deadline_ns: longest time between messages [ns]
     :param lifespan_ns: age at which a message expires [ns]
-    :param liveliness: ``automatic``, ``manual_by_topic``, ``system_default`` or ``unknown``
+    :param liveliness: ``automatic`` or ``manual_by_topic``
     :param lease_ns: silence after which a publisher counts as gone [ns]
     """
 
@@ -191,12 +179,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class Extent:
-    """Number of messages, and their time span.
-
-    :param messages: number of messages
-    :param start_ns: time of the earliest [ns since 1970-01-01 UTC], 0 without messages
-    :param end_ns: time of the latest [ns]
-    """
+    """Number of messages, and times of the earliest and the latest [ns since 1970-01-01 UTC], 0 without any."""
 
     messages: int = 0
     start_ns: int = 0
@@ -204,9 +187,8 @@ class Extent:
 
     def with_message(self, time_ns: int) -> Extent:
         """The extent with one more message."""
-        if not self.messages:
-            return Extent(1, time_ns, time_ns)
-        return Extent(self.messages + 1, min(self.start_ns, time_ns), max(self.end_ns, time_ns))
+        start_ns = min(self.start_ns, time_ns) if self.messages else time_ns
+        return Extent(self.messages + 1, start_ns, max(self.end_ns, time_ns))
 
     @property
     def duration_ns(self) -> int:
@@ -239,10 +221,8 @@ class BagFile:
 def joined(extents: Sequence[Extent]) -> Extent:
     """The extent of all messages."""
     some = [extent for extent in extents if extent.messages]
-    if not some:
-        return Extent()
-    first, last = min(one.start_ns for one in some), max(one.end_ns for one in some)
-    return Extent(sum(one.messages for one in some), first, last)
+    first = min((one.start_ns for one in some), default=0)
+    return Extent(sum(one.messages for one in some), first, max((one.end_ns for one in some), default=0))
 
 
 def bag_metadata(
@@ -302,12 +282,7 @@ def qos_from_yaml(text: str) -> tuple[Qos, ...]:
 
 
 class Request(NamedTuple):
-    """Quality of service that a recorder requests for a topic.
-
-    :param reliable: whether lost messages are sent again
-    :param latched: whether messages from before the subscription are requested
-    :param depth: messages kept for a receiver that is busy
-    """
+    """Quality of service that a recorder requests for a topic; ``latched``: messages from before, too."""
 
     reliable: bool
     latched: bool

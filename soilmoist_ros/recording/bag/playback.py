@@ -16,8 +16,7 @@ from soilmoist_ros.recording.bag.reader import BagMessage, BagReader
 _ACTION_STATUS = "/_action/status"
 INPUTS: Final = (
     ".*/(counts|quarantined_counts|missed_counts|place_doubts|fix|pressure|temperature|relative_humidity|raw/logger"
-    "|raw/gnss"
-    "|topological_map_2|closest_node|current_node)"
+    "|raw/gnss|topological_map_2|closest_node|current_node)"
 )
 """Inputs of mapper and planner, and the raw lines; without the topics that the nodes publish."""
 CLOCK: Final = "rosgraph_msgs/msg/Clock"
@@ -43,24 +42,18 @@ class TopicChoice:
         self._exclude = _compiled("exclude", exclude) if exclude else None
 
     def wanted(self, name: str) -> bool:
-        """True if a topic is to be recorded.
-
-        :param name: its full name
-        """
-        if "/_" in name and not name.endswith(_ACTION_STATUS):
-            return False
-        if self._exclude is not None and self._exclude.fullmatch(name):
-            return False
-        return self._include.fullmatch(name) is not None
+        """True if a topic of this full name is to be recorded."""
+        hidden = "/_" in name and not name.endswith(_ACTION_STATUS)
+        excluded = self._exclude is not None and self._exclude.fullmatch(name)
+        return not hidden and not excluded and self._include.fullmatch(name) is not None
 
 
 def _compiled(what: str, pattern: str) -> re.Pattern[str]:
     try:
         return re.compile(pattern)
     except re.error as error:
-        raise InputError(
-            f"{what}: {pattern!r} is not a regular expression: {error}", "an example is '/robot1/.*|/diagnostics'"
-        ) from None
+        message = f"{what}: {pattern!r} is not a regular expression: {error}"
+        raise InputError(message, "an example is '/robot1/.*|/diagnostics'") from None
 
 
 class Playback:
@@ -103,10 +96,7 @@ class Playback:
         return self._offered[topic]
 
     def share(self, now_ns: int) -> float:
-        """Share of the time that has passed, from 0 to 1.
-
-        :param now_ns: recorded time [ns since 1970-01-01 UTC]
-        """
+        """Share of the time that has passed at a recorded time [ns since 1970-01-01 UTC], from 0 to 1."""
         return min(1.0, max(0.0, (now_ns - self.start_ns) / max(1, self.end_ns - self.start_ns)))
 
     def messages(self) -> Iterator[BagMessage]:
@@ -151,16 +141,10 @@ class Pacer:
         self._speed = speed
 
     def wait_s(self, due_ns: int) -> float:
-        """Time until a message is due [s]; infinite in a pause.
-
-        :param due_ns: its recorded time [ns]
-        """
+        """Time until a message of a recorded time is due [s]; infinite in a pause."""
         return math.inf if self.paused else max(0.0, (due_ns - self.now_ns) * 1e-9 / self._speed)
 
     def step(self, elapsed_s: float) -> None:
-        """Advance the recorded time.
-
-        :param elapsed_s: time that has passed [s]
-        """
+        """Advance the recorded time by the time that has passed [s]."""
         if not self.paused:
             self.now_ns += round(min(elapsed_s, _MAX_STEP_S) * self._speed * 1e9)

@@ -139,10 +139,8 @@ class BagReader:
             self._types.register({name: new[name] for name in new if name not in self._types.fielddefs})
 
     def find_topic(self, name: str, type_name: str) -> str:
-        """Full name of a topic, in the outermost namespace that has it.
+        """Full name of a topic of this type, from its full name or one without namespace, the outermost.
 
-        :param name: full name, or one without namespace
-        :param type_name: expected type
         :raises InputError: if there is no such topic, or more than one; lists the topics of the bag
         """
         named = [t for t in self.topics if t == name or t.rsplit("/", 1)[-1] == name]
@@ -160,7 +158,6 @@ class BagReader:
     def read_counts(self, topic: str = "counts") -> list[CountRecord]:
         """Counted records in the order of recording, exactly as the nodes had them, with the quarantined ones.
 
-        :param topic: full name, or one without namespace
         :raises InputError: if there is no such topic, or its messages are not counts
         """
         name = self.find_topic(topic, "sensor_msgs/msg/PointCloud2")
@@ -171,7 +168,6 @@ class BagReader:
 
         Quarantined records are those of the topic ``quarantined_counts`` next to each.
 
-        :param topics: full names
         :param frame: frame of the records; messages of others are left out; empty for any frame
         :raises InputError: if the messages of a topic are not counts
         """
@@ -189,10 +185,8 @@ class BagReader:
         return found
 
     def read_visits(self, topic: str = "visits", robot: int = 1) -> list[Visit]:
-        """Visits in the order of recording, exactly as the planner had them.
+        """Visits in the order of recording, exactly as the planner of a robot (from 1) had them.
 
-        :param topic: full name, or one without namespace
-        :param robot: number of the robot, from 1
         :raises InputError: if there is no such topic, or its messages are not visits
         """
         name = self.find_topic(topic, VISIT)
@@ -202,11 +196,7 @@ class BagReader:
             raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", self.path) from None
 
     def read_texts(self, topic: str) -> list[str]:
-        """Texts of a ``std_msgs/msg/String`` topic, such as the JSON of ``model``, in the order of recording.
-
-        :param topic: full name, or one without namespace
-        :raises InputError: if there is no such topic
-        """
+        """Texts of a ``std_msgs/msg/String`` topic, such as the JSON of ``model``, in the order of recording."""
         name = self.find_topic(topic, "std_msgs/msg/String")
         return [str(self.decode(message).data) for message in self.messages([name])]
 
@@ -241,8 +231,7 @@ def bags_of(path: Path) -> list[Path]:
     if found := sorted(path.glob("*.bag")):
         return found
     found = sorted(one.parent for one in path.glob("*/metadata.yaml"))
-    unclosed = sorted({one.parent for one in path.glob("*/*.mcap")} - set(found))
-    if unclosed:
+    if unclosed := sorted({one.parent for one in path.glob("*/*.mcap")} - set(found)):
         raise InputError("was not closed: its recorder was killed", "soilmoist bag recover", unclosed[0])
     if not found:
         raise InputError("is not a bag: it has no metadata.yaml", "give the folder with metadata.yaml", path)

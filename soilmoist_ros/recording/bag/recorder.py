@@ -36,7 +36,6 @@ class RecorderState:
     """State of a recorder.
 
     :param bag: folder of the bag, ``None`` until it is made
-    :param messages: messages written to the bag
     :param dropped: messages lost because the disk was too slow, full or gone
     :param rate_bps: bytes written in a second, over the last minutes [B/s]; 0 if unknown
     :param deleted: files of the bag that were deleted for space
@@ -131,7 +130,6 @@ class BagRecorder:
     def put(self, topic: Topic, log_ns: int, publish_ns: int, data: bytes) -> bool:
         """Add a message to the queue; returns at once.
 
-        :param topic: its topic
         :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
         :param publish_ns: time at which it was published [ns since 1970-01-01 UTC]
         :param data: the message in CDR
@@ -153,20 +151,13 @@ class BagRecorder:
             return True
 
     def wait_open(self, timeout_s: float) -> bool:
-        """Wait until there is a bag.
-
-        :param timeout_s: longest time to wait [s]
-        :returns: whether there is one; otherwise :attr:`state` has the problem
-        """
+        """Wait until there is a bag; returns whether there is one. Otherwise :attr:`state` has the problem."""
         with self._changed:
             self._changed.wait_for(lambda: self._state.bag is not None or bool(self._state.problem), timeout_s)
             return self._state.bag is not None
 
     def drop_oldest(self, size_bytes: float) -> None:
-        """Delete finished files of the bag soon, the oldest first, to make space.
-
-        :param size_bytes: how much [bytes]
-        """
+        """Delete finished files of the bag soon, the oldest first, to make this space [bytes]."""
         with self._changed:
             self._to_drop = size_bytes
 
@@ -295,13 +286,12 @@ class BagRecorder:
             return bag
         problem = f"cannot write: {error.strerror or error}"
         gone, lost = self.state.gone, self._unsafe
-        if isinstance(error, BagGoneError) and bag is not None:
-            problem = f"{bag.folder} was deleted or moved while it was recorded, with {self._in_bag} messages"
-            gone, lost = problem, self._in_bag
+        if bag is not None:
             bag.abandon()
-        elif bag is not None:
             problem = f"{bag.folder} can no longer be written: {error.strerror}; {_RECOVER}"
-            bag.abandon()
+            if isinstance(error, BagGoneError):
+                lost = self._in_bag
+                problem = gone = f"{bag.folder} was deleted or moved while it was recorded, with {lost} messages"
         with self._changed:
             self._state = replace(
                 self._state,
@@ -334,11 +324,9 @@ def check_name(name: str) -> None:
 
 
 def next_bag(out: Path, name: str, distribution: str) -> BagWriter:
-    """The next bag of a recorder. The name gets a number if the bag exists; another number is in its notes.
+    """The next bag of a recorder in a folder. The name gets a number if it exists; another number is in its notes.
 
-    :param out: folder for bags
     :param name: name of the bag; the time of day if empty
-    :param distribution: name of the ROS distribution
     :raises InputError: if another recorder is writing a bag of the name, or none can be made
     :raises OSError: if the folder cannot be read
     """
@@ -385,12 +373,10 @@ def recorder_health(
     limit_s = max(left_bytes, 0.0) / state.rate_bps if state.rate_bps > 0 else math.inf
     full_s = free_bytes / state.rate_bps if free_bytes is not None and state.rate_bps > 0 else math.inf
     topics = ", ".join(f"{count} of {name}" for name, count in sorted(lost.items()))
+    low = free_bytes is not None and free_bytes < low_disk_bytes
     warnings = (
         (not state.recording, "not recording"),
-        (
-            free_bytes is not None and free_bytes < low_disk_bytes,
-            f"only {(free_bytes or 0) / 1e6:.0f} MB left on the disk",
-        ),
+        (low, f"only {(free_bytes or 0) / 1e6:.0f} MB left on the disk"),
         (full_s < full_soon_s, f"the disk will be full in {full_s / 60:.0f} min"),
         (bool(limits), limits),
         (limit_s < full_soon_s, f"the recordings will reach keep_gb in {limit_s / 60:.0f} min"),
@@ -428,21 +414,16 @@ class SequenceGaps:
     ...     gaps.take("/counts", number)
     >>> gaps.lost
     {'/counts': 2}
-
-    Attributes
-    ----------
-    lost : dict[str, int]
-        missing messages by topic, without topics that miss none
     """
 
     def __init__(self) -> None:
         self.lost: dict[str, int] = {}
+        """Missing messages by topic, without topics that miss none."""
         self._next: dict[str, int] = {}
 
     def take(self, topic: str, number: int | None, publishers: int = 1) -> None:
         """Note a message.
 
-        :param topic: its topic
         :param number: its number, which grows by 1 with each message of the publisher; ``None`` if unknown
         :param publishers: publishers of the topic now
         """

@@ -45,12 +45,11 @@ def find_excess(out: Path, size_bytes: float) -> Excess:
     :raises OSError: if the folder cannot be read
     """
     closed, total = _closed_bags(out)
-    left_bytes, found = size_bytes - total, []
+    left_bytes, found = size_bytes - total, list[Path]()
     for bag in sorted(closed):
-        if total <= size_bytes:
-            break
-        found.append(bag.folder)
-        total -= bag.size
+        if total > size_bytes:
+            found.append(bag.folder)
+            total -= bag.size
     return Excess(tuple(found), left_bytes)
 
 
@@ -88,10 +87,7 @@ def _number(metadata: Path) -> int:
 
 
 def excess_text(excess: Excess, drops: bool) -> str:
-    """Excess over the space for bags, in words, with what to do; empty if there is none.
-
-    :param drops: whether the oldest files of a bag are deleted while it is recorded
-    """
+    """Excess over the space for bags, with what to do; ``drops``: the running bag loses its oldest files."""
     if excess.bags:
         return f"{len(excess.bags)} bags are beyond keep_gb, the oldest is {excess.bags[0]}"
     if excess.left_bytes < 0 and not drops:

@@ -74,12 +74,9 @@ class Ros1File:
             for one, time_ns, data in self._reader.messages(wanted):
                 name = _name(one)
                 self._read[name] += 1
-                yield (
-                    name,
-                    one.msgtype,
-                    time_ns,
-                    (converted(name, one.msgtype, one.msgdef.data, data) if convert else data),
-                )
+                if convert:
+                    data = converted(name, one.msgtype, one.msgdef.data, data)
+                yield name, one.msgtype, time_ns, data
 
     def problems(self) -> list[str]:
         """Numbers of messages that differ from those of the index."""

@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
+from operator import attrgetter
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
@@ -103,26 +104,20 @@ class McapScan:
     message outside of them is taken for a damaged index. Memory is limited, whatever the file claims.
 
     :param path: the file; only read
-
-    Attributes
-    ----------
-    finished : bool
-        whether the file was closed
-    cut_bytes : int
-        size of the incomplete record at the end [bytes]
-    damaged : int
-        places in the middle that cannot be read, or fail their checksum
-    too_large : int
-        number of chunks that are too large to be read
-    statistics : Statistics | None
-        numbers of messages, from the end of a closed file
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.finished = False
-        self.cut_bytes = self.damaged = self.too_large = 0
+        """True if the file was closed."""
+        self.cut_bytes = 0
+        """Size of the incomplete record at the end [bytes]."""
+        self.damaged = 0
+        """Places in the middle that cannot be read, or fail their checksum."""
+        self.too_large = 0
+        """Chunks that are too large to be read."""
         self.statistics: Statistics | None = None
+        """Numbers of messages, from the end of a closed file."""
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._topics: dict[int, Topic] = {}
@@ -166,9 +161,9 @@ class McapScan:
                 size += len(message.data) + _OVERHEAD
                 latest_ns = max(latest_ns, message.log_ns)
             if latest_ns <= later.get(at, -1) or size > _MAX_WAITING_BYTES:
-                yield from sorted(waiting, key=_log_ns)
+                yield from sorted(waiting, key=attrgetter("log_ns"))
                 waiting, size = [], 0
-        yield from sorted(waiting, key=_log_ns)
+        yield from sorted(waiting, key=attrgetter("log_ns"))
 
     def _messages(self, records: Iterable[Record], topics: Collection[str] | None) -> Iterator[ScannedMessage]:
         for opcode, body in records:
@@ -276,10 +271,6 @@ class McapScan:
         return self._topics.get(number)
 
 
-def _log_ns(message: ScannedMessage) -> int:
-    return message.log_ns
-
-
 def _plausible(data: _Bytes, opcode: int, at: int, end: int) -> bool:
     """True if a record is followed by another one, or the end: a wrong length would skip what follows."""
     if opcode not in _KNOWN or end > data.size:
@@ -331,13 +322,12 @@ def _whole(data: _Bytes, chunk: _Chunk) -> bytes | None:
     records = _unpacked(data, chunk)
     if len(records) != chunk.size or (chunk.checksum and zlib.crc32(records) != chunk.checksum):
         return None
-    at = 0
-    while len(records) - at >= _RECORD.size:
-        opcode, length = _RECORD.unpack_from(records, at)
-        at += _RECORD.size + length
+    end = 0
+    for opcode, body in _split(records):
         if opcode not in _READ:
             return None
-    return records if at == len(records) else None
+        end += _RECORD.size + len(body)
+    return records if end == len(records) else None
 
 
 def _split(data: bytes) -> Iterator[Record]:

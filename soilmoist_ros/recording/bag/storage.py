@@ -207,14 +207,12 @@ class _McapFile:
     ) -> Iterator[Message]:
         scan = self._scan = McapScan(self._scan.path)
         for message in scan.sorted_messages(topics) if by_time else scan.messages(topics):
-            topic = _as_ros2(message.topic)
+            topic, data = _as_ros2(message.topic), message.data
             kind = topic.definition.type_name
-            if topic.definition.encoding == ROS1:
-                data = (
-                    converted(topic.name, kind, topic.definition.text, message.data) if convert else message.data
-                )
-            else:
-                data = plain_message(message.data)
+            if topic.definition.encoding != ROS1:
+                data = plain_message(data)
+            elif convert:
+                data = converted(topic.name, kind, topic.definition.text, data)
             yield topic.name, kind, message.log_ns, data
         if convert:
             _require_whole(scan)

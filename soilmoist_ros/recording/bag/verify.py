@@ -74,9 +74,7 @@ class BagInfo:
     """A bag that was read as a whole.
 
     :param storage: ``mcap``, ``sqlite3`` or ``ROS 1``
-    :param files: the files that are there
     :param checksums: number of files whose checksum is right
-    :param recording: whether it is being recorded now
     :param problems: why it is not whole, in words, with a remedy; empty if it is
     :param notes: what the recorder has noted, such as the number of messages that it lost
     """
@@ -126,12 +124,12 @@ def bag_info(path: Path) -> BagInfo:
                         sizes[name, kind] += len(data)
                     problems += opened.problems()
             except FAULTS as error:
-                if len(paths) == 1 and not path.is_dir():
+                if not path.is_dir():
                     raise
                 problems.append(f"{file.name} cannot be read: {_text(error)}")
             files.append(BagFile(file.name, extent))
         recording = any(file.suffix == ".mcap" and is_being_written(file) for file in paths)
-        right, topics = 0, _topics(times, sizes)
+        right, topics = 0, tuple(_topic_info(*key, times[key], sizes[key]) for key in sorted(times))
         if path.is_dir() and not recording:
             right, wrong = _compared(path, files, topics, required=storage != "ROS 1")
             problems += wrong
@@ -182,17 +180,12 @@ def find_gaps(times_s: ArrayLike) -> tuple[Gap, ...]:
     return tuple(Gap(float(starts[k]), float(intervals[k])) for k in np.flatnonzero(intervals > longest))
 
 
-def _topics(
-    times: Mapping[tuple[str, str], array[int]], sizes: Mapping[tuple[str, str], int]
-) -> tuple[TopicInfo, ...]:
-    topics = []
-    for (name, type_name), stamps in sorted(times.items()):
-        stamps_ns = np.sort(np.frombuffer(stamps, np.uint64))
-        seconds = stamps_ns * 1e-9
-        interval_s = float(np.median(np.diff(seconds))) if len(stamps) > 1 else None
-        extent = Extent(len(stamps), int(stamps_ns[0]), int(stamps_ns[-1]))
-        topics.append(TopicInfo(name, type_name, extent, sizes[name, type_name], interval_s, find_gaps(seconds)))
-    return tuple(topics)
+def _topic_info(name: str, type_name: str, times: array[int], size_bytes: int) -> TopicInfo:
+    stamps_ns = np.sort(np.frombuffer(times, np.uint64))
+    seconds = stamps_ns * 1e-9
+    interval_s = float(np.median(np.diff(seconds))) if len(times) > 1 else None
+    extent = Extent(len(times), int(stamps_ns[0]), int(stamps_ns[-1]))
+    return TopicInfo(name, type_name, extent, size_bytes, interval_s, find_gaps(seconds))
 
 
 def mcap_files(path: Path) -> list[Path]:
@@ -200,15 +193,16 @@ def mcap_files(path: Path) -> list[Path]:
 
     :raises InputError: if there are none, or one is a link to a file outside of the folder
     """
+    give = "give the folder of a bag or an MCAP file"
     if path.is_file() and path.suffix == ".mcap":
         return [path]
     if not path.exists():
-        raise InputError("there is no such bag", "give the folder of a bag or an MCAP file", path)
+        raise InputError("there is no such bag", give, path)
     found = [inside(path, file) for file in sorted(_named(path, "*.mcap"), key=_split_number)]
     if not found:
         there = sorted({file.suffix for file in [path, *path.glob("*")]} & {".zstd", ".db3", ".bag", ".active"})
-        remedy = remedy_of(path) if there else "give the folder of a bag or an MCAP file"
-        raise InputError(f"holds no MCAP file{', only ' * bool(there)}{', '.join(there)}", remedy, path)
+        message = f"holds no MCAP file{', only ' * bool(there)}{', '.join(there)}"
+        raise InputError(message, remedy_of(path) if there else give, path)
     return found
 
 
@@ -235,7 +229,7 @@ def _compared(
     right, problems = _checked_sums(bag)
     if not (bag / METADATA).is_file():
         return right, [*problems, f"{METADATA} is missing"] if required else problems
-    said: Counter[str] = Counter()
+    said, counts = Counter[str](), Counter[str]()
     try:
         metadata = read_metadata(bag)
         listed = [PurePath(name).name for name in metadata["relative_file_paths"]]
@@ -247,7 +241,6 @@ def _compared(
     there = [_plain(file.name) for file in files]
     problems += [f"{name} is missing" for name in listed if _plain(name) not in there]
     problems += [f"{name} is not in {METADATA}" for name in there if name not in map(_plain, listed)]
-    counts: Counter[str] = Counter()
     for topic in topics:
         counts[topic.name] += topic.extent.messages
     wrong = [name for name in sorted(counts.keys() | said.keys()) if counts[name] != said[name]]
@@ -271,9 +264,9 @@ def _checked_sums(bag: Path) -> tuple[int, list[str]]:
             problems.append(f"{match[2]} is missing")
         else:
             with inside(bag, bag / match[2]).open("rb") as stream:
-                found = hashlib.file_digest(stream, "sha256").hexdigest()
-            right += found == match[1]
-            if found != match[1]:
+                same = hashlib.file_digest(stream, "sha256").hexdigest() == match[1]
+            right += same
+            if not same:
                 problems.append(f"{match[2]} is not the file that was recorded: its checksum is another one")
     return right, problems
 
@@ -329,11 +322,10 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
             for message in chain([first], messages):
                 data = message.data if message.topic.definition.encoding == ROS1 else plain_message(message.data)
                 writer.write(message.topic, message.log_ns, message.publish_ns, data)
-    except InputError:
+    except (InputError, OSError) as error:
         shutil.rmtree(out, ignore_errors=True)
-        raise
-    except OSError as error:
-        shutil.rmtree(out, ignore_errors=True)
+        if isinstance(error, InputError):
+            raise
         raise InputError(f"cannot be written: {error.strerror}", "choose a disk with more space", out) from None
     problems = bag_info(path).problems if path.is_dir() else [text for scan in scans for text in findings(scan)]
     counts = {topic.name: count for topic, count in writer.counts.items()}

@@ -110,12 +110,8 @@ class BagWriter:
         return dict(self._counts)
 
     def write(self, topic: Topic, log_ns: int, publish_ns: int, data: bytes) -> None:
-        """Add a message.
+        """Add a message, see :meth:`.BagRecorder.put`.
 
-        :param topic: its topic
-        :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
-        :param publish_ns: time at which it was published [ns since 1970-01-01 UTC]
-        :param data: the message in CDR
         :raises OSError: if the disk refuses the message now; it is kept for the next :meth:`flush`
         """
         channel = self._channels.get(topic)
@@ -158,9 +154,8 @@ class BagWriter:
         self.flush()
 
     def drop_oldest(self, size_bytes: float) -> list[str]:
-        """Delete finished files, the oldest first, until their sizes reach ``size_bytes``; returns their names.
+        """Delete finished files, the oldest first, until their sizes reach this size; returns their names.
 
-        :param size_bytes: how much space is needed [bytes]; the file that is being written always stays
         :raises OSError: if the disk refuses it
         """
         names = []
@@ -256,10 +251,8 @@ def is_being_written(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
+    except OSError as error:
+        return isinstance(error, BlockingIOError)
     return False
 
 
@@ -316,12 +309,11 @@ class _AppendedFile:
 
     def _check(self) -> None:
         """Writing to a file that was deleted or moved succeeds: nobody would notice."""
-        mine = os.fstat(self._descriptor)
         try:
-            there = os.stat(self._path)
+            there = os.path.samestat(os.stat(self._path), os.fstat(self._descriptor))
         except FileNotFoundError:
-            there = None
-        if there is None or (there.st_dev, there.st_ino) != (mine.st_dev, mine.st_ino):
+            there = False
+        if not there:
             raise BagGoneError(errno.ENOENT, "it was deleted or moved")
 
     def close(self) -> None:
