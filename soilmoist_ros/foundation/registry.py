@@ -69,14 +69,23 @@ class Registry(Generic[T]):
         self._own: dict[str, T] | None = None
         self._plug_ins: dict[str, list[EntryPoint]] | None = None
         self._loaded: dict[str, T] = {}
-        self._broken: dict[str, str] = {}
+        self._broken: set[str] = set()
 
     def names(self) -> list[str]:
         """Names of all usable objects: built-in names in their order, then all others, sorted."""
-        own = self._objects()
-        for name in sorted(set(self._found()) & set(own)):
-            self._skip(name, f"the name is built in, and {_providers(self._found()[name])} adds it too")
-        return [*own, *(name for name in sorted(set(self._found()) - set(own)) if self._is_usable(name))]
+        own, found = self._objects(), self._found()
+        names = list(own)
+        for name in sorted(found.keys() - self._broken):
+            try:
+                if name in own:
+                    raise InputError(f"the name is built in, and {_providers(found[name])} adds it too")
+                self.get(name)
+                names.append(name)
+            except InputError as error:
+                self._broken.add(name)
+                why = error.mistakes[0].message
+                _log.warning("skipped the %s %r of another package: %s", self._noun, name, why)
+        return names
 
     def get(self, name: str) -> T:
         """The object of a name.
@@ -129,20 +138,6 @@ class Registry(Generic[T]):
                 if all((point.value, _provider(point)) != (other.value, _provider(other)) for other in alike):
                     alike.append(point)
         return self._plug_ins
-
-    def _is_usable(self, name: str) -> bool:
-        if name in self._broken:
-            return False
-        try:
-            self.get(name)
-        except InputError as error:
-            self._skip(name, error.mistakes[0].message)
-        return name not in self._broken
-
-    def _skip(self, name: str, why: str) -> None:
-        if name not in self._broken:
-            self._broken[name] = why
-            _log.warning("skipped the %s %r of another package: %s", self._noun, name, why)
 
     def _load(self, name: str) -> T:
         points = self._found()[name]

@@ -135,7 +135,7 @@ class _Columns:
     def __init__(self, names: Sequence[str], given: Sequence[str] = ()) -> None:
         self.names = tuple(name.strip() for name in names)
         self._plain = [plain_name(name) for name in self.names]
-        self._units = [*given, *[""] * len(self.names)]
+        self.units = [*given, *[""] * len(self.names)]
         self.remarks: list[tuple[str, str]] = []
 
     def find(self, alternatives: Sequence[str], convert: Callable[[float], float] = float) -> Source | None:
@@ -152,22 +152,22 @@ class _Columns:
         for sensor in settings.sensors if settings else ():
             if (source := self.find([sensor.column])) is None:
                 continue
-            written = self._units[source.index]
+            written = self.units[source.index]
             known = canonical(written)
             if known and not units.measures(quantity, known):
                 self.remarks.append((source.name, f"{written!r} is no unit of {quantity}: the column is not read"))
                 continue
             if written and not known:
                 self.remarks.append((source.name, f"the unit {written!r} is unknown, {sensor.unit} is used"))
-            elif known and known != sensor.unit and not units.same(known, sensor.unit):
+            elif (
+                known
+                and {known, sensor.unit} != {sensor.unit}
+                and not {known, sensor.unit} <= {"hPa", "mb", "mbar"}
+            ):
                 remark = f"the header says {written}, the format {sensor.unit}: {known} is used"
                 self.remarks.append((source.name, remark))
             found.append(replace(source, convert=units.converter(quantity, known or sensor.unit)))
         return tuple(found)
-
-    def rate_of(self, source: Source) -> str:
-        """Unit of a count rate in the header of a column, empty without one."""
-        return units.rate_of(self._units[source.index]) or units.rate_of(source.name)
 
     def find_tubes(self, alternatives: Sequence[str]) -> dict[int, Source]:
         """Columns by tube number: those that match a pattern with ``{tube}``, or a plain name as tube 1."""
@@ -197,18 +197,18 @@ def build_layout(logger: LoggerFormat, names: Sequence[str], given_units: Sequen
     :raises MissingColumnsError: if the time, the counts or a required position is missing
     """
     columns, place = _Columns(names, given_units), logger.position
-    time = _find_time(columns, logger.time.columns)
+    stamps = [[columns.find([part]) for part in name.split("+")] for name in logger.time.columns]
+    time = next((tuple(filter(None, parts)) for parts in stamps if all(parts)), ())
     counts = columns.find_tubes(logger.counts.columns)
-    position = {name: columns.find(getattr(place, name)) for name in _PLACE} if place else {}
-    found = {name: source for name, source in position.items() if source is not None}
-    if not {"latitude", "longitude"} <= found.keys():
-        found = {}
+    position = {key: source for key in _PLACE if place and (source := columns.find(getattr(place, key)))}
+    found = position if {"latitude", "longitude"} <= position.keys() else {}
     missing = [] if time else [f"of the time ({_or(logger.time.columns)})"]
     missing += [] if counts else [f"of the counts ({_or(logger.counts.columns)})"]
     if place and place.required and not found:
         missing.append(f"of the position ({_or([*place.latitude, *place.longitude])})")
     if missing:
         raise MissingColumnsError(missing)
+    rates = [text for source in counts.values() for text in (columns.units[source.index], source.name)]
     return Layout(
         names=columns.names,
         time=time,
@@ -218,22 +218,13 @@ def build_layout(logger: LoggerFormat, names: Sequence[str], given_units: Sequen
         live=_find_live(columns, logger, tuple(counts)),
         air={quantity: columns.find_sensors(air, quantity) for quantity, air in logger.air.items()},
         position=found,
-        count_rate=next(filter(None, map(columns.rate_of, counts.values())), ""),
+        count_rate=next(filter(None, map(units.rate_of, rates)), ""),
         remarks=tuple(columns.remarks),
     )
 
 
 def _or(names: Sequence[str]) -> str:
     return " or ".join(repr(name) for name in names)
-
-
-def _find_time(columns: _Columns, alternatives: Sequence[str]) -> tuple[Source, ...]:
-    for name in alternatives:
-        parts = [columns.find([part]) for part in name.split("+")]
-        found = [part for part in parts if part is not None]
-        if len(found) == len(parts):
-            return tuple(found)
-    return ()
 
 
 def _find_live(columns: _Columns, logger: LoggerFormat, tubes: Sequence[int]) -> tuple[Source | None, ...]:

@@ -336,8 +336,10 @@ class FieldReader:
             value -= 360  # of an instrument that counts from 0 to 360
         if value is not None and abs(value) <= limit:
             return value
-        other = "degrees" if packed else "degrees_minutes"
-        remedy = f"check the columns and the notation of the position; {other} are read with 'notation: {other}'"
+        remedy, other = "check the columns of the position", read_coordinate(written, not packed, decimal)
+        if other is not None and abs(other) <= limit:
+            notation = "degrees" if packed else "degrees_minutes"
+            remedy = f"as {notation} it is {other:.5f}: write 'notation: {notation}' below 'position' if all are"
         message = f"{text[:40]!r} is no {name} within {limit:g} degrees"
         self._note(Kind.BAD_POSITION, message, source.name, remedy)
         return None

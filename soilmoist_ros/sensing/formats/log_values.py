@@ -290,11 +290,6 @@ def rate_of(text: str) -> str:
     return _RATES[next(filter(None, match.groups()))[0]] if match else ""
 
 
-def same(one: str, other: str) -> bool:
-    """True if two units are equal, as hPa and mbar are."""
-    return {one, other} <= {"hPa", "mb", "mbar"}
-
-
 def converter(quantity: Quantity, unit: str) -> Converter:
     """Converter of a unit to hPa, degC or a fraction."""
     if unit == "K":

@@ -7,12 +7,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
 from soilmoist_ros.foundation import InputError, Mistake
 from soilmoist_ros.sensing.formats.log_layout import (
@@ -45,8 +45,7 @@ _ORDER_WORDS = {"day_first": "day before month", "month_first": "month before da
 _OTHER: dict[DateOrder, DateOrder] = {"day_first": "month_first", "month_first": "day_first"}
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """A line of a log that has one field for each column."""
 
     line: int
@@ -65,7 +64,7 @@ def settle(lines: Sequence[bytes], logger: LoggerFormat, path: Path) -> tuple[Lo
     """
     if logger.checksum != "none":
         return logger, ()  # a protocol is not written by spreadsheets
-    choices = []
+    choices: list[str] = []
     form = separated_as(logger, lines)
     if form.delimiter != logger.delimiter:
         choices.append(f"columns are separated by {form.delimiter}, not by {logger.delimiter}")
@@ -74,13 +73,10 @@ def settle(lines: Sequence[bytes], logger: LoggerFormat, path: Path) -> tuple[Lo
     sample = every if len(lines) <= 2 * MAX_SAMPLE else [*every[:MAX_SAMPLE], *every[MAX_SAMPLE::step]]
     rows = list(_rows(lines, sample, form))
     if form.decimal == "auto":
-        form, chosen = _with_decimal(form, rows, path)
-        choices += chosen
-    form, chosen = _with_position(form, rows)
-    choices += chosen
-    if form.time.date_order == "auto" and any(
-        _readings(form, row) for row in rows[:: max(len(rows) // MAX_DATES, 1)]
-    ):
+        form = _with_decimal(form, rows, path, choices)
+    form = _with_position(form, rows, choices)
+    some = rows[:: max(len(rows) // MAX_DATES, 1)]
+    if form.time.date_order == "auto" and any(_readings(form, row) for row in some):
         rows = rows if sample is every else list(_rows(lines, every, form))
         order, why = _date_order(form, rows, path)
         form = form.model_copy(update={"time": form.time.model_copy(update={"date_order": order})})
@@ -92,9 +88,7 @@ def _rows(lines: Sequence[bytes], numbers: Sequence[int], logger: LoggerFormat) 
     header, layout = HeaderReader(logger), None
     for number in numbers:
         text = decode_line(lines[number]).strip("\r\n")
-        if len(text) > MAX_LINE or not text.strip():
-            continue
-        fields = header.fields_of(text)
+        fields = header.fields_of(text) if text.strip() and len(text) <= MAX_LINE else None
         if fields is None:
             continue
         if header.is_new:
@@ -107,7 +101,7 @@ def _rows(lines: Sequence[bytes], numbers: Sequence[int], logger: LoggerFormat) 
             yield Row(number + 1, fitted, layout)
 
 
-def _with_decimal(logger: LoggerFormat, rows: Sequence[Row], path: Path) -> tuple[LoggerFormat, list[str]]:
+def _with_decimal(logger: LoggerFormat, rows: Sequence[Row], path: Path, choices: list[str]) -> LoggerFormat:
     votes: dict[Decimal, list[tuple[str, int, str]]] = {"point": [], "comma": [], "auto": []}
     for row in rows:
         layout = row.layout
@@ -117,19 +111,19 @@ def _with_decimal(logger: LoggerFormat, rows: Sequence[Row], path: Path) -> tupl
             text = row.fields[source.index]
             if _SEPARATED.fullmatch(text):
                 votes[decimal_of(text, source in whole)].append((text, row.line, source.name))
-    commas, points, unclear = (votes[kind] for kind in ("comma", "point", "auto"))
-    if unclear and not commas and not points:
-        text, line, column = unclear[0]
+    if votes["auto"] and not votes["comma"] and not votes["point"]:
+        text, line, column = votes["auto"][0]
         message = f"{text!r} can be {text.replace(',', '')} or {text.replace(',', '.')}, and no value decides"
         remedy = "write 'decimal: point' or 'decimal: comma' in the logger format"
         raise InputError([Mistake(message, remedy, path, line, column)])
-    decimal: Decimal = "comma" if len(commas) > len(points) else "point"
-    example = next((one for one in [*votes[decimal], *unclear] if "," in one[0]), None)
-    if example is None:
-        return logger, []
+    decimal: Decimal = "comma" if len(votes["comma"]) > len(votes["point"]) else "point"
+    with_comma = [one for one in (*votes[decimal], *votes["auto"]) if "," in one[0]]
+    if not with_comma:
+        return logger
+    text, line, _ = with_comma[0]
     words = "decimal commas" if decimal == "comma" else "commas separate thousands"
-    choice = f"{words}, as in line {example[1]}: {example[0]!r} is {read_number(example[0], decimal):.10g}"
-    return logger.model_copy(update={"decimal": decimal}), [choice]
+    choices.append(f"{words}, as in line {line}: {text!r} is {read_number(text, decimal):.10g}")
+    return logger.model_copy(update={"decimal": decimal})
 
 
 def decimal_of(text: str, whole: bool = False) -> Decimal:
@@ -150,43 +144,37 @@ def decimal_of(text: str, whole: bool = False) -> Decimal:
     return "comma" if not grouped else "point" if whole else "auto"
 
 
-def _with_position(logger: LoggerFormat, rows: Sequence[Row]) -> tuple[LoggerFormat, list[str]]:
-    place, choices = logger.position, []
-    if place is None:
-        return logger, []
+def _with_position(logger: LoggerFormat, rows: Sequence[Row], choices: list[str]) -> LoggerFormat:
+    place, decimal = logger.position, logger.decimal
     pairs: list[tuple[str, str, int]] = []
     lettered = False
     for row in rows:
         if not (columns := row.layout.position):
             continue
         latitude, longitude = (row.fields[columns[name].index] for name in ("latitude", "longitude"))
-        lettered |= (
-            "latitude_hemisphere" not in columns and latitude[:1].isdigit() and latitude[-1:].upper() in ("N", "S")
-        )
-        if read_coordinate(latitude, decimal=logger.decimal):
+        is_lettered = latitude[:1].isdigit() and latitude[-1:].upper() in ("N", "S")
+        lettered |= is_lettered and "latitude_hemisphere" not in columns
+        if read_coordinate(latitude, decimal=decimal):
             pairs.append((latitude, longitude, row.line))
-    if not pairs:
-        return logger, []
+    if place is None or not pairs:
+        return logger
     if lettered:
         choices.append("letters N, S, E or W follow the coordinates and give their sign")
     notation = place.notation
-    packed = [pair for pair in pairs if is_packed(pair[0], logger.decimal)]
     if notation == "auto":
+        packed = [pair for pair in pairs if is_packed(pair[0], decimal)]
         notation = "degrees_minutes" if 2 * len(packed) > len(pairs) else "degrees"
         if notation == "degrees_minutes":
             text, _, line = packed[0]
-            value = read_coordinate(text, packed=True, decimal=logger.decimal)
-            choices.append(
-                f"coordinates are degrees and minutes, as in line {line}: {text!r} is {value:.5f} degrees"
-            )
+            words = f"{text!r} is {read_coordinate(text, packed=True, decimal=decimal):.5f} degrees"
+            choices.append(f"coordinates are degrees and minutes, as in line {line}: {words}")
     for _, text, line in pairs:
-        value = read_coordinate(text, notation == "degrees_minutes", logger.decimal) or 0.0
+        value = read_coordinate(text, notation == "degrees_minutes", decimal) or 0.0
         if 180 < value <= 360:
-            choices.append(
-                f"longitudes count from 0 to 360, as in line {line}: {text!r} is {value - 360:.5f} degrees"
-            )
+            words = f"{text!r} is {value - 360:.5f} degrees"
+            choices.append(f"longitudes count from 0 to 360, as in line {line}: {words}")
             break
-    return logger.model_copy(update={"position": place.model_copy(update={"notation": notation})}), choices
+    return logger.model_copy(update={"position": place.model_copy(update={"notation": notation})})
 
 
 def is_packed(text: str, decimal: Decimal = "auto") -> bool:
@@ -217,28 +205,27 @@ def _date_order(logger: LoggerFormat, rows: Sequence[Row], path: Path) -> tuple[
     A stamp that one order reads decides, and a step as usual that is one of months in the other order.
     """
     read = [(row, found) for row in rows if (found := _readings(logger, row))]
-    evidence: dict[DateOrder, list[Row]] = {order: [] for order in _OTHER}
-    for row, found in read:
-        if len(found) == 1:
-            evidence[next(iter(found))].append(row)
     both = [(row, found) for row, found in read if len(found) == 2]
+    evidence: dict[DateOrder, list[Row]] = {
+        order: [row for row, found in read if list(found) == [order]] for order in _OTHER
+    }
+    n_alone = {order: len(found) for order, found in evidence.items()}
     steps = [{order: b[order] - a[order] for order in _OTHER} for (_, a), (_, b) in pairwise(both)]
     usual_s = median([min(map(abs, step.values())) for step in steps]) if steps else math.nan
     for (row, _), step in zip(both[1:], steps, strict=True):
         for order, other in _OTHER.items():
             if abs(step[other]) > MONTH_S and 0 < step[order] < 3 * DAY_S and step[order] <= 1.2 * usual_s:
                 evidence[order].append(row)
-    if min(map(len, evidence.values())) >= MIN_MIXED:
-        first = {order: found[0] for order, found in evidence.items()}
-        texts = " and ".join(f"{_ORDER_WORDS[order]} in line {row.line}" for order, row in first.items())
-        remedy = "a spreadsheet may have changed some dates: give the file as the logger wrote it"
-        line = max(row.line for row in first.values())
-        raise InputError([Mistake(f"dates are in both orders: {texts}", remedy, path, line)])
     low, high = sorted(_OTHER, key=lambda order: len(evidence[order]))
+    if len(evidence[low]) >= MIN_MIXED:
+        first = {order: found[0].line for order, found in evidence.items()}
+        texts = " and ".join(f"{_ORDER_WORDS[order]} in line {line}" for order, line in first.items())
+        remedy = "a spreadsheet may have changed some dates: give the file as the logger wrote it"
+        message = f"dates are in both orders: {texts}"
+        raise InputError([Mistake(message, remedy, path, max(first.values()))])
     if len(evidence[high]) > len(evidence[low]):
         row = evidence[high][0]
-        alone = len(_readings(logger, row)) == 1
-        why = "has no other reading" if alone else "would else lie a month or more from the line before"
+        why = "has no other reading" if n_alone[high] else "would else lie a month or more from the line before"
         return high, f"{stamp_text(row.fields, row.layout)!r} in line {row.line} {why}"
     row, found = both[0] if both else read[0]
     dates = " or ".join(f"{date_text(found[order])} ({_ORDER_WORDS[order]})" for order in _OTHER if order in found)

@@ -167,7 +167,7 @@ def test_one_odd_coordinate_is_named_with_its_value_and_line(tmp_path) -> None:
     assert problem.kind is Kind.BAD_POSITION
     assert (problem.mistake.line, problem.mistake.column) == (4, "latitude")
     assert "'5121.0' is no latitude" in problem.mistake.message
-    assert "'notation: degrees_minutes'" in problem.mistake.remedy
+    assert "as degrees_minutes it is 51.35000" in problem.mistake.remedy
 
 
 def test_a_time_zone_by_name_in_autumn_and_in_spring(tmp_path) -> None:
