@@ -57,8 +57,7 @@ from soilmoist_ros.lab.comparisons import LATTICE_DWELLS, QUARTER, Against, Latt
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.formulas import formula
-from soilmoist_ros.simulation.fields.rate_grid import GridExtent
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.fields.surrogate_field import GridExtent, SurrogateField
 from soilmoist_ros.simulation.mission.mission_result import MissionResult, achieved, map_errors, reported
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission

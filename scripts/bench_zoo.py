@@ -44,8 +44,7 @@ from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.variogram import reml
 from soilmoist_ros.simulation.fields.catalogue import DATUM
 from soilmoist_ros.simulation.fields.formulas import random_field
-from soilmoist_ros.simulation.fields.rate_grid import RateGrid
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.fields.surrogate_field import RateGrid, SurrogateField
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 

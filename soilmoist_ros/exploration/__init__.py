@@ -110,9 +110,9 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.navigation.pose_client import CancelAll as CancelAll
     from soilmoist_ros.exploration.navigation.pose_client import PoseClient as PoseClient
     from soilmoist_ros.exploration.navigation.pose_client import PoseRequest as PoseRequest
+    from soilmoist_ros.exploration.navigation.pose_client import RobotTrack as RobotTrack
     from soilmoist_ros.exploration.navigation.pose_client import SendPose as SendPose
     from soilmoist_ros.exploration.navigation.pose_client import drivers as drivers
-    from soilmoist_ros.exploration.navigation.track import RobotTrack as RobotTrack
     from soilmoist_ros.exploration.planning.dwell import DWELL_RULES as DWELL_RULES
     from soilmoist_ros.exploration.planning.dwell import DwellRule as DwellRule
     from soilmoist_ros.exploration.planning.dwell import Optimal as Optimal
@@ -138,7 +138,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.strategies.strategy import Choice as Choice
     from soilmoist_ros.exploration.strategies.strategy import Situation as Situation
     from soilmoist_ros.exploration.strategies.strategy import Strategy as Strategy
-    from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion as LearnedMotion
     from soilmoist_ros.exploration.travel.stop import Stop as Stop
     from soilmoist_ros.exploration.travel.stop import Way as Way
     from soilmoist_ros.exploration.travel.stop import WayPoint as WayPoint
@@ -152,6 +151,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.travel.topological_map import zone_radius_m as zone_radius_m
     from soilmoist_ros.exploration.travel.travel import FreeTravel as FreeTravel
     from soilmoist_ros.exploration.travel.travel import GraphTravel as GraphTravel
+    from soilmoist_ros.exploration.travel.travel import LearnedMotion as LearnedMotion
     from soilmoist_ros.exploration.travel.travel import RobotMotion as RobotMotion
     from soilmoist_ros.exploration.travel.travel import TravelModel as TravelModel
     from soilmoist_ros.exploration.travel.travel import polyline_length_m as polyline_length_m
@@ -183,8 +183,7 @@ __getattr__, __dir__, __all__ = open_door(
         "mission.visit": "Visit VisitEnd",
         "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure progress",
         "navigation.navigator": "Ended Navigator",
-        "navigation.pose_client": "CancelAll PoseClient PoseRequest SendPose drivers",
-        "navigation.track": "RobotTrack",
+        "navigation.pose_client": "CancelAll PoseClient PoseRequest RobotTrack SendPose drivers",
         "planning.dwell": "DWELL_RULES DwellRule Optimal dwell_rule parse_dwell",
         "planning.forecast": "Forecast forecast_from_text forecast_to_text hundredths",
         "planning.planning_model": "MIN_RATE_CPS spread_cells",
@@ -192,10 +191,9 @@ __getattr__, __dir__, __all__ = open_door(
         "planning.prospect": "Counting",
         "strategies.registry": "BUILT_IN STRATEGIES StrategyKind make_strategy strategy_kind warm_up",
         "strategies.strategy": "Choice Situation Strategy",
-        "travel.learned_motion": "LearnedMotion",
         "travel.stop": "Stop Way WayPoint stops_xy way_points",
         "travel.topological_map": "KNOWN_ACTIONS TopologicalMap make_topological_map parse_topological_map read_topological_map zone_radius_m",
-        "travel.travel": "FreeTravel GraphTravel RobotMotion TravelModel polyline_length_m polyline_turn_rad",
+        "travel.travel": "FreeTravel GraphTravel LearnedMotion RobotMotion TravelModel polyline_length_m polyline_turn_rad",
         "travel.travel_graph": "TravelGraph crop_rows open_lattice",
     },
 )

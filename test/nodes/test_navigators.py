@@ -23,8 +23,7 @@ from virtual_navigation import SPEED_MPS, STOPS, Nav2, VirtualNavigation, World
 
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
 from soilmoist_ros.exploration.navigation.navigator import Outcome
-from soilmoist_ros.exploration.navigation.pose_client import PoseClient
-from soilmoist_ros.exploration.navigation.track import RobotTrack
+from soilmoist_ros.exploration.navigation.pose_client import PoseClient, RobotTrack
 from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.action_navigator import action_class

@@ -44,11 +44,11 @@ from soilmoist_ros.exploration.mission.mission import SDS, Mission
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator, in_frame
-from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
+from soilmoist_ros.exploration.navigation.pose_client import MAX_AGE_S
 from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import LearnedMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, PlaneMove, other_datum
 from soilmoist_ros.mapping import Changing, Field, Samples, VariogramFit

@@ -30,7 +30,7 @@ from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
-from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
+from soilmoist_ros.exploration.navigation.pose_client import MAX_AGE_S
 from soilmoist_ros.sensing import CountRecord, PlaceAges, PlaceFix
 
 FIX_SILENCE_S = 5.0  # without a fix for this time the positions of records serve, which are older [s]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.exploration.travel.drivable_area import TOLERANCE_M, DrivableArea
+from soilmoist_ros.exploration.travel.stop import TOLERANCE_M, DrivableArea
 from soilmoist_ros.foundation import InputError, PlaneMove, listing
 from soilmoist_ros.mapping import Field
 

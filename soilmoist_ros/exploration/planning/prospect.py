@@ -117,20 +117,10 @@ class Prospect:
         return None
 
     @property
-    def counts_on_way(self) -> bool:
-        """True if records taken while driving are mapped too."""
-        return self.counting.on_way
-
-    @property
     def overhead_s(self) -> float:
         """Time of each trip in which the robot already counts at the stop [s]."""
         motion = self.travel.motion
         return motion.stop_overhead_s * motion.overhead_counted if self.counting.on_way else 0.0
-
-    def place(self, row: int) -> tuple[float, float]:
-        """Place of a :attr:`reachable` candidate [m]."""
-        stop = self.reachable_stops[row]
-        return stop.x_m, stop.y_m
 
     def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
         """Nodes on the route from a place to a reachable candidate, and the exposure at each [s]."""
@@ -168,13 +158,14 @@ class Prospect:
         """Nodes at which a tour counts, and the exposure at each [s]."""
         nodes = [self.model.stop_nodes[self.reachable[rows]]]
         seconds = [np.full(len(rows), dwell_s + self.overhead_s)]
-        if self.counts_on_way:
+        if self.counting.on_way:
             place = self.position
             for row, leg_s in zip(rows.tolist(), legs_s.tolist(), strict=True):
                 way, each = self.way(place, row, leg_s)
                 nodes.append(way)
                 seconds.append(each)
-                place = self.place(row)
+                stop = self.reachable_stops[row]
+                place = stop.x_m, stop.y_m
         node, which = np.unique(np.concatenate(nodes), return_inverse=True)  # counts at one place add up
         return node, np.bincount(which, np.concatenate(seconds)).astype(float)
 

@@ -16,8 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
-from soilmoist_ros.exploration.travel.stop import MIN_REACH_M, PLACE_DIGITS, Stop, stops_xy
+from soilmoist_ros.exploration.travel.stop import MIN_REACH_M, PLACE_DIGITS, DrivableArea, Stop, stops_xy
 from soilmoist_ros.foundation import InputError, Mistake, PlaneMove, did_you_mean, listing
 from soilmoist_ros.mapping import Field
 

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError, LocalFrame, config_folder, did_you_mean, resource_names
 from soilmoist_ros.mapping import Field, Variogram, load_field
 from soilmoist_ros.sensing import CalibrationCurve, MoistureCurve
-from soilmoist_ros.simulation.fields.rate_grid import GridExtent, RateGrid, kriged_grid
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.fields.surrogate_field import GridExtent, RateGrid, SurrogateField, kriged_grid
 from soilmoist_ros.simulation.fields.truth_file import has_truth, load_surrogate, truth_stamps
 
 Array = NDArray[np.float64]

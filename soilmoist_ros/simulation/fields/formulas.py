@@ -21,7 +21,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from soilmoist_ros.foundation import Section, did_you_mean
 from soilmoist_ros.mapping import ModelName, correlation_model
-from soilmoist_ros.simulation.fields.rate_grid import GridExtent, RateGrid
+from soilmoist_ros.simulation.fields.surrogate_field import GridExtent, RateGrid
 
 Array = NDArray[np.float64]
 Truth = Callable[[Array], Array]

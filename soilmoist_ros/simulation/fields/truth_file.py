@@ -29,8 +29,7 @@ from soilmoist_ros.mapping import (
 )
 from soilmoist_ros.sensing import Calibration, MoistureCurve, Soil
 from soilmoist_ros.simulation.fields.formulas import MAX_VWC, Formula, Quantity, RandomField, Truth
-from soilmoist_ros.simulation.fields.rate_grid import GridExtent, RateGrid, kriged_grid
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.fields.surrogate_field import GridExtent, RateGrid, SurrogateField, kriged_grid
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Setting(gt=0)]

@@ -22,8 +22,7 @@ from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.mapping import Covariates, EarlierSurvey, Field, FieldGrid, Variogram, survey_samples
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation.fields.formulas import FLOOR, random_field
-from soilmoist_ros.simulation.fields.rate_grid import GridExtent, RateGrid
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.fields.surrogate_field import GridExtent, RateGrid, SurrogateField
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.streams import covariate_stream, series_stream
 from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor

@@ -34,7 +34,7 @@ def instance(seed, count, symmetric=True):
 
 
 @settings(deadline=None, max_examples=30)
-@given(st.integers(0, 10**6), st.integers(1, 6), st.booleans())
+@given(st.integers(0, 10**6), st.integers(1, 7), st.booleans())
 def test_small_routes_are_optimal(seed, count, symmetric):
     start, between = instance(seed, count, symmetric)
     found = open_route(start, between, np.random.default_rng(0))
@@ -86,8 +86,6 @@ def test_a_missing_solver_is_named_with_the_way_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvrp", None)
     with pytest.raises(InputError, match=r"pip install 'soilmoist_ros\[campaign\]'"):
         require_solver()
-    small = len(open_route([1, 2], np.ones((2, 2)), np.random.default_rng(0)).order)
-    assert small == 2
 
 
 @pytest.mark.slow

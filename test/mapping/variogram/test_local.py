@@ -18,7 +18,7 @@ from soilmoist_ros.mapping.variogram.local import MAX_POOLS, MIN_EVIDENCE, MIN_P
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.reml import Prior, RestrictedLikelihood
 from soilmoist_ros.simulation.fields.formulas import formula
-from soilmoist_ros.simulation.fields.rate_grid import GridExtent
+from soilmoist_ros.simulation.fields.surrogate_field import GridExtent
 
 VARIOGRAM = Variogram("matern32", 0.01, 15.0, 1.0)
 TURNED = Variogram("exponential", 0.0, 20.0, 0.8, 4.0, 30.0)

@@ -8,7 +8,7 @@ import pytest
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 from soilmoist_ros.simulation.fields.formulas import FAMILIES, formula, random_field
-from soilmoist_ros.simulation.fields.rate_grid import GridExtent
+from soilmoist_ros.simulation.fields.surrogate_field import GridExtent
 
 SQUARE = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 30.0], [0.0, 30.0]])
 EXTENT = GridExtent.of(SQUARE, 2.0)
