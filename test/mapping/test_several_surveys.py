@@ -8,20 +8,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples import Samples
-from soilmoist_ros.mapping.several_surveys import (
-    JointKriging,
-    Persistence,
-    discoveries,
-    field_change,
-    moisture_slope,
-    two_sided,
-)
+from soilmoist_ros.mapping.several_surveys import JointKriging, Persistence, field_change, moisture_slope
 from soilmoist_ros.mapping.variogram.local import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
@@ -185,36 +176,6 @@ def test_errors_that_the_samples_share_add_to_the_change():
     assert found.mean_rate.sd**2 - plain.mean_rate.sd**2 == pytest.approx(0.5**2)
     assert found.mean_vwc.sd**2 - plain.mean_vwc.sd**2 == pytest.approx((0.5 * slope.mean()) ** 2)
     assert sum(found.shares) < sum(plain.shares)
-
-
-def test_discoveries_of_the_example_of_benjamini_and_hochberg():
-    # The 15 p-values of their section 3.2: the first four are rejected at 0.05.
-    p = [0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.3240, 0.4262, 0.5719, 0.6528,
-         0.7590, 1.0]  # fmt: skip
-    assert np.flatnonzero(discoveries(p, 0.05)).tolist() == [0, 1, 2, 3]
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=40), st.floats(0.001, 0.5))
-def test_discoveries_are_the_smallest_and_grow_with_the_limit(p, share):
-    found = discoveries(p, share)
-    values = np.array(p)
-    if found.any() and not found.all():
-        assert values[found].max() <= values[~found].min()
-    assert (found <= discoveries(p, 2 * share)).all()
-    assert (found >= (values <= share / len(p))).all()  # as Bonferroni at least
-
-
-def test_the_share_of_false_discoveries_holds_for_correlated_cells():
-    rng = np.random.default_rng(6)
-    lag = np.abs(np.subtract.outer(np.arange(120), np.arange(120)))
-    lower = np.linalg.cholesky(np.exp(-lag / 15.0))
-    shift = np.where(np.arange(120) < 30, 3.0, 0.0)
-    false = []
-    for _ in range(400):
-        found = discoveries(two_sided(lower @ rng.standard_normal(120) + shift), 0.1)
-        false.append(found[30:].sum() / max(found.sum(), 1))
-    assert np.mean(false) < 0.1
 
 
 def test_the_slope_of_the_curve_is_its_derivative():
