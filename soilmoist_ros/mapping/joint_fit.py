@@ -28,7 +28,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +95,6 @@ class PatternFeatures:
     inducing_xy: Array  # inducing places, shape (r, 2) [m]
     factor: Array  # L, lower triangle, shape (r, r)
     covariates: Callable[[Array], Array]  # values at places of shape (n, 2), shape (n, k)
-    lost: float  # largest share q of the pattern's variance lost at a candidate
     _kept: dict[bytes, Array] = field(default_factory=dict)
 
     @classmethod
@@ -110,21 +108,22 @@ class PatternFeatures:
         """
         from scipy.linalg.lapack import dpstrf
 
+        covariates = covariates or _no_covariates
         some = candidates[:: max(1, -(-len(candidates) // MAX_CANDIDATES))]
         if not len(some):
-            return cls(variogram, some, np.empty((0, 0)), covariates or _no_covariates, 0.0)
+            return cls(variogram, some, np.empty((0, 0)), covariates)
         factor, order, rank, _ = dpstrf(_correlation(variogram, some, some), tol=MAX_LOST, lower=1)
         rank = min(rank, MAX_RANK)
-        lost = 1 - (np.tril(factor)[:, :rank] ** 2).sum(axis=1)[rank:].min(initial=1.0)
-        chosen = some[order[:rank] - 1]
-        return cls(
-            variogram, chosen, np.tril(factor[:rank, :rank]), covariates or _no_covariates, max(float(lost), 0.0)
-        )
+        return cls(variogram, some[order[:rank] - 1], np.tril(factor[:rank, :rank]), covariates)
 
     @property
     def rank(self) -> int:
         """Number of coefficients of the pattern."""
         return len(self.factor)
+
+    def unit(self, effects: Array) -> Array:
+        """Prior standard deviation of each coefficient, those of the effects given, shape (r + k,) [counts/s]."""
+        return np.concatenate([np.full(self.rank, math.sqrt(self.variogram.structured_sill)), effects])
 
     def __call__(self, xy: Array) -> Array:
         """Features at places of shape (n, 2) [m]: r of the pattern, then k covariates, shape (n, r + k)."""
@@ -237,12 +236,11 @@ class PatternState:
         across = across + across.T
         base = view.covariance + effects @ excess[rank:, rank:] @ effects.T
         of_pattern, rest = pattern @ self.mean[:rank], view.rate - effects @ self.mean[rank:]
-        return np.array(
-            [
-                _Factored(base + g * across + g * g * square).log_likelihood(rest - g * of_pattern)
-                for g in LOADINGS.tolist()
-            ]
-        )
+        likelihoods = [
+            _Factored(base + g * across + g * g * square).log_likelihood(rest - g * of_pattern)
+            for g in LOADINGS.tolist()
+        ]
+        return np.array(likelihoods)
 
     def after(self, view: SurveyView, probabilities: Array, log_likelihood: float = 0.0) -> PatternState:
         """The state with one more survey, whose loading is the mean of these probabilities."""
@@ -251,10 +249,11 @@ class PatternState:
         factored = _Factored(covariance)
         moved = features @ self.covariance
         solved = factored.project(moved)
+        left = self.covariance - moved.T @ solved
         return PatternState(
             self.rank,
             self.mean + solved.T @ (view.rate - features @ self.mean),
-            _symmetric(self.covariance - moved.T @ solved),
+            (left + left.T) / 2,
             self.log_likelihood + log_likelihood,
             (*self.loadings, probabilities),
         )
@@ -281,10 +280,6 @@ class _Factored:
         """Restricted log-likelihood of rates with an unknown mean."""
         determinant = 2 * np.log(np.diag(self._factor[0])).sum() + np.log(self._of_ones.sum())
         return float(-0.5 * (determinant + rate @ self.project(rate) + (len(rate) - 1) * np.log(2 * np.pi)))
-
-
-def _symmetric(matrix: Array) -> Array:
-    return (matrix + matrix.T) / 2
 
 
 # -- Shrinkage of effects ------------------------------------------------------------------------------------
@@ -325,15 +320,8 @@ def log_marginal(information: Array, score: Array, variances: Array) -> float:
 
 # -- Joint model ---------------------------------------------------------------------------------------------
 
-
-class Estimate(Protocol):
-    """Fits the variogram to the samples of the survey, those of others, and their known further structure."""
-
-    def __call__(
-        self, samples: Samples, others: Sequence[Samples] = (), effects: Sequence[Array] | None = None
-    ) -> VariogramFit:
-        """See :func:`estimate_variogram`."""
-        ...
+Estimate = Callable[[Samples, Sequence[Samples], Sequence[Array] | None], VariogramFit]
+"""Fits the variogram to the samples of the survey, those of others, and their known further structure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,11 +335,29 @@ class _Past:
 
 
 @dataclass(frozen=True, eq=False)
+class _History:
+    """Earlier surveys to use, in order of time, and how fast the pattern changes."""
+
+    past: tuple[_Past, ...]
+    decay_days: float  # time in which the correlation falls to 1/e [days]
+
+    def decayed(self, days: float) -> float:
+        """Correlation of the pattern with itself after some days."""
+        return math.exp(-days / self.decay_days)
+
+    def share(self, stamp_s: float) -> float:
+        """Correlation of the pattern at a time with the pattern at the last survey; 1 if the time is unknown."""
+        if not self.past or not stamp_s:
+            return 1.0
+        return self.decayed(abs(stamp_s - self.past[-1].stamp_s) / DAY_S)
+
+
+@dataclass(frozen=True, eq=False)
 class _Model:
     """What does not depend on the last few samples of the survey."""
 
-    fit: VariogramFit  # variogram
-    features: PatternFeatures  # features of the field
+    fit: VariogramFit
+    features: PatternFeatures
     unit: Array  # standard deviation of each coefficient [counts/s]; empty if what is known tells nothing
     state: PatternState  # what the earlier surveys say of the coefficients
 
@@ -359,8 +365,6 @@ class _Model:
 class JointModel:
     """Fits the joint model of the surveys and covariates of a field.
 
-    :param knowledge: what is known besides the survey
-    :param estimate: fits a variogram
     :param noise: rate in the Poisson noise: ``local`` to each place, or ``mean``
 
     Attributes
@@ -392,7 +396,7 @@ class JointModel:
     ) -> VariogramFit:
         """Variogram and prior for a survey.
 
-        :param samples: the samples, at least one
+        :param samples: at least one
         :param model_samples: those to which all is fitted that earlier surveys determine as well
         :param stamp_s: time of the survey [s since 1970-01-01 UTC]; 0 if it is unknown
         :param given: variogram to use instead of a fitted one
@@ -408,54 +412,45 @@ class JointModel:
             model = last[3]
         if not len(model.unit):
             return model.fit
-        places, variogram, state = merge_exactly(samples)[0], model.fit.variogram, model.state
-        local_rate = LocalRate.of(places, variogram) if self._local_noise else None
-        view = view_of(places, variogram, model.features, model.unit, local_rate or noise_rate(places))
+        places, features, unit, state = merge_exactly(samples)[0], model.features, model.unit, model.state
+        local_rate = LocalRate.of(places, features.variogram) if self._local_noise else None
+        view = view_of(places, features, unit, local_rate or noise_rate(places))
         probabilities, _ = state.loading_of(view)
         loading = float(probabilities @ LOADINGS)
-        effects = self._effects(state.after(view, probabilities), model.unit) if self._covariates else ()
-        prior = FieldPrior(
-            model.features,
-            state.scale(loading) * model.unit,
-            state.excess,
-            state.mean,
-            effects,
-            self._relations(state, loading, stamp_s),
-            self._missing(effects),
-        )
+        effects, own = self._effects(state.after(view, probabilities), unit)
+        relations = self._relations(state, loading, stamp_s)
+        scale = state.scale(loading) * unit
+        prior = FieldPrior(features, scale, state.excess, state.mean, effects, relations, own)
         mean_rate = places.mean_rate_cps
         return replace(model.fit, prior=prior, local_rate=local_rate, mean_rate=mean_rate, n_samples=len(places))
 
-    def expected(self, stamp_s: float = 0.0) -> VariogramFit | None:
-        """Variogram and prior before the first sample, from the earlier surveys; ``None`` without any.
-
-        :param stamp_s: time of the survey, as in :meth:`fit`
-        """
+    def expected(self) -> VariogramFit | None:
+        """Variogram and prior before the first sample, from the earlier surveys; ``None`` without any."""
         past = self._history.past
         if not past:
             return None
         first, *others = _fitted(past)
-        fit = _stationary(self._estimate(first, others))
-        features = self._features(fit.variogram)
-        unit = _unit(fit.variogram, features, np.zeros(len(self._covariates or ())))
-        state = self._conditioned(past, fit.variogram, features, unit, stamp_s)
-        loading = float(state.prior_of_loading @ LOADINGS)
-        prior = FieldPrior(features, state.scale(loading) * unit, state.excess, state.mean)
+        fit = _stationary(self._estimate(first, others, None))
+        features = self._features(fit)
+        unit = features.unit(np.zeros(len(self._covariates or ())))
+        state = self._conditioned(features, unit, 0.0)
+        scale = state.scale(float(state.prior_of_loading @ LOADINGS)) * unit
         mean_rate = float(np.mean([one.places.mean_rate_cps for one in past]))
+        prior = FieldPrior(features, scale, state.excess, state.mean)
         return replace(fit, prior=prior, local_rate=None, mean_rate=mean_rate, n_samples=0)
 
     def _model(
         self, places: Samples, stamp_s: float, given: VariogramFit | None, alone: VariogramFit | None
     ) -> _Model:
         past, others = self._history.past, _fitted(self._history.past)
-        alone = given or alone or self._estimate(places, others)
+        alone = given or alone or self._estimate(places, others, None)
         fit, variances = _stationary(alone), np.zeros(len(self._covariates or ()))
-        features = self._features(fit.variogram)
+        features = self._features(fit)
         wide = WIDE * math.sqrt(fit.variogram.structured_sill)
         for _ in range(_ROUNDS if self._covariates else 0):
-            unit = _unit(fit.variogram, features, np.full(len(self._covariates or ()), wide))
-            state = self._conditioned(past, fit.variogram, features, unit, stamp_s)
-            view = view_of(places, fit.variogram, features, unit, fit.noise_rate or noise_rate(places))
+            unit = features.unit(np.full(len(variances), wide))
+            state = self._conditioned(features, unit, stamp_s)
+            view = view_of(places, features, unit, fit.noise_rate or noise_rate(places))
             mean, covariance = state.after(view, state.loading_of(view)[0]).effects
             precision = np.linalg.inv(covariance)
             variances = effect_variances(precision - np.eye(len(mean)), precision @ mean)
@@ -463,13 +458,13 @@ class JointModel:
                 if not past:
                     return _Model(alone, features, np.empty(0), state)
                 fit = _stationary(alone)
-                features = self._features(fit.variogram)
+                features = self._features(fit)
                 break
             effects = [self._at(one) * (wide * np.sqrt(variances)) for one in (places, *others)]
             fit = _stationary(given or self._estimate(places, others, effects))
-            features = self._features(fit.variogram)
-        unit = _unit(fit.variogram, features, wide * np.sqrt(variances))
-        return _Model(fit, features, unit, self._conditioned(past, fit.variogram, features, unit, stamp_s))
+            features = self._features(fit)
+        unit = features.unit(wide * np.sqrt(variances))
+        return _Model(fit, features, unit, self._conditioned(features, unit, stamp_s))
 
     @cached_property
     def _history(self) -> _History:
@@ -478,14 +473,13 @@ class JointModel:
         if len(self._all) < MIN_DECAYING:
             return best
         chosen = _fitted(self._all)
-        variogram = self._estimate(chosen[0], chosen[1:]).variogram
-        features = PatternFeatures.of(variogram, _places(self._all))
-        unit = _unit(variogram, features, np.empty(0))
-        views = [self._view(one.places, variogram, features, unit) for one in self._all]
-        alone = [float(PatternState.before(features.rank).log_likelihoods(view)[0]) for view in views]
+        features = PatternFeatures.of(self._estimate(chosen[0], chosen[1:], None).variogram, _places(self._all))
+        unit, begin = features.unit(np.empty(0)), PatternState.before(features.rank)
+        views = [self._view(one, features, unit) for one in self._all]
+        alone = [float(begin.log_likelihoods(view)[0]) for view in views]
 
         def evidence(odd: int, decay_days: float) -> float:
-            state = _passed(PatternState.before(features.rank), self._all[odd:], views[odd:], decay_days)
+            state = _passed(begin, self._all[odd:], views[odd:], decay_days)
             share = NO_DECAY if decay_days == math.inf else (1 - NO_DECAY) / (len(DECAYS_DAYS) - 1)
             return state.log_likelihood + sum(alone[:odd]) + math.log(share)
 
@@ -493,44 +487,39 @@ class JointModel:
         odd = max(range(last_odd + 1), key=lambda number: evidence(number, math.inf))
         return _History(self._all[odd:], max(DECAYS_DAYS, key=lambda days: evidence(odd, days)))
 
-    def _features(self, variogram: Variogram) -> PatternFeatures:
-        covariates = self._covariates
-        return PatternFeatures.of(variogram, _places(self._history.past), covariates.at if covariates else None)
+    def _features(self, fit: VariogramFit) -> PatternFeatures:
+        covariates = None if self._covariates is None else self._covariates.at
+        return PatternFeatures.of(fit.variogram, _places(self._history.past), covariates)
 
     def _at(self, places: Samples) -> Array:
         """Covariates of samples, shape (n, k)."""
         assert self._covariates is not None
         return Supports(places.xy, places.spread).average_rows(self._covariates.at)
 
-    def _conditioned(
-        self, past: tuple[_Past, ...], variogram: Variogram, features: PatternFeatures, unit: Array, stamp_s: float
-    ) -> PatternState:
+    def _conditioned(self, features: PatternFeatures, unit: Array, stamp_s: float) -> PatternState:
         """What earlier surveys say of the coefficients at a time."""
-        views = (self._view(one.places, variogram, features, unit) for one in past)
-        state = _passed(
-            PatternState.before(features.rank, len(unit) - features.rank), past, views, self._history.decay_days
-        )
-        return state.later(self._history.share(stamp_s))
+        history, begin = self._history, PatternState.before(features.rank, len(unit) - features.rank)
+        views = (self._view(one, features, unit) for one in history.past)
+        return _passed(begin, history.past, views, history.decay_days).later(history.share(stamp_s))
 
-    def _view(self, places: Samples, variogram: Variogram, features: PatternFeatures, unit: Array) -> SurveyView:
-        """An earlier survey."""
-        rate = LocalRate.of(places, variogram) if self._local_noise else noise_rate(places)
-        return view_of(places, variogram, features, unit, rate)
+    def _view(self, past: _Past, features: PatternFeatures, unit: Array) -> SurveyView:
+        rate = LocalRate.of(past.places, features.variogram) if self._local_noise else noise_rate(past.places)
+        return view_of(past.places, features, unit, rate)
 
-    def _effects(self, state: PatternState, unit: Array) -> tuple[Effect, ...]:
-        assert self._covariates is not None
-        mean, covariance = state.effects
-        sd, unit = np.sqrt(np.diag(covariance)), unit[state.rank :]
-        columns = zip(self._covariates.names, (mean * unit).tolist(), (sd * unit).tolist(), strict=True)
-        return tuple(Effect(*column) for column in columns)
-
-    def _missing(self, effects: Sequence[Effect]) -> Callable[[Array], Array] | None:
-        """Variance of the rate where covariates are missing."""
+    def _effects(
+        self, state: PatternState, unit: Array
+    ) -> tuple[tuple[Effect, ...], Callable[[Array], Array] | None]:
+        """Effects of the covariates, and the variance of the rate where covariates are missing."""
         covariates = self._covariates
-        if covariates is None or np.isfinite(covariates.layers).all():
-            return None
-        squares = np.array([one.mean**2 + one.sd**2 for one in effects])
-        return lambda xy: np.asarray((1 - covariates.known_at(xy)) ** 2 @ squares)
+        if covariates is None:
+            return (), None
+        mean, covariance = state.effects
+        mean, sd = mean * unit[state.rank :], np.sqrt(np.diag(covariance)) * unit[state.rank :]
+        columns = zip(covariates.names, mean.tolist(), sd.tolist(), strict=True)
+        effects, squares = tuple(Effect(*column) for column in columns), mean**2 + sd**2
+        if np.isfinite(covariates.layers).all():
+            return effects, None
+        return effects, lambda xy: np.asarray((1 - covariates.known_at(xy)) ** 2 @ squares)
 
     def _relations(self, state: PatternState, loading: float, stamp_s: float) -> tuple[Relation, ...]:
         past, decayed, found = self._history.past, self._history.share(stamp_s), []
@@ -539,24 +528,6 @@ class JointModel:
             decayed *= self._history.decayed(one.days)
         left_out = [Relation(one.name, 0.0) for one in self._all[: len(self._all) - len(past)]]
         return (*left_out, *reversed(found))
-
-
-@dataclass(frozen=True, eq=False)
-class _History:
-    """Earlier surveys to use, in order of time, and how fast the pattern changes."""
-
-    past: tuple[_Past, ...]  # the surveys
-    decay_days: float  # time in which the correlation falls to 1/e [days]
-
-    def decayed(self, days: float) -> float:
-        """Correlation of the pattern with itself after some days."""
-        return math.exp(-days / self.decay_days)
-
-    def share(self, stamp_s: float) -> float:
-        """Correlation of the pattern at a time with the pattern at the last survey; 1 if the time is unknown."""
-        if not self.past or not stamp_s:
-            return 1.0
-        return self.decayed(abs(stamp_s - self.past[-1].stamp_s) / DAY_S)
 
 
 def _stationary(fit: VariogramFit) -> VariogramFit:
@@ -593,21 +564,14 @@ def _places(past: Sequence[_Past]) -> Array:
     return np.concatenate([np.empty((0, 2)), *(one.places.xy for one in past)])
 
 
-def _unit(variogram: Variogram, features: PatternFeatures, effects: Array) -> Array:
-    """Prior standard deviation of each coefficient, shape (r + k,) [counts/s]."""
-    return np.concatenate([np.full(features.rank, math.sqrt(variogram.structured_sill)), effects])
-
-
-def view_of(
-    places: Samples, variogram: Variogram, features: PatternFeatures, unit: Array, rate: float | LocalRate
-) -> SurveyView:
+def view_of(places: Samples, features: PatternFeatures, unit: Array, rate: float | LocalRate) -> SurveyView:
     """A survey, ready for conditioning, from pools of its places if they are more than :data:`MAX_PLACES`.
 
     :param places: samples at distinct places
     :param unit: standard deviation of the coefficient of each feature, shape (r + k,) [counts/s]
     :param rate: rate in the Poisson noise of the samples [counts/s]
     """
-    places = pooled(places, MAX_PLACES)
+    places, variogram = pooled(places, MAX_PLACES), features.variogram
     covariance = np.ascontiguousarray(sample_correlation(variogram, places.xy, places.spread))
     covariance *= variogram.structured_sill
     noise = noise_rates(rate, places.xy) / places.exposure_s

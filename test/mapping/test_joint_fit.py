@@ -116,7 +116,7 @@ def conditioned(surveys, loadings, candidates, covariates=None, effect_sd=(), sh
     unit = np.concatenate([np.full(features.rank, np.sqrt(VARIOGRAM.structured_sill)), effect_sd])
     state, log = PatternState.before(features.rank, len(effect_sd)), 0.0
     for number, survey in enumerate(surveys):
-        view = joint_fit.view_of(survey, VARIOGRAM, features, unit, NOISE)
+        view = joint_fit.view_of(survey, features, unit, NOISE)
         one = (loadings[number] == LOADINGS).astype(float)
         log += float(state.log_likelihoods(view)[one > 0][0])
         if number < len(surveys) - 1:
