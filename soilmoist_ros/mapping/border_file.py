@@ -70,7 +70,6 @@ _NAMES = ("name", "Name", "NAME", "id", "ID", "fid", "OBJECTID", "FID")
 class BorderSource:
     """A file with the border of a field.
 
-    :param path: the file
     :param layer: name of its layer; empty for the only one that has areas
     :param feature: number (from 1), or any property, of the feature that is the field; empty for the only one
     :param crs: reference system of a file that names none, such as ``EPSG:25832``; empty for WGS-84

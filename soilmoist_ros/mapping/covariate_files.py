@@ -65,8 +65,6 @@ FLAT_STEP = 1e-5
 class RasterBands:
     """The bands of an open raster file.
 
-    :param path: the file
-    :param source: the opened file
     :raises InputError: if it has no reference system, or no place
 
     Attributes
@@ -88,7 +86,6 @@ class RasterBands:
     def number(self, band: str) -> int:
         """Number of a band, from 1.
 
-        :param band: its number or name; empty for the first
         :raises InputError: if there is none
         """
         if not band:
@@ -120,8 +117,6 @@ class RasterBands:
         Interpolated linearly; where its pixels are smaller than the cells, averaged over them. Where the file does
         not declare a value for gaps, the usual ones are gaps.
 
-        :param number: number of the band, from 1
-        :param frame: plane of the field
         :param x_m: centres of the columns, ascending, evenly spaced [m]
         :param y_m: centres of the rows, ascending, with the same spacing [m]
         """
@@ -165,8 +160,6 @@ class RasterBands:
 def opened_raster(path: Path, remedy: str = "give a GeoTIFF") -> Iterator[DatasetReader]:
     """Open a raster file, with or without a place.
 
-    :param path: the file
-    :param remedy: what to do about a file that cannot be read
     :raises InputError: if GDAL, PROJ or rasterio refuse the file, now or while it is open, or its format is not in
         :data:`KINDS`
     """
@@ -192,10 +185,7 @@ def opened_raster(path: Path, remedy: str = "give a GeoTIFF") -> Iterator[Datase
 def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> NDArray[Any]:
     """An attribute of the polygons at places: texts, or numbers.
 
-    :param path: vector file in any reference system
     :param attribute: name of the attribute; empty for the only one
-    :param frame: plane of the field
-    :param xy: places, shape (n, 2) [m]
     :returns: shape (n,); ``None`` or NaN outside all polygons. Whole numbers are texts, as codes of classes are
     :raises InputError: if the file cannot be read, has no such attribute, no polygon or no reference system
     """
@@ -249,10 +239,7 @@ def attribute_of(path: Path, attribute: str) -> tuple[str, list[str]]:
 
 @contextmanager
 def readable_vector(path: Path, remedy: str = REMEDY) -> Iterator[None]:
-    """Turn the errors of a library that refuses a vector file into errors of the input.
-
-    :param remedy: what the user can do
-    """
+    """Turn the errors of a library that refuses a vector file into errors of the input."""
     import shapely
     from pyproj.exceptions import ProjError
 

@@ -67,8 +67,6 @@ class CovariateSource:
 
         >>> CovariateSource.parse("relief.tif:slope").band
         'slope'
-
-        :param folder: where relative paths start
         """
         file, _, band = text.rpartition(":")
         if not file or (folder / text).exists() or "/" in band or "\\" in band:
@@ -190,8 +188,6 @@ class Covariates:
     def over(cls, grid: FieldGrid, names: ArrayLike, rasters: ArrayLike) -> Covariates:
         """Standardise rasters over the cells of a field. A raster that is constant there becomes 0.
 
-        :param grid: the field's grid
-        :param names: one name for each raster
         :param rasters: values in any unit, NaN or masked where they are missing, shape (k, ny, nx)
         """
         layers = np.array(floats(rasters)).reshape(-1, *grid.shape)
@@ -210,9 +206,6 @@ class Covariates:
 
         Beyond the raster a place has the value of the nearest cell, and so have missing cells within
         :data:`EXTENDED_M` of known ones: samples at the edge of a field are next to cells outside.
-
-        :param xy: places, shape (n, 2) [m]
-        :returns: shape (n, k)
         """
         return self._interpolated(self._extended[0], check_xy(xy))
 
@@ -271,10 +264,7 @@ def _between(axis: Array, values: Array) -> tuple[NDArray[np.intp], NDArray[np.i
 
 
 def require_covariates(sources: Iterable[CovariateSource]) -> None:
-    """Check files of covariates before long work: that they can be opened, and have their bands or attributes.
-
-    :raises InputError: with every file that cannot be read
-    """
+    """Check files of covariates before long work: that they can be opened, and have their bands or attributes."""
     mistakes = list[Mistake]()
     for source in sources:
         try:
@@ -288,10 +278,6 @@ def require_covariates(sources: Iterable[CovariateSource]) -> None:
 def read_covariates(sources: Sequence[CovariateSource], frame: LocalFrame, grid: FieldGrid) -> Covariates | None:
     """Read the covariates of a field.
 
-    :param sources: the files; the order is kept
-    :param frame: plane of the field
-    :param grid: cells of the map
-    :returns: ``None`` without sources
     :raises InputError: with every file that cannot be used: missing, without reference system, band or attribute,
         off the field, the same everywhere, or of a name that another one has
     """

@@ -78,7 +78,6 @@ _KEPT = 1e-3
 class TimedSamples:
     """Samples of records of one place and about one time.
 
-    :param samples: the samples
     :param time_s: mean time at which each was counted, shape (n,) [s]
     """
 
@@ -269,8 +268,6 @@ NO_CHANGE = Change()
 class Changing:
     """What a map is made of in addition, if the mean rate may change.
 
-    :param timed: the samples by place and time
-    :param change: how their mean changed
     :param now_s: time of the map [s]
     """
 
@@ -296,11 +293,8 @@ def find_change(
     The variogram stays as it was fitted without a drift: a common fit lowered the error of simulated maps by less
     than 1 %.
 
-    :param timed: the samples
     :param now_s: time of the map, not before the samples [s]
-    :param variogram: variogram of the rate
     :param rate: rate in the noise of the samples, as :class:`PoissonKriging`
-    :param prior: what is known of the field besides
     :param places: samples of all times; those by time that are nearest to the same one share what is of no other
         place. By default those of exactly one place do
     """

@@ -63,8 +63,6 @@ class Expectation:
         The rate is gamma-distributed, so the counts have a negative binomial distribution (Gelman et al. 2013,
         Bayesian Data Analysis, section 2.6), and the probabilities are exact.
 
-        :param raw_counts: raw counts n
-        :param exposure_s: effective exposure [s]
         :returns: P(N <= n) and P(N >= n)
         """
         from scipy.special import betainc, gammainc, gammaincc
@@ -111,11 +109,7 @@ def stands_out(record: CountRecord, samples: Samples) -> bool:
 
 
 def expectation(samples: Samples, variogram: Variogram, x_m: float, y_m: float) -> Expectation | None:
-    """What the samples around a place let expect there; ``None`` if they expect nothing.
-
-    :param samples: samples of the map
-    :param variogram: variogram of the map
-    """
+    """What the samples around a place let expect there; ``None`` if they expect nothing."""
     near = nearest(samples, x_m, y_m)
     kriging = PoissonKriging(variogram).fit(
         samples.xy[near], samples.counts[near], samples.exposure_s[near], samples.spread[near]
@@ -170,9 +164,7 @@ class ExpectedCounts(Generic[Where]):
     ) -> CountVerdict[Where]:
         """Judge a record before it becomes part of the map.
 
-        :param record: a good record with a place
         :param where: kept with the record if it is held back
-        :param samples: samples of the map without the record
         :param fit: makes the variogram of the map; called only if the record is out of the ordinary
         """
         row, self._row = self._row, []

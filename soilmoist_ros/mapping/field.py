@@ -140,12 +140,10 @@ def _is_place(latitude_deg: float, longitude_deg: float) -> bool:
 class Field:
     """A field in its own east-north plane.
 
-    :param name: name shown in reports
     :param frame: the plane about the field's datum
     :param polygon: boundary, shape (k, 2) [m], not closed
     :param no_go: boundaries of areas to leave out, each of shape (k, 2) [m]
     :param cell_m: cell size of the map [m], ``None`` to choose it
-    :param covariates: files with covariates
     :param notes: what was decided when the file with the border was read, in words
     """
 
@@ -167,7 +165,6 @@ class Field:
 
         :param cell_m: cell size [m]; by default the field's own, else one chosen from its extent
         :param footprint_radius_m: radius of the sensor's footprint, for that choice [m]
-        :raises InputError: if the field cannot be gridded with this cell size
         """
         width, height = np.ptp(self.polygon, axis=0).tolist()
         chosen = cell_m or self.cell_m or default_cell_m((width, height), footprint_radius_m)
@@ -310,8 +307,6 @@ class Misplaced(StrEnum):
         """Likely cause of a shape that misses a field, ``None`` if none is known.
 
         :param shape: what should be in the field, in its plane [m]
-        :param field: the field, in its plane [m]
-        :param frame: plane of the field
         """
         import shapely
 
@@ -349,10 +344,6 @@ def require_no_go(
     """Check that a no-go area is an area, has the size of one, and touches the field: else it fences off nothing.
 
     :param ring: its corners, shape (k, 2) [m]
-    :param name: its name in messages
-    :param polygon: boundary of the field, shape (k, 2) [m]
-    :param frame: plane of the field
-    :param path: file to name in messages
     :param lonlat: whether it was given in degrees
     :raises InputError: if it is none, with its size or distance, and the likely cause
     """

@@ -83,7 +83,6 @@ class FieldMapSettings:
     :class:`MappingSettings`, with its defaults.
 
     :param margin_m: records up to this far outside the field count [m], >= 0; they inform its edge
-    :param curve: calibration that turns the rate into soil moisture
     :param footprint_radius_m: radius of the footprint over which the records were counted [m], >= 0; 0 if it is
         not known, and for a sensor that sees its own place only
     :param max_exact_samples: number of samples beyond which a map is made by :class:`TiledKriging`
@@ -126,9 +125,7 @@ _DEFAULTS = FieldMapSettings()
 class MapState:
     """What a map is computed from; it never changes.
 
-    :param records: number of records in it
     :param stamp_s: end of the last of them [s since 1970-01-01 UTC], 0 before the first
-    :param samples: the samples
     :param fit_samples: the samples that the variogram is fitted to: as they were when it was last due
     :param search_samples: the samples by which its direction was found, and whether the variance differs from
         place to place: as they were when that was last due; ``None`` for ``fit_samples``
@@ -186,7 +183,6 @@ class MapState:
 class SkippedRecords:
     """Records of one kind that were left out.
 
-    :param count: how many
     :param example: the last of them, in words
     """
 
@@ -198,9 +194,7 @@ class SkippedRecords:
 class Snapshot:
     """All that a :class:`FieldMap` knows at one time; it does not change any more.
 
-    :param state: what its map is computed from
     :param track: the records so far, in order, those without a position included
-    :param skipped: what was left out, and why
     """
 
     state: MapState
@@ -215,11 +209,8 @@ class FieldMap:
     fit of the variogram, half of that without. It may run in other threads; the map of a state is the same, bit
     for bit, whether or not those of earlier states were computed.
 
-    :param grid: the field
-    :param settings: choices
     :param knowledge: what is known of the field besides the counts of this survey; with earlier surveys or useful
         covariates, the variance does not differ from place to place, whatever ``local`` is
-    :raises ValueError: if a setting is out of range
 
     Attributes
     ----------
@@ -368,7 +359,6 @@ class FieldMap:
         """Add a sample that is complete: it is not merged, and the variogram of the next map is fitted anew.
 
         :param xy: place [m]
-        :param raw_counts: raw counts, a whole number
         :param effective_exposure_s: effective exposure [s], > 0
         :raises ValueError: if a value is out of range; the samples stay as they were
         """
@@ -420,7 +410,6 @@ class FieldMap:
     ) -> None:
         """Replace all samples by some that were merged elsewhere.
 
-        :param samples: the samples
         :param fit: their variogram, if it was fitted elsewhere: used as it is, its model included
         :param changing: with it, the samples by place and time and their drift, if one was found
         """
@@ -437,10 +426,7 @@ class FieldMap:
         )
 
     def skip(self, reason: Skip, why: str) -> None:
-        """Count a record that cannot be used.
-
-        :param why: what is wrong with it
-        """
+        """Count a record that cannot be used."""
         self._recent.append(reason)
         earlier = self.skipped.get(reason)
         self.skipped[reason] = SkippedRecords(1 if earlier is None else earlier.count + 1, why)
@@ -517,10 +503,8 @@ class FieldMap:
 
         It depends on nothing but the state and the settings.
 
-        :param state: what it is made of
         :param progress: called with the fraction done, from above 0 to 1; not for maps that take no time
         :param compute: computes the tiles of a map of very many samples, as :class:`TiledKriging`
-        :param grid: another grid of the same field
         :raises IllConditionedError: if the samples and the variogram contradict each other numerically
         """
         state = self._as_seen(state)
@@ -660,8 +644,6 @@ def fits_footprint(samples: Samples, model: ModelName, extent_m: float) -> bool:
 
     They object if neighbours differ more than means over the footprint can: the restricted likelihood is then
     higher without it, by the factor 7 at least. Few counts never object.
-
-    :param extent_m: extent of the field [m]
     """
     some = slice(None, None, max(1, -(-len(samples) // _WEIGHED_PLACES)))
     columns = samples.xy[some], samples.counts[some], samples.exposure_s[some], model

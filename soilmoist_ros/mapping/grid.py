@@ -35,7 +35,6 @@ class FieldGrid:
 
     :param x_m: centres of the columns, ascending, shape (nx,) [m]
     :param y_m: centres of the rows, ascending, shape (ny,) [m]
-    :param cell_m: side of a cell [m]
     :param mask: cells whose centre is inside the field, shape (ny, nx)
     :param polygons: outlines of the field, each of shape (k, 2), not closed [m]
     :param holes: outlines of the no-go areas cut out of them, likewise
@@ -61,7 +60,6 @@ class FieldGrid:
         Cell edges lie on multiples of the cell size, so grids of one field and one size fit each other.
 
         :param vertices: corners in order, shape (k, 2), closed or not [m]; or a sequence of such outlines
-        :param cell_m: side of a cell [m]
         :param holes: outlines of no-go areas, each of shape (k, 2) [m]
         :raises ValueError: if an outline has fewer than three corners, crosses itself or has no area, or if
             the cell size gives no or far too many cells
@@ -141,7 +139,6 @@ class FieldGrid:
         """Values of the inside :attr:`cells` on the raster, shape (ny, nx), NaN outside.
 
         :param values: one value per inside cell, shape (g,)
-        :raises ValueError: for another shape
         """
         inside = floats(values)
         wanted = (int(np.count_nonzero(self.mask)),)
@@ -158,8 +155,6 @@ def default_cell_m(extent_m: tuple[float, float], footprint_radius_m: float = 10
     At most a quarter of the footprint's radius (the map cannot hold more detail) and a fiftieth of the
     longer side (it should not look coarse), but never so small that the box has more than 70,000 cells.
 
-    :param extent_m: width and height of the field [m], > 0
-    :param footprint_radius_m: radius of the sensor's footprint [m], > 0
     :raises ValueError: if one of them is not positive and finite
     """
     width, height = extent_m

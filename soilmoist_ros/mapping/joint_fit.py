@@ -104,7 +104,6 @@ class PatternFeatures:
         """Choose inducing places: each time where most variance is lost (pivoted Cholesky decomposition).
 
         :param candidates: places of the samples of earlier surveys, shape (c, 2) [m]
-        :param covariates: none by default
         """
         from scipy.linalg.lapack import dpstrf
 
@@ -396,7 +395,6 @@ class JointModel:
     ) -> VariogramFit:
         """Variogram and prior for a survey.
 
-        :param samples: at least one
         :param model_samples: those to which all is fitted that earlier surveys determine as well
         :param stamp_s: time of the survey [s since 1970-01-01 UTC]; 0 if it is unknown
         :param given: variogram to use instead of a fitted one
@@ -567,9 +565,7 @@ def _places(past: Sequence[_Past]) -> Array:
 def view_of(places: Samples, features: PatternFeatures, unit: Array, rate: float | LocalRate) -> SurveyView:
     """A survey, ready for conditioning, from pools of its places if they are more than :data:`MAX_PLACES`.
 
-    :param places: samples at distinct places
     :param unit: standard deviation of the coefficient of each feature, shape (r + k,) [counts/s]
-    :param rate: rate in the Poisson noise of the samples [counts/s]
     """
     places, variogram = pooled(places, MAX_PLACES), features.variogram
     covariance = np.ascontiguousarray(sample_correlation(variogram, places.xy, places.spread))

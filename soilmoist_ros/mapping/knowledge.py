@@ -46,7 +46,6 @@ def samples_at_end(
     The mean of the drift (:mod:`.drift`) corrects the exposures; its uncertainty is not in the samples.
 
     :param records: as :func:`survey_samples`, at least one, and so are the radii
-    :param extent_m: extent of the field [m]
     """
     spread = driven_spreads(records)
     samples = survey_samples(records, radius_m, footprint_radius_m, spread)

@@ -93,12 +93,7 @@ class MapWorker:
 
 
 def map_health(field_map: FieldMap, worker: MapWorker, now_s: float) -> Health:
-    """Health of a map.
-
-    :param field_map: what the map is made from
-    :param worker: what makes it
-    :param now_s: time [s since 1970-01-01 UTC]
-    """
+    """Health of a map."""
     state, mapped, soil_map = field_map.state, worker.mapped, worker.soil_map
     values = {
         "samples": str(len(state.samples)),

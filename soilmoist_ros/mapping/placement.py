@@ -35,12 +35,10 @@ PLANE_M = 100_000.0
 class PositionSource:
     """Where the positions of records come from, for the advice.
 
-    :param name: the file or message, as the user knows it
     :param longitude: side of Greenwich that the site file gives to a log without signs; ``signed`` if the log or
         receiver has signs
     :param field_file: the field file, ``None`` if unknown
     :param target: what they are compared with, in words; empty for the field by its name
-    :param target_keys: where the place of the target is written
     :param subject: what lies there, with its verb; empty for the number of records
     """
 
@@ -119,10 +117,8 @@ class Placement:
 def require_near(field: Field, latlon: ArrayLike, reach_m: float, source: PositionSource) -> Placement | None:
     """Check that records lie within reach of a field.
 
-    :param field: the field
     :param latlon: latitude and longitude of the records, shape (n, 2) [deg]; NaN for records without a place
     :param reach_m: distance from the field at which a record still says something about it [m]
-    :param source: where the positions come from
     :returns: where the records lie, ``None`` if none has a place
     :raises InputError: if none lies within reach, with distance, direction and the likely cause
     """

@@ -70,7 +70,6 @@ class Skip(enum.Enum):
 def check_record(record: CountRecord, area: BaseGeometry) -> tuple[Skip | None, str]:
     """Reason why a record is left out, as a code and in words; ``None`` if it can be used.
 
-    :param record: the record
     :param area: the field and its margin [m]
     """
     import shapely
@@ -119,7 +118,6 @@ class StampLimits:
     def fault(self, stamp_s: float, clock_s: float) -> str:
         """Reason why a stamp is impossible, in words; empty if it is not.
 
-        :param stamp_s: the stamp [s]
         :param clock_s: time of the clock that stamps records [s]; nothing is impossible while that is 0
         """
         if not (math.isfinite(stamp_s) and stamp_s):
@@ -177,8 +175,6 @@ def survey_samples(
     """Samples of a whole survey, merged as :func:`merge_records` does: they do not depend on the order of visits.
 
     :param records: all with a place and an exposure > 0, in order of time
-    :param radius_m: radius of a stop [m], >= 0
-    :param footprint_radius_m: as :class:`SampleMerger`
     :param spread: :func:`driven_spreads` of the records, if they are known
     """
     spread = driven_spreads(records) if spread is None else spread
@@ -226,12 +222,7 @@ class SampleMerger:
     ) -> None:
         """Add a record.
 
-        :param x_m: east [m], finite
-        :param y_m: north [m], finite
-        :param raw_counts: raw counts, >= 0
-        :param exposure_s: effective exposure [s], > 0 and finite
         :param spread: of the path along which it was counted, shape (3,) or (4,) [m^2]
-        :param time_s: when it was counted [s]
         """
         nearest = self._within_reach(x_m, y_m, time_s)
         if nearest is None:
@@ -248,10 +239,7 @@ class SampleMerger:
         sample[7] += share * (time_s - sample[7])
 
     def add_record(self, record: CountRecord, spread: ArrayLike) -> None:
-        """Add a record, counted in the middle of its interval.
-
-        :param spread: of the path along which it was counted, shape (3,) or (4,) [m^2]
-        """
+        """Add a record, counted in the middle of its interval."""
         middle_s = record.stamp_s - record.exposure_s / 2
         self.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread, middle_s)
 

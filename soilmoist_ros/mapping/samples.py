@@ -49,7 +49,6 @@ def footprint_spread(radius_m: float) -> Array:
     """Spread of a footprint that sends 86 % of the counts from within a radius.
 
     :param radius_m: radius [m], >= 0; 0 for a sensor that sees its own place only
-    :returns: shape (4,)
     :raises ValueError: if the radius is negative or not finite
     """
     if not (np.isfinite(radius_m) and radius_m >= 0):
@@ -62,7 +61,6 @@ def full_spread(moments: ArrayLike, radius_m: float = 0.0) -> Array:
 
     :param moments: shape (..., 3) [m^2]
     :param radius_m: radius of the footprint [m]
-    :returns: shape (..., 4)
     """
     path = np.asarray(moments, float)
     return np.concatenate([path, np.full((*path.shape[:-1], 1), radius_m)], axis=-1)
@@ -148,10 +146,7 @@ class Samples:
         return Samples(*(getattr(self, name)[numbers] for name in _COLUMNS))
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row a sample: x_m, y_m, raw_counts, effective_exposure_s, rate_cps, rate_sd_cps; needs pandas.
-
-        :raises InputError: if pandas is not installed
-        """
+        """One row a sample: x_m, y_m, raw_counts, effective_exposure_s, rate_cps, rate_sd_cps; needs pandas."""
         columns = {
             "x_m": self.xy[:, 0],
             "y_m": self.xy[:, 1],
@@ -167,7 +162,6 @@ class Samples:
         """The columns of :meth:`to_dataframe` at points in WGS-84; needs geopandas.
 
         :param frame: plane about the datum of the field
-        :raises InputError: if geopandas is not installed
         """
         module, places = optional_module("geopandas"), frame.to_geographic(self.xy)
         points = module.points_from_xy(places[:, 1], places[:, 0])
@@ -304,13 +298,9 @@ def merge_records(
     becomes a chain of samples. The rule depends on the records only, not on their order. The cost is
     linear in the number of places (about ten seconds for 10^5), and quadratic in those within one radius.
 
-    :param xy: places of the records, shape (n, 2) [m]
-    :param counts: raw counts, shape (n,)
-    :param exposure_s: effective exposure, shape (n,) [s]
     :param radius_m: radius of a stop [m], >= 0; keep it well below the sensor's footprint
     :param spread: that of each record, as :class:`Samples`; all points by default
     :returns: samples in the order of their first record
-    :raises ValueError: as :class:`Samples`, or if the radius is negative or not finite
     """
     if not (np.isfinite(radius_m) and radius_m >= 0):
         raise ValueError(f"radius_m must be >= 0 and finite, got {radius_m}")
@@ -464,7 +454,6 @@ class Surveys:
 def spatial_blocks(xy: Array, one_block: int, size: int) -> list[NDArray[np.intp]]:
     """Disjoint compact blocks of places, halved across the wider side until no block exceeds ``size``.
 
-    :param xy: places, shape (n, 2) [m]
     :param one_block: maximum number of places for a single block
     :param size: maximum number of places in a block otherwise
     :returns: numbers of the places of each block
@@ -484,11 +473,7 @@ def spatial_blocks(xy: Array, one_block: int, size: int) -> list[NDArray[np.intp
 
 
 def pooled(samples: Samples, most: int) -> Samples:
-    """The samples, or at most ``most`` pools of neighbours, each with the area over which it was counted.
-
-    :param samples: at least one
-    :param most: maximum number, >= 1
-    """
+    """The samples, or at most ``most`` pools of neighbours, each with the area over which it was counted."""
     if len(samples) <= most:
         return samples
     pool = np.empty(len(samples), int)

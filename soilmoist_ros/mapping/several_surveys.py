@@ -69,7 +69,6 @@ class Persistence:
         The mean over :data:`PERSISTENCES`, each weighted by its likelihood. The decay is searched with three
         surveys or more that have different times.
 
-        :param variogram: variogram of the rate of each survey
         :param stamps_s: times of the surveys [s]
         """
         if len(surveys) < 2:
@@ -144,10 +143,7 @@ class _Stack(NamedTuple):
         return np.asarray(points.correlation(slice(0, len(xy))).T)
 
     def solved(self, correlation: Array) -> _Solved:
-        """The kriging system of a correlation T between surveys, shape (s, s).
-
-        :raises IllConditionedError: if the covariance cannot be factored
-        """
+        """The kriging system of a correlation T between surveys, shape (s, s)."""
         from scipy.linalg import solve_triangular
 
         covariance = self.variogram.structured_sill * self.between * correlation[np.ix_(self.survey, self.survey)]
@@ -188,9 +184,7 @@ class JointKriging:
 
         The variance is that of the smooth rate, without its nugget and without counting noise.
 
-        :param xy: places, shape (g, 2) [m]
         :param other: index of the survey that is subtracted
-        :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (g,)
         """
         from scipy.linalg import solve_triangular
 
@@ -289,7 +283,6 @@ def field_change(
     Yekutieli 2001, Annals of Statistics 29:1165-1188; proved for one-sided tests, and found for two-sided ones).
     Kriging shrinks the change towards its mean, so the p-values are too large rather than too small.
 
-    :param survey: index of the later survey
     :param other: index of the earlier one
     :param curve: calibration; that of both, so its error shifts both alike
     :param maps: rates and variances of both surveys in the cells, if they are known already

@@ -57,8 +57,6 @@ class Bands(NamedTuple):
     Each band of moisture lies within the limits of the soil (:func:`soil_limits`). A rate below the pole of the
     curve means saturated soil.
 
-    :param rate: corrected count rate [counts/s]
-    :param rate_sd: its kriging standard deviation [counts/s]
     :param vwc: volumetric water content of the rate [m^3/m^3]: near the median of its distribution, since the
         curve keeps medians; the mean would be larger
     :param vwc_sd: its standard deviation, third order (Jakobi et al. 2020), of the part that differs between
@@ -77,12 +75,7 @@ class Bands(NamedTuple):
 
 
 def make_bands(rate: Array, variance: Array, curve: MoistureCurve | None) -> Bands:
-    """All bands of a kriged rate.
-
-    :param rate: rate [counts/s], any shape; NaN stays NaN
-    :param variance: its kriging variance [(counts/s)^2]
-    :param curve: calibration, if any
-    """
+    """All bands of a kriged rate."""
     rate_sd = np.sqrt(variance)
     if curve is None:
         none = np.full(rate.shape, np.nan)
@@ -104,8 +97,6 @@ def possible_moisture(curve: MoistureCurve, rate_cps: ArrayLike) -> Array:
 
     The curve has a pole: without limits, one cell with a slightly low estimate would dominate a mean of the map.
     A rate too low for any moisture counts as saturated soil.
-
-    :param rate_cps: rates, any shape [counts/s]; NaN stays NaN
     """
     rate = np.asarray(rate_cps, float)
     limits = soil_limits(curve.bulk_density_gcm3)
@@ -119,8 +110,6 @@ def moisture_terms(curve: MoistureCurve, rate_cps: ArrayLike, rate_sd_cps: Array
     With the coefficients c and d of two rates of correlation r, the covariance of their moistures is the sum over
     k >= 1 of ``c[k] d[k] r^k`` (Mehler's formula): exact for any curve but for the orders left out.
 
-    :param rate_cps: means, shape (n,) [counts/s]; NaN stays NaN
-    :param rate_sd_cps: standard deviations, shape (n,) [counts/s]
     :returns: shape (:data:`ORDERS`, n)
     """
     nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
@@ -140,7 +129,6 @@ def common_rate_sd(curve: MoistureCurve, rate: Array) -> Array | None:
     relative error of N0 acts like that of the rate. Moisture is proportional to the bulk density; its error is
     taken as independent of that of N0.
 
-    :param rate: rates, any shape [counts/s]
     :returns: same shape; ``None`` for a calibration whose standard deviations are unknown
     """
     n0 = curve.n0_sd_cps / curve.n0_cps
@@ -287,20 +275,14 @@ class SoilMap:
         return self.made_by.accuracy if isinstance(self.made_by, TiledKriging) else None
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The cells inside the field, one row each: x_m, y_m and the bands; needs pandas.
-
-        :raises InputError: if pandas is not installed
-        """
+        """The cells inside the field, one row each: x_m, y_m and the bands; needs pandas."""
         x_m, y_m = self.grid.cells.T
         bands = {name: band[self.grid.mask] for name, band in self.bands._asdict().items()}
         frame: pandas.DataFrame = optional_module("pandas").DataFrame({"x_m": x_m, "y_m": y_m, **bands})
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
-        """The bands over (y, x), in metres from the datum of the field; needs xarray.
-
-        :raises InputError: if xarray is not installed
-        """
+        """The bands over (y, x), in metres from the datum of the field; needs xarray."""
         module = optional_module("xarray")
         bands = {name: (("y", "x"), band, {"units": UNITS[name]}) for name, band in self.bands._asdict().items()}
         axes = {"y": ("y", self.grid.y_m, {"units": "m"}), "x": ("x", self.grid.x_m, {"units": "m"})}
@@ -309,11 +291,7 @@ class SoilMap:
         return dataset
 
     def evaluate(self, xy: ArrayLike) -> Bands:
-        """The bands at any points, inside the field or not.
-
-        :param xy: points, shape (g, 2) [m]
-        :returns: bands of shape (g,)
-        """
+        """The bands at any points, inside the field or not."""
         return make_bands(*self.kriging.predict(xy), self.curve)
 
 
@@ -336,18 +314,12 @@ def make_soil_map(
     knows besides the samples is used; then of more samples than ``max_exact_samples`` neighbours are pooled.
 
     :param samples: at least one
-    :param grid: the field
-    :param variogram: a variogram, or the result of a fit
     :param curve: calibration that turns the rate into soil moisture
-    :param keep_nugget: as :class:`PoissonKriging`
-    :param progress: called with the fraction done, from above 0 to 1
     :param max_exact_samples: number of samples beyond which it is
         :class:`TiledKriging` that makes the map
-    :param compute: computes the tiles, as there
     :param raster: of the same grid and nugget; makes the map if it can, from what it has kept
     :param changing: the samples by place and time, how their mean changed, and the time of the map [s]; a drift
         needs at most ``max_exact_samples``, and the samples by time at the places of the samples
-    :param footprint_radius_m: as :class:`SoilMap`
     :raises ValueError: without samples
     """
     fit = variogram if isinstance(variogram, VariogramFit) else None
@@ -415,7 +387,6 @@ def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Cha
 def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
     """Cells of a map, rounded to 32 bits.
 
-    :param grid: the field
     :param soil_map: the map on this grid; without a map all bands are NaN
     :returns: array of :data:`CELL`, shape (rows, columns); a cell outside the field is all NaN
     """
@@ -429,7 +400,6 @@ def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
 def placed_cells(grid: FieldGrid, kind: np.dtype[Any]) -> NDArray[Any]:
     """Cells of a kind with their places, else NaN, shape (rows, columns).
 
-    :param grid: the field
     :param kind: a structure with x, y and z
     """
     cells = np.full(grid.shape, np.nan, kind)

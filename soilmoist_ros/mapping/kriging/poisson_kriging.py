@@ -48,14 +48,12 @@ class PoissonKriging:
 
     Records at one place are merged, which is exact.
 
-    :param variogram: variogram of the latent rate
     :param keep_nugget: whether the target is the rate with its micro-scale variation (C_00 = sill, also the
         covariance with a sample at the target), or only its smooth part (sill - nugget in both cases)
     :param prior: what is known of the field besides; not together with an amplitude of the variogram
     :param mean_rate: mean rate m* in the noise variances m*/t [counts/s], by default sum of counts / sum of
         exposures; or a :class:`LocalRate` for noise variances with the rate at the place of each sample. The mean
         of the *map* is always estimated
-    :raises ValueError: if ``mean_rate`` is not positive and finite
 
     Attributes
     ----------
@@ -139,7 +137,6 @@ class PoissonKriging:
         :param uncertain: independent errors that the rates share and the targets have not, one standard deviation
             of each, shape (n, k) [counts/s], such as those of a drift; none by default. They add to the variance,
             but leave the weights as they are
-        :returns: itself
         :raises ValueError: if there is no sample, or as :class:`Samples`
         :raises IllConditionedError: if the matrix cannot be factored
         """
@@ -156,10 +153,6 @@ class PoissonKriging:
     ) -> PoissonKriging:
         """Add samples, as if all had been given to :meth:`fit`.
 
-        :param xy: places, shape (k, 2), or one place (x, y) [m]
-        :param counts: raw counts, shape (k,), or a number
-        :param exposure_s: effective exposures, shape (k,), or a number [s]
-        :param spread: as :meth:`fit`, shape (k, 4), or (3,)
         :returns: itself; errors that earlier samples share are not in these
         :raises ValueError: as :meth:`fit`; earlier samples stay as they were
         """
@@ -177,10 +170,8 @@ class PoissonKriging:
     def predict(self, xy: ArrayLike, progress: Progress | None = None) -> tuple[Array, Array]:
         """Rate and kriging variance at points.
 
-        :param xy: targets, shape (g, 2) [m]
         :param progress: called with the fraction done, from above 0 to 1, after each tile
         :returns: rate [counts/s] and variance without counting noise [(counts/s)^2], each of shape (g,)
-        :raises RuntimeError: before :meth:`fit`
         """
         targets = self._targets(check_xy(xy))
         rate, variance = self._system.surfaces(targets, self.keep_nugget, progress)
@@ -200,10 +191,7 @@ class PoissonKriging:
         :param x_m: centres of the columns, shape (nx,) [m]
         :param y_m: centres of the rows, shape (ny,) [m]
         :param mask: cells wanted, shape (ny, nx), by default all; other cells are NaN
-        :param progress: as :meth:`predict`
-        :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (ny, nx)
         :raises ValueError: if an axis is not a finite vector or the mask does not fit
-        :raises RuntimeError: before :meth:`fit`
         """
         x, y, wanted = check_raster(x_m, y_m, mask)
         self._fitted()
@@ -214,10 +202,8 @@ class PoissonKriging:
     def weights(self, xy: ArrayLike) -> tuple[Array, Array]:
         """Kriging weights and Lagrange multipliers.
 
-        :param xy: targets, shape (g, 2) [m]
         :returns: weights, shape (n, g), of the n records *as given* (those at one place share the weight of
             the place in proportion to exposure), and Lagrange multipliers mu, shape (g,) [(counts/s)^2]
-        :raises RuntimeError: before :meth:`fit`
         """
         from scipy.linalg import solve_triangular
 
@@ -243,10 +229,8 @@ class PoissonKriging:
     def covariance(self, xy: ArrayLike) -> Array:
         """Covariance of the kriging errors of the *smooth* rate between places, for planning.
 
-        :param xy: places, shape (m, 2) [m]
         :returns: symmetric matrix, shape (m, m) [(counts/s)^2]; its diagonal is the variance that
             :meth:`predict` gives without nugget and without what the prior knows of no two places
-        :raises RuntimeError: before :meth:`fit`
         """
         return self.rate_and_covariance(xy)[1]
 
@@ -286,9 +270,7 @@ class PoissonKriging:
     def shared(self, xy: ArrayLike) -> Array:
         """Errors that the rates at places have by those that the samples share (``uncertain`` of :meth:`fit`).
 
-        :param xy: places, shape (m, 2) [m]
         :returns: one standard deviation of each independent error, shape (m, k) [counts/s]
-        :raises RuntimeError: before :meth:`fit`
         """
         targets = self._targets(check_xy(xy))
         if not self._uncertain.size:
@@ -369,7 +351,6 @@ def clip_negative(variance: Array, sill: float) -> int:
     """Set negative variances, which come from rounding, to 0; warn if they are more than that.
 
     :param variance: is changed; may have NaN
-    :param sill: total sill, what rounding is relative to
     :returns: how many there were
     """
     negative = variance < 0

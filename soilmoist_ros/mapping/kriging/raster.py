@@ -68,12 +68,6 @@ def krige_raster(
 ) -> Array:
     """Rate and kriging variance of the cells of a raster.
 
-    :param system: the factored system of at least one sample
-    :param x_m: centres of the columns, shape (nx,) [m]
-    :param y_m: centres of the rows, shape (ny,) [m]
-    :param mask: cells wanted, shape (ny, nx)
-    :param nugget: as ``keep_nugget`` of :class:`PoissonKriging`
-    :param progress: called with the fraction done, from above 0 to 1
     :returns: rate [counts/s] and variance [(counts/s)^2], not yet clipped at 0, shape (2, ny, nx), NaN in unwanted
         cells
     """
@@ -157,9 +151,6 @@ class Tiles(NamedTuple):
 def find_tiles(variogram: Variogram, x_m: Array, y_m: Array, mask: Mask) -> Tiles | None:
     """The tiles with a wanted cell, about square in the plane where the variogram is isotropic.
 
-    :param x_m: columns, shape (nx,) [m]
-    :param y_m: rows, shape (ny,) [m]
-    :param mask: cells wanted, shape (ny, nx)
     :returns: ``None`` if rows or columns are not at equal distances
     """
     steps_m = []
@@ -189,10 +180,6 @@ def tile_sums(
 ) -> Iterator[tuple[slice, slice, Array]]:
     """Sums over the rows of W = L^-1 C_.0 for the cells of each tile.
 
-    :param system: the factored system of at least one sample
-    :param x_m: columns, shape (nx,) [m]
-    :param y_m: rows, shape (ny,) [m]
-    :param tiles: from :func:`find_tiles`
     :param nugget: whether a cell with a sample exactly in its centre shares the nugget of the sample
     :returns: rows and columns of a tile; the sum of squares of W, residual W, ones W, and uncertain W,
         shape (3 + k, height, width)
@@ -337,12 +324,7 @@ class Skeleton(NamedTuple):
 
 
 def find_skeleton(variogram: Variogram, tile: _TileShape, shape: tuple[int, int]) -> Skeleton:
-    """The skeleton of a tile.
-
-    :param variogram: variogram of the latent rate
-    :param tile: the tile
-    :param shape: its rows and columns
-    """
+    """The skeleton of a tile."""
     from scipy.linalg import qr, solve_triangular
 
     points, _ = _on_unit(np.zeros(0), _POINTS)

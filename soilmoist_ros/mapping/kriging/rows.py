@@ -29,13 +29,7 @@ _MIN_ROOM = 64
 
 
 class RasterKriging:
-    """Krigs the cells of one raster repeatedly. Not thread-safe.
-
-    :param x_m: centres of the columns, shape (nx,) [m]
-    :param y_m: centres of the rows, shape (ny,) [m]
-    :param mask: cells wanted, shape (ny, nx)
-    :param keep_nugget: as :class:`PoissonKriging`
-    """
+    """Krigs the cells of one raster repeatedly. Not thread-safe."""
 
     def __init__(self, x_m: Array, y_m: Array, mask: NDArray[np.bool_], keep_nugget: bool) -> None:
         self.keep_nugget = keep_nugget
@@ -48,8 +42,6 @@ class RasterKriging:
     def update(self, samples: Samples, variogram: Variogram, rate: float | LocalRate) -> Array | None:
         """Rate and kriging variance of the samples.
 
-        :param samples: at least one
-        :param variogram: variogram of the latent rate
         :param rate: rate in the noise variances rate/t [counts/s]: the mean rate m*, or that at each place
         :returns: rate [counts/s] and variance [(counts/s)^2], not yet clipped at 0, shape (2, ny, nx), NaN in
             unwanted cells; ``None``, independent of earlier updates, with too many samples or cells, or for a

@@ -32,7 +32,6 @@ _TILE_ELEMENTS = 400_000
 class Points:
     """Arbitrary target points.
 
-    :param variogram: its range and model
     :param places_xy: places of the samples, shape (p, 2) [m]
     :param xy: targets, shape (g, 2) [m]
     :param spread: spreads of the samples, shape (p, 4); all points if ``None``
@@ -53,7 +52,6 @@ class Points:
 class SamplePoints:
     """Samples that know their covariance with places.
 
-    :param variogram: variogram of the latent rate
     :param samples: x, y and the spread in the first columns, shape (m, 6 or more)
 
     Attributes
@@ -108,7 +106,6 @@ class SamplePoints:
 def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = None, first: int = 0) -> Array:
     """Structured correlation of samples with those of them from ``first`` on, shape (n, n - first), new memory.
 
-    :param xy: places of the samples, shape (n, 2) [m]
     :param spread: their spreads, shape (n, 4); all points if ``None``
     """
     every = Supports(xy, spread)
@@ -205,10 +202,7 @@ class KrigingSystem(NamedTuple):
         features: Array = _NO_FEATURES,
         uncertain: Array | None = None,
     ) -> KrigingSystem:
-        """The system of a Cholesky factor, with its data solved for.
-
-        :param uncertain: errors that the rates share, shape (n, k) [counts/s]
-        """
+        """The system of a Cholesky factor, with its data solved for."""
         from scipy.linalg import solve_triangular
 
         errors = np.empty((len(places), 0)) if uncertain is None else uncertain
@@ -235,10 +229,7 @@ class KrigingSystem(NamedTuple):
     def surfaces(self, targets: Points, nugget: bool, progress: Progress | None = None) -> tuple[Array, Array]:
         """Rate, and what the samples, the unknown mean and what is known add to the variance of the targets.
 
-        :param targets: where
         :param nugget: whether targets where a sample is share its nugget
-        :param progress: called with the fraction done, from above 0 to 1, after each tile
-        :returns: shapes (g,) [counts/s] and (g,) [(counts/s)^2]
         """
         ones, prior = self.ones, self.prior
         both = np.column_stack([self.residual, ones])

@@ -156,11 +156,7 @@ class TiledKriging:
     and 20 % for a Gaussian with a range of 30 m, for which no neighbourhood is large enough.
 
     :param variogram: variogram of the latent rate; its amplitude is left out
-    :param keep_nugget: as :class:`PoissonKriging`
     :param nearest: number of nearest samples of a tile; chosen by :meth:`fit` if ``None``
-    :param compute: computes the tiles; by default in this process, one after the other
-    :param mean_rate: as :class:`PoissonKriging`
-    :raises ValueError: if ``nearest`` is not positive
 
     Attributes
     ----------
@@ -200,16 +196,7 @@ class TiledKriging:
     def fit(
         self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
     ) -> TiledKriging:
-        """Replace the samples; estimate their mean and choose the number of neighbours.
-
-        :param xy: places, shape (n, 2), n >= 1 [m]
-        :param counts: raw counts, shape (n,)
-        :param exposure_s: effective exposures, shape (n,) [s]
-        :param spread: as :class:`PoissonKriging`
-        :returns: itself
-        :raises ValueError: if there is no sample, or as :class:`Samples`
-        :raises IllConditionedError: if a matrix cannot be factored
-        """
+        """Replace the samples; estimate their mean and choose the number of neighbours."""
         from scipy.spatial import cKDTree
 
         records = as_samples(xy, counts, exposure_s, spread)
@@ -227,13 +214,7 @@ class TiledKriging:
         return self
 
     def predict(self, xy: ArrayLike, progress: Progress | None = None) -> tuple[Array, Array]:
-        """Rate and kriging variance at points.
-
-        :param xy: targets, shape (g, 2) [m]
-        :param progress: called with the fraction done, from above 0 to 1
-        :returns: rate [counts/s] and variance without counting noise [(counts/s)^2], each of shape (g,)
-        :raises RuntimeError: before :meth:`fit`
-        """
+        """Rate and kriging variance at points."""
         model, targets = self._fitted(), check_xy(xy)
         result, done = np.empty((2, len(targets))), 0
         most = int(np.clip(len(targets) / 64, 64, 8192))  # targets of a task
@@ -254,16 +235,7 @@ class TiledKriging:
         mask: NDArray[np.bool_] | None = None,
         progress: Progress | None = None,
     ) -> tuple[Array, Array]:
-        """Rate and kriging variance on a raster.
-
-        :param x_m: centres of the columns, shape (nx,) [m]
-        :param y_m: centres of the rows, shape (ny,) [m]
-        :param mask: cells wanted, shape (ny, nx), by default all; other cells are NaN
-        :param progress: as :meth:`predict`
-        :returns: rate [counts/s] and variance [(counts/s)^2], each of shape (ny, nx)
-        :raises ValueError: if an axis is not a finite vector or the mask does not fit
-        :raises RuntimeError: before :meth:`fit`
-        """
+        """Rate and kriging variance on a raster."""
         x, y, wanted = check_raster(x_m, y_m, mask)
         rasters = np.full((2, len(y), len(x)), np.nan)
         row, column = np.nonzero(wanted)

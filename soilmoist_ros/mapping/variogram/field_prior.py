@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 class Effect:
     """Effect of a covariate on the rate.
 
-    :param name: of the covariate
     :param mean: change of the rate per standard deviation of the covariate, posterior mean [counts/s]
     :param sd: its posterior standard deviation [counts/s]; 0 with a mean of 0 if the covariate was left out
     """
@@ -77,7 +76,6 @@ class FieldPrior:
     def at(self, xy: Array, spread: Array | None = None) -> Array:
         """Scaled features at places or averaged over supports, shape (n, p).
 
-        :param xy: shape (n, 2) [m]
         :param spread: shape (n, 4); all points if ``None``
         """
         if spread is None or not spread.any():
@@ -85,18 +83,11 @@ class FieldPrior:
         return np.ascontiguousarray(Supports(xy, spread).average_rows(self.at))
 
     def mean(self, at: Array) -> Array:
-        """Prior mean of the rate about the unknown mean of the survey, shape (n,) [counts/s].
-
-        :param at: scaled features, shape (n, p)
-        """
+        """Prior mean of the rate about the unknown mean of the survey, shape (n,) [counts/s]."""
         return np.asarray(at @ self.coefficients)
 
     def covariance(self, at: Array, others: Array) -> Array:
-        """Covariance in addition to the variogram's, shape (n, m) [(counts/s)^2].
-
-        :param at: scaled features, shape (n, p)
-        :param others: likewise, shape (m, p)
-        """
+        """Covariance in addition to the variogram's, shape (n, m) [(counts/s)^2]."""
         if len(at) < len(others):
             return np.asarray((at @ self.matrix) @ others.T)
         return np.asarray(at @ (self.matrix @ others.T))
@@ -106,8 +97,5 @@ class FieldPrior:
         return 0.0 if self.own is None else self.own(xy)
 
     def variance(self, at: Array) -> Array:
-        """Variance in addition to the variogram's, shape (n,) [(counts/s)^2].
-
-        :param at: scaled features, shape (n, p)
-        """
+        """Variance in addition to the variogram's, shape (n,) [(counts/s)^2]."""
         return np.asarray(np.einsum("ij,ij->i", at @ self.matrix, at))

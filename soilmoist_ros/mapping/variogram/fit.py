@@ -33,17 +33,12 @@ UNKNOWN_EXTENT_M = 100.0
 class VariogramFit:
     """A fitted variogram and the details of the fit.
 
-    :param variogram: the fitted variogram
-    :param method: ``"reml"`` or ``"soft_l1"``
     :param mean_rate: mean rate m* of the data [counts/s]
-    :param n_samples: number of distinct places
     :param objective: restricted log-likelihood at the mode (reml; larger is better), or cost (soft_l1; smaller
         is)
     :param log_sd: standard errors of the logarithms of structured sill, range and nugget; ``None`` for soft_l1
     :param prior_share: influence of the prior on structured sill, range and nugget, from 0 (data only) to 1 (prior
         only); zeros for soft_l1, which has no prior
-    :param converged: whether the optimiser converged
-    :param message: message of the optimiser
     :param lag_m: mean distance of each class of the empirical semivariogram [m]
     :param gamma: empirical semivariance [(counts/s)^2], NaN for an empty class
     :param weight: weight of each class [s]
@@ -153,8 +148,6 @@ def estimate_variogram(
     :param xy: places, shape (n, 2) [m]; records at one place are merged
     :param counts: raw counts, shape (n,)
     :param exposure_s: effective exposures, shape (n,) [s]
-    :param model: variogram model
-    :param method: ``"reml"`` or ``"soft_l1"``
     :param extent_m: extent (longest side) of the field, for the prior of the range [m]. By default that of
         the samples, which understates it early in a mission
     :param edges: edges of distance classes [m], by default :func:`default_edges`

@@ -81,7 +81,6 @@ _BOUND, _TOLERANCE, _MAX_STEPS = 6.0, 0.01, 25
 class LocalRate:
     """The rate kriged from pools of samples, whose own noise is that of the mean rate: one step of an iteration.
 
-    :param variogram: variogram of the rate
     :param mean: mean of the rate [counts/s]
     :param least: lower limit of the estimate [counts/s], > 0
     :param pools_xy: centres of the pools, shape (k, 2) [m]
@@ -192,11 +191,8 @@ def fit_amplitude(
     approximation, jointly with that of the sill; see :func:`.maximise_reml`). Its mean square over the box is 1,
     so the sill is the mean variance of the field.
 
-    :param places: merged samples
     :param variogram: stationary variogram to krige with; returned as it is if the evidence does not ask for more
     :param mode: stationary variogram at the mode
-    :param rate: rate in the noise of the samples [counts/s]
-    :param box: south-west and north-east corner of the field's box [m]
     :param extent_m: extent of the field for the priors [m], > 0
     :returns: ``None`` if there are too few or too many samples, or nothing varies
     """
@@ -232,11 +228,7 @@ class _Likelihood:
     Parameters are in prior standard deviations from the prior's medians: three of the variogram, and one of each
     column of a square root of the prior covariance of the amplitude's coefficients.
 
-    :param places: merged samples
     :param mode: stationary variogram, the centre of the prior of the range
-    :param rate: rate in the noise [counts/s]
-    :param box: box of the field
-    :param prior: prior of the stationary variogram
 
     Attributes
     ----------

@@ -38,7 +38,6 @@ class CorrelationModel:
     :param with_slope: q -> correlation and d(correlation) / d(log range); may overwrite q
     :param practical: distance, in units of the range, at which 95 % of the structured variance is reached
         (spherical: all of it, as is usual)
-    :param label: name for reports
     :param is_product: whether it is analytic and a product of one factor for each axis, as only a Gaussian is:
         rasters are then interpolated from few points
     :param has_edge: whether it is not smooth at the range
@@ -147,11 +146,7 @@ BUILT_IN = {
 
 
 def _checked(plug_in: Any) -> CorrelationModel:
-    """A model of another package.
-
-    :raises TypeError: if it is no :class:`CorrelationModel`
-    :raises ValueError: if it is no correlation
-    """
+    """A model of another package."""
     if not isinstance(plug_in, CorrelationModel):
         raise TypeError(f"a variogram model must be a CorrelationModel, got {type(plug_in).__name__}")
     q = np.array([0.0, 0.3, 4.0])
@@ -252,13 +247,7 @@ class Amplitude:
 
 
 def spline_matrix(low: Corner, high: Corner, shape: tuple[int, int], xy: Array) -> Array:
-    """Values of all splines at places, shape (n, rows * columns): the logarithm is linear in the coefficients.
-
-    :param low: south-west corner of the box [m]
-    :param high: north-east corner [m]
-    :param shape: rows and columns of coefficients
-    :param xy: places, shape (n, 2) [m]
-    """
+    """Values of all splines at places, shape (n, rows * columns): the logarithm is linear in the coefficients."""
     matrix = np.zeros((len(xy), *shape))
     number = np.arange(len(xy))
     for row, column, weight in _terms(low, high, shape, xy):
@@ -393,12 +382,7 @@ class Variogram:
         return None if self.amplitude is None else self.amplitude(xy)
 
     def modulated(self, covariance: Array, xy: Array, other_xy: Array) -> Array:
-        """A covariance of the stationary variogram times the amplitudes at its places; may change its argument.
-
-        :param covariance: between n and m places, shape (n, m)
-        :param xy: the n places [m]
-        :param other_xy: the m places [m]
-        """
+        """A covariance of the stationary variogram times the amplitudes at its places; may change its argument."""
         if self.amplitude is not None:
             covariance *= self.amplitude(xy)[:, None]
             covariance *= self.amplitude(other_xy)

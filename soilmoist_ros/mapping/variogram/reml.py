@@ -83,11 +83,8 @@ def minimise(
 
     :param expand: parameters -> value, gradient (p,), and approximate Hessian (p, p), symmetric and positive
         definite
-    :param start: start values, shape (p,)
-    :param bound: maximum absolute value of each parameter
     :param tolerance: largest distance from the minimum at the end, as predicted by a Newton step of the parameters
         that are not at bounds
-    :param max_steps: maximum number of steps
     """
     at = _within(start, bound)
     value, gradient, hessian = expand(at)
@@ -139,8 +136,6 @@ Indices = NDArray[np.intp]
 
 class Packed:
     """Lower triangles of symmetric matrices of one size, column after column (the packed storage of BLAS).
-
-    :param n: rows
 
     Attributes
     ----------
@@ -292,8 +287,6 @@ class RestrictedLikelihood:
     The unknown constant mean is integrated out. With several blocks, the value is the sum over the blocks, each
     with its own mean (a composite likelihood). For samples with a spread, R averages over their areas.
 
-    :param places: merged samples
-    :param model: name of the variogram model
     :param blocks: numbers of the places of each block; by default one block with all places
     :param plane: matrix that maps places to the plane where the variogram is isotropic, shape (2, 2)
     :param noise: Poisson variance of each rate [(counts/s)^2]; by default that of the mean rate
@@ -452,9 +445,7 @@ def maximise_reml(
     and 1.00, and coverage changed by 1 % at most.
 
     :param places: merged samples, at least one; or those of several surveys
-    :param model: name of the variogram model
     :param extent_m: extent of the field for the prior of the range [m], > 0
-    :param anisotropy: whether the range may depend on the direction
     :param like: variogram fitted to fewer of the samples: its direction is used, and the search begins at it
     """
     surveys = places if isinstance(places, Surveys) else Surveys((places,))

@@ -99,7 +99,6 @@ def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30, few_cla
     distances instead, as PyKrige has them: three parameters cannot be fitted to one or two classes. Beyond
     2000 places every k-th one is looked at.
 
-    :param xy: places, shape (n, 2), at least two distinct [m]
     :param classes: largest number of classes
     :param min_pairs: pairs that a class should have
     :param few_classes: number of classes while pairs are few
@@ -167,7 +166,6 @@ def fit_soft_l1(lag: Array, gamma: Array, model: ModelName, least_sill: float) -
 
     :param lag: mean distances of the classes in units of the largest, shape (m,)
     :param gamma: their semivariances in units of the mean absolute one, shape (m,)
-    :param model: variogram model
     :param least_sill: lower bound of the structured sill in units of the semivariance
     """
     correlation = correlation_model(model)

@@ -137,11 +137,7 @@ class Supports:
         )
 
     def average_rows(self, of_points: Callable[[Array], Array]) -> Array:
-        """Averages of a function over the supports, one row for each.
-
-        :param of_points: returns values of shape (m, k) for m points
-        :returns: shape (n, k)
-        """
+        """Averages of a function over the supports, one row for each."""
         return self.average(lambda points: of_points(points).T.copy()).T
 
     def combine(self, of_layers: Iterable[Array]) -> Array:
@@ -158,10 +154,7 @@ class Supports:
 
 
 def near_share(radius_m: ArrayLike) -> Array:
-    """Share of the counts from within :data:`NEAR_RADII` of the radius of a footprint [0..1].
-
-    :param radius_m: radii [m], > 0
-    """
+    """Share of the counts from within :data:`NEAR_RADII` of the radius of a footprint [0..1]."""
     return np.asarray(np.interp(np.asarray(radius_m, float), _RADII_M, _near_shares()))
 
 
@@ -187,9 +180,6 @@ class SupportCorrelation:
     Correlations at a few ranges are interpolated by cubic Hermite polynomials in the logarithm of the range, so
     many evaluations cost little. The slope is the exact derivative of the interpolated correlation.
 
-    :param model: correlation model
-    :param xy: centres, shape (n, 2) [m]
-    :param spread: shape (n, 4)
     :param kept: maximum number of cached ranges, >= 2, of two matrices of shape (n, n) each
     :param plane: matrix that maps places to the plane where the model is isotropic, shape (2, 2)
     :param pack: conversion of the matrices for storage, by default none
