@@ -8,7 +8,7 @@ import math
 import sys
 import threading
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -56,6 +56,7 @@ _Where = tuple[int, Array]
 """Index of a record in the track, and spread of its counts."""
 
 _Some = TypeVar("_Some", Samples, TimedSamples, None)
+_Made = TypeVar("_Made")
 
 OBJECTION = 2.0
 """Loss of log-likelihood from which on the counts object to a footprint."""
@@ -243,11 +244,8 @@ class FieldMap:
         self.knowledge = knowledge
         chosen_m = settings.merge_radius_m
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
-        self._weighed: tuple[Samples, bool] | None = None
-        self._last_fit: tuple[Samples, VariogramFit] | None = None
-        self._last_search: tuple[Samples, VariogramFit] | None = None
+        self._made: dict[str, tuple[object, Any]] = {}
         self._joint = None if knowledge.is_empty else JointModel(knowledge, self._estimate, settings.noise)
-        self._last_change: tuple[TimedSamples, Change] | None = None
         self._finds_drift = settings.drift_model == "auto" and settings.fit == "reml"
         self._takes_times = self._finds_drift or knowledge.reference is not None
         self._raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
@@ -304,23 +302,19 @@ class FieldMap:
         self._merger.add_record(record, spread)
         if self._takes_times:
             self._timed.add_record(record, spread)
-        timed = self._timed_samples
-        samples, earlier = self._merger.samples, self.state
+        timed, samples, earlier = self._timed_samples, self._merger.samples, self.state
         due = _has_grown(earlier.fit_samples, samples)
         search = earlier.search_samples
         if search is None or (due and _has_grown(search, samples, growth=SEARCH_GROWTH)):
             search = samples
-        if timed is None:
-            fit_timed = None
-        elif (
-            due
-            or earlier.fit_timed is None
-            or _has_grown(earlier.fit_timed[0].samples, timed.samples, growth=CHANGE_GROWTH)
+        fit_timed = earlier.fit_timed
+        if timed is not None and (
+            due or fit_timed is None or _has_grown(fit_timed[0].samples, timed.samples, growth=CHANGE_GROWTH)
         ):
             fit_timed = timed, samples, record.stamp_s
-        else:
-            fit_timed = earlier.fit_timed
         model, known = earlier.model_samples, 0 if self._joint is None else self._joint.fitted_samples
+        if model is None or _has_grown(model, samples, known):
+            model = samples
         self.state = MapState(
             earlier.records + 1,
             record.stamp_s,
@@ -329,7 +323,7 @@ class FieldMap:
             search,
             timed=timed,
             fit_timed=fit_timed,
-            model_samples=samples if model is None or _has_grown(model, samples, known) else model,
+            model_samples=model,
             began_s=earlier.began_s or record.stamp_s,
         )
 
@@ -535,20 +529,32 @@ class FieldMap:
             return None
         state = self._as_seen(state)
         if state.given_fit is not None:
-            return self._with_prior(state, state.given_fit)
-        samples, known = state.fit_samples, self._last_fit
+            given = state.given_fit  # with what is known of the field, unless it has that already
+            if self._joint is None or given.prior is not None:
+                return given
+            return self._joint.fit(state.samples, state.samples, state.began_s, given)
+        samples = state.fit_samples
         if self.settings.fit == "soft_l1" and not (samples.xy != samples.xy[:1]).any():
             return None
-        if known is not None and known[0] is samples:
-            return known[1]
-        if self._joint is None:
-            fit = self._fit_alone(state)
-        elif self.knowledge.earlier:
-            fit = self._joint.fit(samples, state.model_samples or samples, state.began_s)
-        else:
-            fit = self._joint.fit(samples, samples, state.began_s, alone=self._fit_alone(state))
-        self._last_fit = samples, fit
-        return fit
+        return self._once("fit", samples, lambda: self._fitted(state))
+
+    def _fitted(self, state: MapState) -> VariogramFit:
+        samples, joint = state.fit_samples, self._joint
+        if joint is not None and self.knowledge.earlier:
+            return joint.fit(samples, state.model_samples or samples, state.began_s)
+        search = state.search_samples or samples
+        alone = self._once("search", search, lambda: self._estimate(search))
+        if search is not samples:
+            alone = self._estimate(samples, like=alone)
+        return alone if joint is None else joint.fit(samples, samples, state.began_s, alone=alone)
+
+    def _once(self, what: str, key: object, make: Callable[[], _Made]) -> _Made:
+        """What was made of this very key before, if that was the last one; else what is made now."""
+        known = self._made.get(what)
+        if known is None or known[0] is not key:
+            known = self._made[what] = key, make()
+        made: _Made = known[1]
+        return made
 
     def _as_seen(self, state: MapState) -> MapState:
         """The state without the footprint, if the counts object to it."""
@@ -556,9 +562,9 @@ class FieldMap:
         known = self.settings.deconvolve is not None or state.given_fit is not None or self.knowledge.earlier
         if known or not weighed.spread[:, 3].any():
             return state
-        if self._weighed is None or self._weighed[0] is not weighed:
-            self._weighed = weighed, fits_footprint(weighed, self.settings.model, self.grid.extent_m)
-        return state if self._weighed[1] else state.without_footprint
+        model, extent_m = self.settings.model, self.grid.extent_m
+        fits = self._once("footprint", weighed, lambda: fits_footprint(weighed, model, extent_m))
+        return state if fits else state.without_footprint
 
     @cached_property
     def expected_fit(self) -> VariogramFit | None:
@@ -567,28 +573,6 @@ class FieldMap:
         Its mean rate is that of the earlier surveys: the mean of this survey is not known.
         """
         return None if self._joint is None else self._joint.expected()
-
-    def _fit_alone(self, state: MapState) -> VariogramFit:
-        """The variogram of the samples of the survey."""
-        samples, search = state.fit_samples, state.search_samples
-        like = None if search is None or search is samples else self._searched(search)
-        fit = self._estimate(samples, like=like)
-        if like is None:
-            self._last_search = samples, fit
-        return fit
-
-    def _searched(self, samples: Samples) -> VariogramFit:
-        """The variogram of samples, searched for from several starts and in all directions."""
-        known = self._last_search
-        if known is None or known[0] is not samples:
-            known = self._last_search = samples, self._estimate(samples)
-        return known[1]
-
-    def _with_prior(self, state: MapState, given: VariogramFit) -> VariogramFit:
-        """A variogram that was fitted elsewhere, with what is known of the field unless it has that already."""
-        if self._joint is None or given.prior is not None:
-            return given
-        return self._joint.fit(state.samples, state.samples, state.began_s, given)
 
     def _estimate(
         self,
@@ -620,13 +604,17 @@ class FieldMap:
         if state.fit_timed is None or len(state.samples) > self.settings.max_exact_samples:
             return NO_CHANGE
         timed, samples, now_s = state.fit_timed
-        known = self._last_change
-        if known is None or known[0] is not timed:
-            found = NO_CHANGE
-            if self._finds_drift:
-                found = find_change(timed, now_s, fit.variogram, fit.noise_rate, fit.prior, samples)
-            known = self._last_change = timed, replace(found, error=self.knowledge.reference)
-        return known[1]
+
+        def found() -> Change:
+            rate = fit.noise_rate
+            change = (
+                find_change(timed, now_s, fit.variogram, rate, fit.prior, samples)
+                if self._finds_drift
+                else NO_CHANGE
+            )
+            return replace(change, error=self.knowledge.reference)
+
+        return self._once("change", timed, found)
 
     @cached_property
     def _area(self) -> Polygon | MultiPolygon:
