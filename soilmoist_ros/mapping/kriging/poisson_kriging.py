@@ -29,7 +29,6 @@ from soilmoist_ros.mapping.kriging.system import (
     Progress,
     cholesky_with_jitter,
     coincident,
-    no_system,
     sample_correlation,
     target_variance,
 )
@@ -91,20 +90,18 @@ class PoissonKriging:
         self.jitter = 0.0
         self.clipped_variances = 0
         self._records: Samples | None = None
-        self._uncertain = np.empty((0, 0))
         self._record_place: NDArray[np.intp] = np.empty(0, int)
-        self._places = NO_SAMPLES
-        self._system = no_system(variogram)
+        self._uncertain = np.empty((0, 0))
+        none = np.empty(0)
+        self._system = KrigingSystem(variogram, NO_SAMPLES, np.empty((0, 0)), none, none, float("nan"))
 
     def __repr__(self) -> str:
-        return f"PoissonKriging({self.variogram.model}, {len(self._places)} places)"
-
-    # -- samples ---------------------------------------------------------------------------------------
+        return f"PoissonKriging({self.variogram.model}, {len(self.places)} places)"
 
     @property
     def places(self) -> Samples:
         """The merged samples: one per distinct place, in the order of first appearance."""
-        return self._places
+        return self._system.places
 
     @property
     def map_mean(self) -> float:
@@ -143,9 +140,7 @@ class PoissonKriging:
         records = as_samples(xy, counts, exposure_s, spread)
         if not len(records):
             raise ValueError("kriging needs at least one sample; wait for the first record")
-        self._take(records)
-        self._uncertain = np.empty((len(records), 0)) if uncertain is None else uncertain
-        self._rebuild()
+        self._factor(records, np.empty((len(records), 0)) if uncertain is None else uncertain)
         return self
 
     def add(
@@ -160,12 +155,8 @@ class PoissonKriging:
         if self._records is None:
             return self.fit(new.xy, new.counts, new.exposure_s, new.spread)
         if len(new):
-            self._take(self._records.joined(new))
-            self._uncertain = np.pad(self._uncertain, ((0, len(new)), (0, 0)))
-            self._rebuild()
+            self._factor(self._records.joined(new), np.pad(self._uncertain, ((0, len(new)), (0, 0))))
         return self
-
-    # -- prediction ------------------------------------------------------------------------------------
 
     def predict(self, xy: ArrayLike, progress: Progress | None = None) -> tuple[Array, Array]:
         """Rate and kriging variance at points.
@@ -219,18 +210,18 @@ class PoissonKriging:
         lagrange = (solved @ ones - 1) / (ones @ ones)
         right = (solved - lagrange[:, None] * ones).T
         of_places = solve_triangular(factor, right, lower=True, trans="T", check_finite=False)
-        of_samples = self.variogram.amplitude_at(self._places.xy)
+        of_samples = self.variogram.amplitude_at(self.places.xy)
         if of_samples is not None:
             of_places /= of_samples[:, None]
         assert self._records is not None
-        share = self._records.exposure_s / self._places.exposure_s[self._record_place]
+        share = self._records.exposure_s / self.places.exposure_s[self._record_place]
         return of_places[self._record_place] * share[:, None], lagrange
 
     def covariance(self, xy: ArrayLike) -> Array:
-        """Covariance of the kriging errors of the *smooth* rate between places, for planning.
+        """Covariance of the kriging errors of the *smooth* rate between places, shape (m, m) [(counts/s)^2].
 
-        :returns: symmetric matrix, shape (m, m) [(counts/s)^2]; its diagonal is the variance that
-            :meth:`predict` gives without nugget and without what the prior knows of no two places
+        Its diagonal is the variance that :meth:`predict` gives without nugget and without what the prior knows of
+        no two places.
         """
         return self.rate_and_covariance(xy)[1]
 
@@ -248,7 +239,7 @@ class PoissonKriging:
         weights = solve_triangular(system.factor, system.residual, lower=True, trans="T", check_finite=False)
         rate = known @ weights
         if self.keep_nugget:
-            target, place = coincident(targets, self._places.xy)
+            target, place = coincident(targets, self.places.xy)
             rate[target] += variogram.nugget * weights[place]
         amplitude = variogram.amplitude_at(targets)
         if amplitude is not None:
@@ -280,43 +271,26 @@ class PoissonKriging:
             errors.append(self._system.shared(solved if amplitude is None else solved * amplitude[tile, None]))
         return np.concatenate(errors)
 
-    # -- factorisation ---------------------------------------------------------------------------------
+    def _fitted(self) -> Samples:
+        if self._records is None:
+            raise RuntimeError("the kriging has no samples yet; call fit() first")
+        return self.places
 
     def _targets(self, xy: Array) -> Points:
         places = self._fitted()
         return Points(self.variogram, places.xy, xy, places.spread)
 
-    def _fitted(self) -> Samples:
-        if self._records is None:
-            raise RuntimeError("the kriging has no samples yet; call fit() first")
-        return self._places
-
-    def _take(self, records: Samples) -> None:
-        self._records = records
-        self._places, self._record_place = merge_exactly(records)
-
-    def _wanted_mean_rate(self) -> float:
-        known = self.mean_rate
-        return noise_rate(self._places) if known is None or isinstance(known, LocalRate) else known
-
-    def _noise(self, places: Samples) -> Array:
-        """Poisson variance of the rate of each place, in units of its squared amplitude [(counts/s)^2]."""
-        rate = self.mean_rate if isinstance(self.mean_rate, LocalRate) else self.noise_mean_rate
+    def _factor(self, records: Samples, uncertain: Array) -> None:
+        """Factor the matrix of the merged records, with as little jitter as makes it positive definite."""
+        variogram, prior, rate = self.variogram, self.prior, self.mean_rate
+        self._records, self._uncertain = records, uncertain
+        places, self._record_place = merge_exactly(records)
+        self.noise_mean_rate = noise_rate(places) if rate is None or isinstance(rate, LocalRate) else rate
+        rate = rate if isinstance(rate, LocalRate) else self.noise_mean_rate
         noise = noise_rates(rate, places.xy) / places.exposure_s
-        amplitude = self.variogram.amplitude_at(places.xy)
-        return noise if amplitude is None else noise / amplitude**2
-
-    def _uncertain_places(self) -> Array:
-        """The shared errors of the rates of the places, shape (places, k) [counts/s]."""
-        assert self._records is not None
-        shares = self._records.exposure_s[:, None] * self._uncertain
-        totals = [np.bincount(self._record_place, one, len(self._places)) for one in shares.T]
-        return np.array(totals).reshape(len(totals), len(self._places)).T / self._places.exposure_s[:, None]
-
-    def _rebuild(self) -> None:
-        """Factor the matrix, with as little jitter as makes it positive definite."""
-        self.noise_mean_rate = self._wanted_mean_rate()
-        variogram, places, prior, noise = self.variogram, self._places, self.prior, self._noise(self._places)
+        amplitude = variogram.amplitude_at(places.xy)
+        if amplitude is not None:  # in units of its square
+            noise = noise / amplitude**2
         matrix = sample_correlation(variogram, places.xy, places.spread).T
         matrix *= variogram.structured_sill
         features = np.empty((0, 0))
@@ -326,8 +300,12 @@ class PoissonKriging:
             matrix[np.diag_indices(len(places))] += prior.own_variance(places.xy)
         scale = variogram.sill + float(np.mean(noise))
         factor, self.jitter = cholesky_with_jitter(matrix, variogram.nugget + noise, scale)
-        uncertain = self._uncertain_places()
-        self._system = KrigingSystem.of_factor(variogram, places, factor, prior, features, uncertain)
+        totals = [
+            np.bincount(self._record_place, one, len(places))
+            for one in (records.exposure_s[:, None] * uncertain).T
+        ]
+        errors = np.array(totals).reshape(len(totals), len(places)).T / places.exposure_s[:, None]
+        self._system = KrigingSystem.of_factor(variogram, places, factor, prior, features, errors)
 
 
 @lru_cache(maxsize=2)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import IllConditionedError, squared_distances
-from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 from soilmoist_ros.mapping.variogram.support import Supports
@@ -281,8 +281,3 @@ def target_variance(variogram: Variogram, keep_nugget: bool, xy: Array | None = 
     variance = variogram.sill if keep_nugget else variogram.structured_sill
     amplitude = None if xy is None else variogram.amplitude_at(xy)
     return variance if amplitude is None else variance * amplitude**2
-
-
-def no_system(variogram: Variogram) -> KrigingSystem:
-    """The system without samples."""
-    return KrigingSystem(variogram, NO_SAMPLES, np.empty((0, 0)), np.empty(0), np.empty(0), float("nan"))
