@@ -66,11 +66,6 @@ class RasterBands:
     """The bands of an open raster file.
 
     :raises InputError: if it has no reference system, or no place
-
-    Attributes
-    ----------
-    names : list[str]
-        descriptions of the bands, empty for a band without one
     """
 
     def __init__(self, path: Path, source: DatasetReader) -> None:
@@ -81,7 +76,7 @@ class RasterBands:
                 "assign it in a GIS, or with 'gdal_edit.py -a_srs EPSG:... FILE'",
                 path,
             )
-        self.names = [name or "" for name in source.descriptions]
+        self.names = [name or "" for name in source.descriptions]  # empty for a band without one
 
     def number(self, band: str) -> int:
         """Number of a band, from 1.

@@ -80,8 +80,7 @@ RECENT = 30
 class FieldMapSettings:
     """Choices of a :class:`FieldMap`.
 
-    ``model``, ``fit``, ``keep_nugget``, ``merge_radius_m``, ``noise``, ``local`` and ``drift_model`` are those of
-    :class:`MappingSettings`, with its defaults.
+    Those not named here are of :class:`MappingSettings`, with its defaults.
 
     :param margin_m: records up to this far outside the field count [m], >= 0; they inform its edge
     :param footprint_radius_m: radius of the footprint over which the records were counted [m], >= 0; 0 if it is
@@ -206,25 +205,11 @@ class Snapshot:
 class FieldMap:
     """The map of a field that grows: records or samples go in, :meth:`compute` makes the map of any state.
 
-    :meth:`add` is quick. :meth:`compute` takes longer: 0.4 s for 300 samples and 70,000 cells after a new
-    fit of the variogram, half of that without. It may run in other threads; the map of a state is the same, bit
-    for bit, whether or not those of earlier states were computed.
+    :meth:`add` is quick. :meth:`compute` may run in other threads; the map of a state is the same, bit for bit,
+    whether or not those of earlier states were computed.
 
     :param knowledge: what is known of the field besides the counts of this survey; with earlier surveys or useful
         covariates, the variance does not differ from place to place, whatever ``local`` is
-
-    Attributes
-    ----------
-    merge_radius_m : float
-        records closer together than this become one sample [m]
-    state : MapState
-        what the map is computed from, now
-    soil_map : SoilMap | None
-        the map of the last :meth:`update`
-    track : list[CountRecord]
-        the records so far, in order, those without a position included
-    skipped : dict[Skip, SkippedRecords]
-        what was left out, and why
 
     >>> grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 40), (0, 40)], cell_m=10.0)
     >>> field_map = FieldMap(grid)
@@ -243,6 +228,7 @@ class FieldMap:
         self.settings = settings
         self.knowledge = knowledge
         chosen_m = settings.merge_radius_m
+        # records closer together than this become one sample [m]
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
         self._made: dict[str, tuple[object, Any]] = {}
         self._joint = None if knowledge.is_empty else JointModel(knowledge, self._estimate, settings.noise)
@@ -266,9 +252,9 @@ class FieldMap:
         self._recent_fit: tuple[int, Variogram] | None = None
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
         self.state = MapState()
-        self.soil_map: SoilMap | None = None
+        self.soil_map: SoilMap | None = None  # of the last :meth:`update`
         self._mapped: MapState | None = None
-        self.track: list[CountRecord] = []
+        self.track: list[CountRecord] = []  # the records so far, those without a position included
         self.skipped: dict[Skip, SkippedRecords] = {}
 
     def add(self, record: CountRecord) -> Skip | None:

@@ -365,11 +365,6 @@ class JointModel:
     """Fits the joint model of the surveys and covariates of a field.
 
     :param noise: rate in the Poisson noise: ``local`` to each place, or ``mean``
-
-    Attributes
-    ----------
-    fitted_samples : int
-        number of earlier samples to which the variogram is fitted
     """
 
     def __init__(self, knowledge: Knowledge, estimate: Estimate, noise: NoiseModel) -> None:
@@ -383,6 +378,7 @@ class JointModel:
             for one, before in zip(ordered, [*stamps[:1], *stamps], strict=False)
         )
         self._last: tuple[Samples, float, Variogram | None, _Model] | None = None
+        # number of earlier samples to which the variogram is fitted
         self.fitted_samples = sum(map(len, _fitted(self._all)))
 
     def fit(

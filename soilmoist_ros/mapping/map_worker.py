@@ -20,15 +20,6 @@ class MapWorker:
 
     :param compute: makes the map of a state; what it raises is kept in :attr:`failure` and logged
     :param done: called in the thread with every state and its map, ``None`` if the state has too few samples
-
-    Attributes
-    ----------
-    mapped : MapState
-        the state of the last map
-    soil_map : SoilMap | None
-        the last map
-    failure : str
-        why the last state has no map, empty if it has one
     """
 
     PART = "map"
@@ -41,7 +32,7 @@ class MapWorker:
     ) -> None:
         self.mapped = MapState()
         self.soil_map: SoilMap | None = None
-        self.failure = ""
+        self.failure = ""  # why the last state has no map
         self._compute = compute
         self._done = done
         self._next: MapState | None = None

@@ -190,8 +190,7 @@ class SampleMerger:
     A record joins the nearest sample if its mean place is within the radius, and moves it; otherwise it begins
     a new sample. So the records of a stop whose positions jitter are one sample, however long the robot stands,
     and a drive becomes a chain of samples about two radii apart (each lags behind the robot by half its path).
-    What comes out depends on the order of the records, unlike with
-    :func:`merge_records`, which needs them all.
+    What comes out depends on the order of the records, unlike with :func:`merge_records`.
 
     A sample's spread is the path of its records together (parallel-axis theorem), and the sensor's footprint.
 

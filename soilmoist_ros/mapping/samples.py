@@ -129,7 +129,7 @@ class Samples:
 
     @property
     def merged(self) -> Samples:
-        """One sample for each distinct place, in the order of first appearance; see :func:`merge_exactly`."""
+        """One sample for each distinct place, in the order of first appearance."""
         return merge_exactly(self)[0]
 
     @cached_property

@@ -156,8 +156,7 @@ class SoilMap:
     :param mean_rate: mean rate m* of the samples [counts/s]; their noise has it unless the fit has a local rate
     :param curve: calibration, ``None`` if the map is of the rate only
     :param keep_nugget: whether the map has the rate with its micro-scale variation, or the smooth part only
-    :param made_by: the fitted kriging that made the map; ``None`` if
-        :meth:`RasterKriging.update` did
+    :param made_by: the fitted kriging that made the map; ``None`` if :meth:`RasterKriging.update` did
     :param change: how the mean rate changed during the survey; the map is of its end
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
     :param footprint_radius_m: radius of the footprint over which the counts were made [m], 0 if it is not known
@@ -315,8 +314,7 @@ def make_soil_map(
 
     :param samples: at least one
     :param curve: calibration that turns the rate into soil moisture
-    :param max_exact_samples: number of samples beyond which it is
-        :class:`TiledKriging` that makes the map
+    :param max_exact_samples: number of samples beyond which :class:`TiledKriging` makes the map
     :param raster: of the same grid and nugget; makes the map if it can, from what it has kept
     :param changing: the samples by place and time, how their mean changed, and the time of the map [s]; a drift
         needs at most ``max_exact_samples``, and the samples by time at the places of the samples

@@ -54,15 +54,6 @@ class PoissonKriging:
         exposures; or a :class:`LocalRate` for noise variances with the rate at the place of each sample. The mean
         of the *map* is always estimated
 
-    Attributes
-    ----------
-    clipped_variances : int
-        how many variances of the last prediction were negative and set to 0
-    jitter : float
-        what was added to the diagonal of the matrix to make it positive definite [(counts/s)^2]
-    noise_mean_rate : float
-        the m* in use [counts/s]; with a local rate, that of the data
-
     >>> kriging = PoissonKriging(Variogram("matern32", nugget=0.0, range_m=15.0, sill=0.5))
     >>> kriging.fit([(0, 0), (20, 0)], counts=[300, 500], exposure_s=[100.0, 100.0])
     PoissonKriging(matern32, 2 places)
@@ -86,9 +77,9 @@ class PoissonKriging:
         self.keep_nugget = keep_nugget
         self.mean_rate = mean_rate
         self.prior = prior
-        self.noise_mean_rate = float("nan")
-        self.jitter = 0.0
-        self.clipped_variances = 0
+        self.noise_mean_rate = float("nan")  # the m* in use; with a local rate, that of the data [counts/s]
+        self.jitter = 0.0  # added to the diagonal to make the matrix positive definite [(counts/s)^2]
+        self.clipped_variances = 0  # variances of the last prediction that were negative and set to 0
         self._records: Samples | None = None
         self._record_place: NDArray[np.intp] = np.empty(0, int)
         self._uncertain = np.empty((0, 0))

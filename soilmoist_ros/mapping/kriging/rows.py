@@ -94,21 +94,12 @@ class _Covariances:
     """Structured covariances of samples with each other and with fixed targets, kept while samples are added.
 
     :param xy: the targets, distinct, shape (g, 2) [m]
-
-    Attributes
-    ----------
-    between : NDArray
-        covariances of the samples, below the diagonal; arbitrary numbers above it
-    with_targets : NDArray
-        covariances of the samples with the targets
-    amplitude : NDArray | None
-        of the targets
     """
 
     def __init__(self, xy: Array) -> None:
-        self.between = np.zeros((_MIN_ROOM, _MIN_ROOM))
+        self.between = np.zeros((_MIN_ROOM, _MIN_ROOM))  # of the samples; above the diagonal anything
         self.with_targets = np.zeros((_MIN_ROOM, len(xy)))
-        self.amplitude: Array | None = None
+        self.amplitude: Array | None = None  # of the targets
         self._xy, self._scaled = xy, (xy[:, 0], xy[:, 1])
         self._variogram: Variogram | None = None
         self._samples = np.empty((0, 6))  # places and spreads of those whose covariances are known

@@ -53,16 +53,11 @@ class SamplePoints:
     """Samples that know their covariance with places.
 
     :param samples: x, y and the spread in the first columns, shape (m, 6 or more)
-
-    Attributes
-    ----------
-    layers : list
-        (samples, x, y, factor): whose points they are, as in :class:`Supports`,
-        their places as of :func:`scaled` and their weights times the structured sill, each of shape (k,)
     """
 
     def __init__(self, variogram: Variogram, samples: Array) -> None:
         self._correlation = variogram.correlation_model.correlation
+        # as :class:`Supports`: whose points they are, their places as of :func:`scaled`, weights times the sill
         self.layers: list[tuple[slice | NDArray[np.intp], Array, Array, Array]] = []
         for which, points, weight in Supports(samples[:, :2], samples[:, 2:6]).layers:
             factor = np.full(len(points), variogram.structured_sill)
@@ -103,8 +98,8 @@ class SamplePoints:
             begin += len(east)
 
 
-def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = None, first: int = 0) -> Array:
-    """Structured correlation of samples with those of them from ``first`` on, shape (n, n - first), new memory.
+def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = None) -> Array:
+    """Structured correlation between samples, shape (n, n), new memory.
 
     :param spread: their spreads, shape (n, 4); all points if ``None``
     """
@@ -114,7 +109,7 @@ def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = N
         scaled = variogram.scaled(points)
         return every.average(lambda others: _correlation(variogram, scaled, variogram.scaled(others))).T
 
-    return Supports(xy[first:], None if spread is None else spread[first:]).average(with_points)
+    return every.average(with_points)
 
 
 def _correlation(variogram: Variogram, scaled: Array, others: Array) -> Array:

@@ -150,22 +150,13 @@ class TiledKriging:
     ``compute``.
 
     :meth:`fit` chooses the smallest number of neighbours that keeps the rate on a few tiles within 0.75 % of the
-    kriging sd of the rate from twice as many; at most 1200. :attr:`accuracy` is no bound: the error of single
-    cells may be several times as large. With 300 neighbours, errors against exact kriging of 900 samples 6 m apart
-    are at most 1 % of the kriging sd at ranges of 10 m, 2 % at 30 m (Matern 3/2), 6 % at 60 m (exponential)
-    and 20 % for a Gaussian with a range of 30 m, for which no neighbourhood is large enough.
+    kriging sd of the rate from twice as many; at most 1200. :attr:`accuracy` is no bound: single cells may be off
+    by several times as much. With 300 neighbours, errors against exact kriging of 900 samples 6 m apart are at
+    most 1 % of the kriging sd at ranges of 10 m, 2 % at 30 m (Matern 3/2), 6 % at 60 m (exponential) and 20 % for
+    a Gaussian with a range of 30 m.
 
     :param variogram: variogram of the latent rate; its amplitude is left out
     :param nearest: number of nearest samples of a tile; chosen by :meth:`fit` if ``None``
-
-    Attributes
-    ----------
-    accuracy : Accuracy or None
-        error from neighbours left out; ``None`` if there are none, or ``nearest`` was given
-    clipped_variances : int
-        number of negative variances of the last prediction that were set to 0
-    noise_mean_rate : float
-        as in :class:`PoissonKriging`
     """
 
     def __init__(
@@ -180,7 +171,7 @@ class TiledKriging:
             raise ValueError(f"nearest must be at least 1, got {nearest}")
         self.variogram = variogram.stationary
         self.keep_nugget = keep_nugget
-        self.accuracy: Accuracy | None = None
+        self.accuracy: Accuracy | None = None  # ``None`` if no neighbours are left out, or ``nearest`` was given
         self.clipped_variances = 0
         self.noise_mean_rate = float("nan")
         self._nearest = nearest

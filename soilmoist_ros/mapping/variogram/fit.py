@@ -135,11 +135,8 @@ def estimate_variogram(
     """Fit a variogram of the latent rate to counts.
 
     ``"reml"`` (recommended, with Matern 3/2) uses the restricted likelihood of the rates with the known noise
-    m*/t, times weak priors (:class:`Prior`). It returns the posterior mode of the range and the posterior means of
-    the variances, so the map's uncertainty includes the uncertainty of the variances. One sample is enough; the
-    result is then the prior's. Above 1000 places the likelihood is a composite over blocks of at most 500
-    neighbours. From 15 places on, the range may depend on the direction, as far as the likelihood supports it
-    (:func:`maximise_reml`).
+    m*/t, times weak priors (:func:`maximise_reml`). One sample is enough; the result is then the prior's. Above
+    1000 places the likelihood is a composite over blocks of at most 500 neighbours.
 
     ``"soft_l1"`` uses least squares with soft-L1 loss on the binned semivariogram, as published for this robot. It
     needs two distinct places and ignores the uncertainty of each class. In simulations its intervals were as good
@@ -151,10 +148,8 @@ def estimate_variogram(
     :param extent_m: extent (longest side) of the field, for the prior of the range [m]. By default that of
         the samples, which understates it early in a mission
     :param edges: edges of distance classes [m], by default :func:`default_edges`
-    :param spread: second moments of the areas over which the samples were counted, shape (n, 4), see
-        :mod:`support`; by default all points. REML estimates the variogram of the rate at points; the
-            semivariogram
-        and soft_l1 ignore the spread
+    :param spread: as :class:`Samples`. REML estimates the variogram of the rate at points; the semivariogram and
+        soft_l1 ignore the spread
     :param anisotropy: whether the range may depend on the direction; it never does with soft_l1
     :param local_noise: whether the Poisson noise in a map has the rate at each place, instead of the mean
     :param box: box of the field, to test whether the rate varies more here than there (:mod:`.local`); with

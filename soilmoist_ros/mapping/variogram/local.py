@@ -229,11 +229,6 @@ class _Likelihood:
     column of a square root of the prior covariance of the amplitude's coefficients.
 
     :param mode: stationary variogram, the centre of the prior of the range
-
-    Attributes
-    ----------
-    start : NDArray
-        the stationary variogram
     """
 
     def __init__(self, places: Samples, mode: Variogram, rate: float | LocalRate, box: Box, prior: Prior) -> None:

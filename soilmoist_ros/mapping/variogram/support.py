@@ -64,15 +64,10 @@ class Supports:
 
     :param xy: centres, shape (n, 2) [m]
     :param spread: shape (n, 4); all points if ``None``
-
-    Attributes
-    ----------
-    layers : list
-        (samples, points, weights): the samples of the points (all, or numbers), the points, shape (m, 2) [m], and
-        their weights, shape (m,) or one for all; ``None`` for a weight of 1
     """
 
     def __init__(self, xy: Array, spread: Array | None = None) -> None:
+        # (samples, points, weights): whose points they are, the points [m], and their weights; ``None`` for 1
         self.layers: list[tuple[slice | Indices, Array, Array | float | None]] = [(slice(None), xy, None)]
         if spread is None or not spread.any():
             return

@@ -445,4 +445,3 @@ def test_correlations_of_samples_are_those_with_the_points_of_their_supports():
     is_point = ~SPREAD.any(axis=1)
     np.testing.assert_allclose(found, found.T, atol=1e-12)
     np.testing.assert_allclose(found[:, is_point], points[is_point].T, atol=1e-12)
-    np.testing.assert_allclose(sample_correlation(variogram, PLACES, SPREAD, 4), found[:, 4:], atol=1e-12)
