@@ -59,17 +59,6 @@ def test_only_the_newest_of_the_waiting_states_is_mapped(bench):
     assert bench.computed == [1, 5]
 
 
-def test_a_state_is_not_mapped_twice(bench):
-    bench.worker.submit(STATES[0])
-    assert bench.started.acquire(timeout=LIMIT_S)
-    bench.finish_one()
-    bench.worker.submit(STATES[0])
-    assert not bench.started.acquire(timeout=0.2)
-    bench.worker.submit(STATES[1])
-    bench.finish_one()
-    assert bench.computed == [1, 2]
-
-
 def test_a_map_that_is_finished_after_the_end_is_not_published(bench):
     """The map of a field that was left must not be taken for one of the next field."""
     bench.worker.submit(STATES[0])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Variogram, empirical_semivariogram, fit_variogram
-from soilmoist_ros.mapping.samples import Samples, merge_exactly, merge_records, noise_rate, path_spread, pooled
+from soilmoist_ros.mapping.samples import Samples, merge_exactly, merge_records, path_spread, pooled
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 COORDINATE = st.integers(-20, 20).map(float)
@@ -38,11 +38,6 @@ def columns(records):
 def test_samples_refuse_bad_input_and_name_the_first_offender(xy, counts, exposure_s, message):
     with pytest.raises(ValueError, match=message):
         Samples(xy, counts, exposure_s)
-
-
-def test_noise_rate_is_never_zero():
-    assert noise_rate(Samples([[0, 0], [1, 0]], [4, 2], [1, 2])) == 2
-    assert noise_rate(Samples([[0, 0], [1, 0]], [0, 0], [10, 40])) == 0.01
 
 
 def test_merge_exactly_keeps_the_order_of_first_appearance():

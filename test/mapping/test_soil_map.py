@@ -66,11 +66,6 @@ def test_cells_too_wet_for_the_curve_are_counted():
     assert not make_soil_map(survey(), FIELD, MODEL).beyond_limits.any()
 
 
-def test_no_samples_make_no_map():
-    with pytest.raises(ValueError, match="at least one sample"):
-        make_soil_map(Samples([], [], []), FIELD, MODEL)
-
-
 @pytest.mark.slow
 def test_cells_as_a_table_and_bands_over_their_axes():
     pytest.importorskip("pandas")
@@ -150,12 +145,6 @@ def test_no_band_shows_what_the_soil_cannot_hold(rates, sd, density, n0, shares)
     assert (bands.vwc <= bands.vwc_p95)[:-1].all()
     assert (bands.vwc_sd[:-1] <= wettest / 2 + 1e-12).all()
     assert all(np.isnan(band[-1]) for band in bands if band is not bands.rate_sd)
-
-
-def test_a_rate_below_the_pole_is_saturated_soil():
-    bands = make_bands(np.array([1.0, CURVE.lowest_rate_cps]), np.full(2, 0.01), CURVE)
-    np.testing.assert_array_equal(bands.vwc, soil_limits(1.4).saturation)
-    np.testing.assert_array_equal(bands.vwc_p95, soil_limits(1.4).saturation)
 
 
 @settings(max_examples=60)

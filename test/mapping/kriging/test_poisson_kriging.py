@@ -17,7 +17,6 @@ from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
 from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Points, sample_correlation
-from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.model import Amplitude, Variogram
@@ -403,34 +402,6 @@ def test_every_way_to_a_map_equals_the_dense_solution(model, keep_nugget):
     np.testing.assert_allclose(of_places, weights[:-1], atol=1e-7)
     np.testing.assert_allclose(lagrange, weights[-1], atol=1e-7)
     np.testing.assert_allclose(of_places.sum(axis=0), 1.0)
-
-
-def test_planning_covariances_are_those_of_the_smooth_rate():
-    kriging = PoissonKriging(LOCAL, False, 4.0).fit(XY, COUNTS, EXPOSURE_S)
-    covariance = kriging.covariance(CELLS[::37])
-    np.testing.assert_allclose(covariance, covariance.T)
-    np.testing.assert_allclose(np.diag(covariance), kriging.predict(CELLS[::37])[1], atol=1e-10)
-    assert np.linalg.eigvalsh(covariance).min() > -1e-10
-
-
-def test_a_constant_amplitude_is_another_sill():
-    table = ((np.log(2.0),) * 4,) * 4
-    doubled = replace(STATIONARY, amplitude=Amplitude((0, 0), (40, 30), table))
-    larger = replace(STATIONARY, nugget=4 * STATIONARY.nugget, sill=4 * STATIONARY.sill)
-    one, other = (PoissonKriging(v, mean_rate=4.0).fit(XY, COUNTS, EXPOSURE_S) for v in (doubled, larger))
-    for found, expected in zip(one.predict(CELLS), other.predict(CELLS), strict=True):
-        np.testing.assert_allclose(found, expected, rtol=1e-9)
-    np.testing.assert_allclose(one.covariance(CELLS[::50]), other.covariance(CELLS[::50]), atol=1e-10)
-
-
-def test_an_amplitude_of_one_changes_nothing():
-    flat = replace(STATIONARY, amplitude=Amplitude((0, 0), (40, 30), ((0.0,) * 4,) * 4))
-    one, other = (PoissonKriging(v).fit(XY, COUNTS, EXPOSURE_S).predict(CELLS) for v in (flat, STATIONARY))
-    np.testing.assert_array_equal(one, other)
-
-
-def test_neighbours_krige_with_the_stationary_part():
-    assert TiledKriging(LOCAL).variogram == STATIONARY
 
 
 RANDOM = np.random.default_rng(8)

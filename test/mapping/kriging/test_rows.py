@@ -110,13 +110,6 @@ def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(model, keep
         np.testing.assert_allclose(found, kriged(mission, SMALL, keep_nugget), rtol=0, atol=1e-9)
 
 
-def test_samples_at_one_place_are_merged():
-    raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
-    mission.append(9)
-    mission.columns[7, :2] = mission.columns[2, :2]
-    np.testing.assert_allclose(update(raster, mission), kriged(mission, SMALL, True), rtol=0, atol=1e-9)
-
-
 def test_what_is_too_much_to_keep_is_kriged_at_once():
     raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
     mission.append(60)
@@ -140,16 +133,3 @@ def test_a_matrix_near_singular_is_left_to_kriging():
     assert update(raster, mission) is None
     mission.columns = columns
     assert update(raster, mission).tobytes() == good.tobytes()
-
-
-def test_near_the_least_pivot_maps_are_exact_enough():
-    mission = Mission("matern32", 5)
-    mission.variogram = Variogram("matern32", 0.0, 60.0, 0.5)
-    mission.append(80)
-    mission.columns[:, 4:] = 0.0
-    mission.columns[:, 3] *= 3000  # m*/t down to some 1e-6 of the sill
-    mission.columns[:, 2] = mission.rng.poisson(MEAN_RATE * mission.columns[:, 3])
-    mission.columns[1::2, :2] = mission.columns[::2, :2] + [0.05, 0.0]
-    np.testing.assert_allclose(
-        update(of_grid(SMALL, True), mission), kriged(mission, SMALL, True), rtol=0, atol=1e-9
-    )

@@ -108,14 +108,6 @@ def test_who_computes_the_tiles_does_not_matter():
     np.testing.assert_array_equal(*maps)
 
 
-def test_places_very_far_from_all_samples_have_the_mean():
-    model = Variogram("spherical", 0.01, 20.0, 0.3)
-    kriging = fitted(TiledKriging(model, nearest=150), survey(model))
-    rate, variance = kriging.predict([[1e6, -1e6]])
-    assert rate[0] == pytest.approx(kriging.map_mean)
-    assert variance[0] == pytest.approx(0.3, rel=0.05)
-
-
 @pytest.mark.slow
 def test_many_samples_make_a_tiled_map_few_an_exact_one():
     model = Variogram("matern32", 0.01, 10.0, 0.3)

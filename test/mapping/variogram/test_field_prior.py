@@ -3,11 +3,10 @@
 """Prior mean and covariance of the rate."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.mapping.variogram.field_prior import Effect, FieldPrior
+from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 
 
 def prior():
@@ -35,8 +34,3 @@ def test_features_are_averaged_over_the_path_of_a_sample(length_m, x, y):
     spread = np.array([[0.0, 0.0, length_m**2 / 12]])  # along y; both features are linear in y
     place = np.array([[x, y]])
     np.testing.assert_allclose(prior().at(place, spread), prior().at(place), rtol=1e-9, atol=1e-9)
-
-
-def test_the_interval_of_an_effect():
-    low, high = Effect("slope", 0.3, 0.1).interval
-    assert (low, high) == pytest.approx((0.104, 0.496))

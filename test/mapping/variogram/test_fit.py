@@ -121,14 +121,3 @@ def test_the_extent_of_the_field_sets_the_range_of_few_samples():
 def test_fit_variogram_refuses(data, options, message):
     with pytest.raises(ValueError, match=message):
         fit_variogram(*data, **options)
-
-
-@pytest.mark.slow
-def test_ten_thousand_records_are_fitted_in_blocks():
-    xy, counts, exposure_s = simulated(1250, 7, side=800.0)
-    rng = np.random.default_rng(7)
-    records = np.tile(np.arange(1250), 8)
-    part = rng.multinomial(counts, np.full(8, 1 / 8)).T.ravel()
-    variogram = fit_variogram(xy[records], part, exposure_s[records] / 8)
-    assert variogram.range_m == pytest.approx(40, rel=0.4)
-    assert variogram.sill == pytest.approx(0.3, rel=0.4)

@@ -18,7 +18,6 @@ from scipy.interpolate import BSpline
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
-from soilmoist_ros.mapping.variogram import model as correlation
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import (
     BUILT_IN,
@@ -27,13 +26,9 @@ from soilmoist_ros.mapping.variogram.model import (
     CorrelationModel,
     ModelName,
     isotropic_plane,
-    knots,
-    lattice,
     spline_matrix,
 )
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
-from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood
-from soilmoist_ros.simulation.mission.efficiency import least_variance
 
 EXACT = {
     "gaussian": lambda u: mpmath.exp(-(u**2)),
@@ -155,30 +150,11 @@ def test_names_in_configuration_files_are_checked():
         pydantic.TypeAdapter(ModelName).validate_python("matern3")
 
 
-@pytest.mark.parametrize("name", BUILT_IN)
-def test_built_in_models_pass_the_check_of_plug_ins(name):
-    model = BUILT_IN[name]
-    assert correlation._checked(model) is model
-    assert model.label
-
-
 BOX = ((-10.0, 5.0), (50.0, 45.0))
 RNG = np.random.default_rng(3)
 TABLE = RNG.normal(0, 0.7, (6, 8))
 BUMPY = Amplitude(*BOX, tuple(map(tuple, TABLE)))
 PLACES = RNG.uniform((-30, -20), (70, 70), (200, 2))
-
-
-def test_the_logarithm_is_linear_in_the_coefficients():
-    expected = np.exp(spline_matrix(*BOX, TABLE.shape, PLACES) @ TABLE.ravel())
-    np.testing.assert_allclose(BUMPY(PLACES), expected, rtol=1e-12)
-
-
-def test_splines_are_a_partition_of_unity_and_reproduce_slopes():
-    inside = RNG.uniform(*BOX, (50, 2))
-    matrix = spline_matrix(*BOX, TABLE.shape, inside)
-    np.testing.assert_allclose(matrix.sum(axis=1), 1.0)
-    np.testing.assert_allclose(matrix @ knots(*BOX, TABLE.shape), inside)
 
 
 def test_splines_equal_those_of_scipy():
@@ -196,12 +172,6 @@ def test_outside_the_box_it_is_that_of_the_nearest_place_inside():
 def test_a_place_does_not_depend_on_the_others_bit_for_bit():
     alone = np.concatenate([BUMPY(place[None]) for place in PLACES])
     np.testing.assert_array_equal(alone, BUMPY(PLACES))
-
-
-def test_spread_bounds_the_amplitudes_at_the_lattice():
-    low, high = BUMPY.spread
-    values = BUMPY(lattice(*BOX, TABLE.shape))
-    assert (low, high) == (values.min(), values.max())
 
 
 @pytest.mark.parametrize(
@@ -314,30 +284,7 @@ def test_long_exposure_is_ordinary_kriging_of_pykrige(model, factor):
     np.testing.assert_allclose(found[1], expected[1], rtol=1e-8)
 
 
-def test_the_least_variance_is_that_of_stretched_places():
-    cells = np.random.default_rng(0).uniform(0, 60, (40, 2))
-    weight, rate = np.full(40, 1 / 40), np.full(40, 3.0)
-    found = least_variance(Variogram("matern32", 0, 15, 0.3, 4, 30), cells, weight, rate, 7200.0)
-    expected = least_variance(Variogram("matern32", 0, 15, 0.3), stretched(cells, 4, 30), weight, rate, 7200.0)
-    assert found[0] == pytest.approx(expected[0], rel=1e-9)
-    np.testing.assert_allclose(found[1], expected[1], rtol=1e-6)
-
-
 # -- fitting ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("spread", [np.zeros(3), WAYS / 12], ids=["points", "ways"])
-def test_the_likelihood_is_that_of_stretched_places(spread):
-    xy, counts, exposure_s = survey(side=80.0)
-    at = np.log([0.3, 21.0, 0.02])
-    likelihood = RestrictedLikelihood(
-        Samples(xy, counts, exposure_s, spread), "matern32", plane=isotropic_plane(4, 30)
-    )
-    there = Samples(stretched(xy, 4, 30), counts, exposure_s, moments(np.broadcast_to(spread, (30, 3)), 4, 30))
-    value, gradient = likelihood.expand(at)[:2]
-    expected, slopes = RestrictedLikelihood(there, "matern32").expand(at)[:2]
-    assert value == pytest.approx(expected, rel=1e-9)
-    np.testing.assert_allclose(gradient, slopes, rtol=1e-6, atol=1e-8)
 
 
 def fit(samples, **options):

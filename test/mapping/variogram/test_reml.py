@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime, minimize, rosen, rosen_der, rosen_hess
+from scipy.optimize import approx_fprime, minimize
 from scipy.spatial.distance import cdist
 from scipy.stats import multivariate_normal
 
@@ -14,7 +14,7 @@ from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
 from soilmoist_ros.mapping.samples import spatial_blocks
 from soilmoist_ros.mapping.variogram import reml
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
-from soilmoist_ros.mapping.variogram.reml import Packed, Prior, RestrictedLikelihood, maximise_reml, minimise
+from soilmoist_ros.mapping.variogram.reml import Prior, RestrictedLikelihood, maximise_reml, minimise
 
 
 def some_samples(n=40):
@@ -194,11 +194,6 @@ def test_bounds_hold_and_the_others_go_on():
     assert found.converged
 
 
-def test_a_bent_valley_is_followed():
-    found = minimise(lambda x: (rosen(x), rosen_der(x), rosen_hess(x)), np.array([-1.2, 1.0, 1.5]), 5.0, 1e-6)
-    np.testing.assert_allclose(found.at, 1.0, atol=1e-5)
-
-
 def test_rounding_does_not_end_the_search_early():
     """With a large constant added, the value is flat to rounding where the gradient is not."""
     expand = quadratic(np.array([1.0, -2.0, 0.5]), CURVATURE, 0.5 * CURVATURE)
@@ -221,21 +216,6 @@ def test_where_the_function_fails_is_left_out(value):
         return (value, np.zeros(3), np.eye(3)) if x[0] > 1.5 else expand(x)
 
     np.testing.assert_allclose(minimise(broken, np.zeros(3), 5.0, 1e-6).at, [1.0, -2.0, 0.5], atol=1e-5)
-
-
-def symmetric(n, seed):
-    matrix = np.random.default_rng(seed).normal(size=(n, n))
-    return matrix + matrix.T
-
-
-@pytest.mark.parametrize("n", [1, 2, 7])
-def test_packed_matrices_do_what_whole_ones_do(n):
-    a, b, packed = symmetric(n, 1), symmetric(n, 2), Packed(n)
-    vector = np.random.default_rng(3).normal(size=n)
-    np.testing.assert_array_equal(packed.pack(a)[packed.diagonal], np.diag(a))
-    np.testing.assert_array_equal(np.tril(packed.unpack(packed.pack(a))), np.tril(a))
-    assert packed.inner(packed.pack(a), packed.pack(b)) == pytest.approx(np.sum(a * b))
-    np.testing.assert_allclose(packed.times(packed.pack(a), vector), a @ vector)
 
 
 SIDE_M = 60.0
@@ -300,21 +280,6 @@ def share_covered(family, n):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_intervals_cover_on_every_kind_of_field(family, n):
     assert 0.915 < share_covered(family, n) < 0.99
-
-
-@pytest.mark.parametrize("n", [1, 2, 5, 30])
-@pytest.mark.parametrize("model", ["exponential", "matern32", "gaussian"])
-def test_no_variance_is_below_that_of_the_mode(model, n):
-    """A larger covariance leaves no smaller error, whatever the samples."""
-    rng = np.random.default_rng(n)
-    xy, exposure_s = along_a_way(n, rng)
-    samples = Samples(xy, rng.poisson(3 * exposure_s), exposure_s)
-    fitted = maximise_reml(samples, model, SIDE_M)
-    of_mean, of_mode = (
-        PoissonKriging(variogram).fit(xy, samples.counts, exposure_s).predict(CELLS)[1]
-        for variogram in (fitted.variogram, fitted.mode)
-    )
-    assert (of_mean > of_mode).all()
 
 
 def log_posterior(samples):
