@@ -52,12 +52,9 @@ class Explorer:
     :param properties: what is mapped, all in the same cells of one grid. The mission counts the first, so its
         counts decide the dwell, and stops are weighed by maps only once it has one
     :param warm_up: the strategy until the map may guide
-    :param rules: those of the mission: how long a measurement takes, and which stops leave time for it and the
-        way home
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
     :param forecasts: whether plans have forecasts of the map
-    :param grid: the field, where the maps are only of the cells that represent it (:func:`planning_grid`); their
-        grid if ``None``
+    :param grid: the field, where the maps are only of the cells of :func:`planning_grid`; their grid if ``None``
     """
 
     def __init__(
@@ -99,9 +96,8 @@ class Explorer:
         self._forecaster = Forecaster(self._map_xy[few], self.grid.extent_m, nominal_rate_cps)
 
     def go_on_from(self, earlier: Explorer, same_strategy: bool) -> None:
-        """Take the place of another explorer of the same mission, whose settings were changed.
+        """Take the place of an explorer whose settings were changed; its random stream goes on.
 
-        :param earlier: the other one; its random stream goes on, so that no choice is repeated
         :param same_strategy: whether the strategy goes on with what it has planned, too
         """
         self.rng, self._forecaster = earlier.rng, earlier._forecaster
@@ -113,14 +109,10 @@ class Explorer:
         self.rules = rules
         self._to_home_s = self._home_s = np.zeros(len(self.stops))
         if rules.home is not None:  # the way back is assumed to be as long as the way there
-            self._to_home_s = self.travel.travel_s((rules.home.x_m, rules.home.y_m), self.stops)
+            self._to_home_s = self.travel.travel_s(rules.home.xy, self.stops)
             trips = zip(self.stops, self._to_home_s.tolist(), strict=True)
-            kept = [rules.way_home_s((stop.x_m, stop.y_m), time_s) for stop, time_s in trips]
+            kept = [rules.way_home_s(stop.xy, time_s) for stop, time_s in trips]
             self._home_s = np.maximum(self._to_home_s, kept)
-
-    def has_map(self, name: str) -> bool:
-        """True if there is a map of a property."""
-        return any(each.name == name and each.field_map.soil_map is not None for each in self.properties)
 
     def plan(self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()) -> Planned:
         """Choose the next stop for a robot at a place [m]; the time of the answer is 0."""
@@ -147,11 +139,7 @@ class Explorer:
     def situation(
         self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()
     ) -> Situation:
-        """What the strategy is shown.
-
-        Stops that are ruled out or chosen by other robots are left out, those too far cannot be reached, and
-        pending measurements seem counted.
-        """
+        """What the strategy is shown: no stops that are ruled out or taken; pending measurements seem counted."""
         maps = self._maps(others)
         counted = maps[0].field_map
         free = ~taken(self._xy, others, self.grid.cell_m)
@@ -161,13 +149,10 @@ class Explorer:
         if request.ruled_out:
             free &= ~inside_any(request.ruled_out, self._xy)
         kept = np.flatnonzero(free)
-        candidates, candidates_xy, home_s = self.stops, self._xy, self._home_s
-        if len(kept) < len(candidates):
-            candidates = tuple(self.stops[index] for index in kept)
-            candidates_xy, home_s = self._xy[kept], self._home_s[kept]
+        candidates = self.stops if free.all() else tuple(self.stops[index] for index in kept)
         staying = self._row(request.staying, kept)
         travel_s, cost_s = self._trips(position_xy, candidates, staying)
-        fits = travel_s + self.rules.needed_dwell_s + home_s <= request.budget_left_s
+        fits = travel_s + self.rules.needed_dwell_s + self._home_s[kept] <= request.budget_left_s
         known_rate = counted.soil_map is not None
         weighed = free & self._considered
         if staying is not None:
@@ -178,7 +163,7 @@ class Explorer:
         rate = float(counted.rate.mean()) if known_rate else self.nominal_rate_cps
         return Situation(
             candidates=candidates,
-            candidates_xy=candidates_xy,
+            candidates_xy=self._xy[kept],
             stop_variance=lambda: _sum(each.weight * self._variance(each.field_map, kept) for each in maps),
             map_variance=_sum(each.weight * each.field_map.variance for each in maps)
             if known_rate
@@ -359,19 +344,17 @@ def planning_grid(grid: FieldGrid) -> FieldGrid:
 
 @dataclass(frozen=True, kw_only=True)
 class ExplorerSettings:
-    """Choice of stops, and where the robot may drive.
-
-    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
-    :param calibration: calibration that is there for an operator who asks for the map of the moisture
-    """
+    """Choice of stops, and where the robot may drive."""
 
     strategy: str  # one of STRATEGIES
     preset: str  # one of PRESETS
     seed: int  # seed of the strategy's randomness
     motion: RobotMotion  # how the robot moves
-    curve: MoistureCurve | None = None
+    curve: MoistureCurve | None = (
+        None  # calibration, if the map of the moisture rather than of the rate is to be good
+    )
     access: AccessRules = NO_MARGIN  # where the robot may drive
-    calibration: MoistureCurve | None = None
+    calibration: MoistureCurve | None = None  # for an operator who asks for the map of the moisture
     learn_travel: bool = True  # whether speed, turning time and stop overhead are learned from the legs driven
     knowledge: Knowledge = field(default_factory=Knowledge)  # what is known of the field before the survey
 

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -153,8 +153,7 @@ class MissionControl:
     def _start(self, mission: Mission) -> None:
         self._journal.keep(mission)
         self._mission = mission
-        self.heard, self._came = Heard(), 0
-        """What has come of the receiver."""
+        self.heard, self._came = Heard(), 0  # what has come of the receiver
         self._feed = MissionFeed(mission, self._carry_out, self._journal, self.watch)
 
     def take_up(self, mission: Mission, auto: bool) -> None:
@@ -170,10 +169,10 @@ class MissionControl:
         now_s = max(self._clock.now_s(), mission.state.now_s or 0.0)
         self.watch.adopt((alarm.cause for alarm in mission.state.alarms), now_s)
         self._feed.command(events.Command(now_s, Verb.PAUSE, who=events.RESTART))
-        state = mission.state
+        state, visit = mission.state, mission.state.counting
         if state.goal is not None:
             self.navigator.cancel(state.goal.goal_id)  # the robot may still be driving there
-        elif state.under_way and (visit := state.counting) is not None:
+        elif state.under_way and visit is not None:
             self.watch.places.stood((visit.x_m, visit.y_m), visit.sd_m, now_s)
         elif state.under_way and state.position is not None:
             self.watch.places.stood(state.position, state.position_sd_m, now_s)
@@ -217,10 +216,7 @@ class MissionControl:
 
     @property
     def takes_graph(self) -> bool:
-        """True if :meth:`use_graph` may be called: in mid-mission only while it is paused and the robot stands.
-
-        Or if none has been used yet.
-        """
+        """True if :meth:`use_graph` may be called: before the first, or while no robot drives in a mission."""
         return self._access is None or not self.under_way or self._mission.state.phase is Phase.PAUSED
 
     def missing(self) -> tuple[str, ...]:
@@ -249,10 +245,8 @@ class MissionControl:
 
     def request(self, request: OperatorRequest) -> Reply:
         """An operator, known by name, asks for something; what cannot be used changes nothing."""
-        mission = self._mission
-        requests = Requests(
-            self._current.field, self._access, self._settings, mission.current_rules, mission.state
-        )
+        rules, state = self._mission.current_rules, self._mission.state
+        requests = Requests(self._current.field, self._access, self._settings, rules, state)
         try:
             command = requests.command(request, self._clock.now_s())
             use_survey = self._opened(command.changes)
@@ -298,19 +292,19 @@ class MissionControl:
         if sets_off and (refusal := self._current.use_part(self._feed.place)):
             return events.Answer(verb, False, refusal)
         answer = self._feed.command(command)
-        if answer.accepted and command.changes is not None and command.changes.home is not None:
+        if not answer.accepted:
+            return answer
+        if command.changes is not None and command.changes.home is not None:
             self._current.use_home(self._feed.place)
-        if answer.accepted:
-            self._last_command = f"{verb} by {command.by}: {answer.message}", command.now_s
-            if sets_off:
-                self.watch.places.confirm()
-            if verb in _DECISIONS or verb is Verb.PAUSE:
-                self._resume_when_ready = False
-            if verb in _DECISIONS:
-                self._interrupted = ""
-            if verb is Verb.ABORT:
-                self._watching.stopped(command.now_s)
-            self.show()
+        self._last_command = f"{verb} by {command.by}: {answer.message}", command.now_s
+        if sets_off:
+            self.watch.places.confirm()
+        if verb in _DECISIONS:
+            self._interrupted = ""
+        self._resume_when_ready &= verb not in (*_DECISIONS, Verb.PAUSE)
+        if verb is Verb.ABORT:
+            self._watching.stopped(command.now_s)
+        self.show()
         return answer
 
     def emergency(self, pressed: bool, source: str) -> None:
@@ -321,7 +315,7 @@ class MissionControl:
         self._feed.give(events.EmergencyStop(self._clock.now_s(), pressed, source))
 
     @property
-    def settings(self) -> dict[str, str | float | list[str]]:
+    def settings(self) -> dict[str, Any]:
         """The settings that an operator may change, as they are now, by the names of the parameters."""
         mission = self._mission
         rules, changes = mission.current_rules, mission.state.changes
@@ -335,10 +329,7 @@ class MissionControl:
             "home": home,
             "until_sd": rules.until_sd,
             "until_gain": rules.until_gain,
-            **{
-                name: value if isinstance(value, str) else list(value)
-                for name, value in (changes.of_survey if changes else {}).items()
-            },
+            **(changes.of_survey if changes else {}),
         }
 
     def hear(self, fix: Fix) -> None:
@@ -449,8 +440,7 @@ class MissionControl:
         """The status of another robot's mission has come.
 
         :param status: of its mission, ``None`` while none has come
-        :param goes_first: whether it keeps the stop when both have chosen the same at the same time; one that
-            counts there already keeps it in any case
+        :param goes_first: whether it keeps a stop that both have chosen; one that counts there always keeps it
         :param datum: latitude and longitude of the datum of its places [deg]; ``None`` if it does not say
         """
         robot, now_s = self.team.robot(name), self._clock.now_s()
@@ -465,7 +455,7 @@ class MissionControl:
         keeps = goes_first or (status is not None and status.phase is Phase.COUNTING)
         if not keeps or pending is None or access is None or state.target is None:
             return
-        place = np.array([(state.target.stop.x_m, state.target.stop.y_m)])
+        place = np.array([state.target.stop.xy])
         if state.phase is Phase.TRAVELLING and taken(place, [pending], access.grid.cell_m)[0]:
             self._feed.give(events.Command(self._clock.now_s(), Verb.SKIP, f"because {name} goes there"))
 
@@ -566,7 +556,7 @@ class MissionControl:
             "on_the_way": self.navigator.on_the_way,
             "travel": str(self._learned),
             DATUM: json.dumps([self._current.field.frame.latitude_deg, self._current.field.frame.longitude_deg]),
-            "records_without_place": str(self._records_lost),
+            "records_without_place": str(self._feed.records_without_place),
             RECORD_STAMP: repr(self._record_stamp_s),
             PLACE_TIME: repr(self._feed.place_s + offset_s),
             "settings": json.dumps(self.settings),
@@ -578,12 +568,9 @@ class MissionControl:
     def health(self) -> list[Health]:
         """Health of what the mission depends on."""
         now_s = self._clock.now_s()
-        navigation = self._waiting_for
-        there = Health("navigation", Level.OK, self.navigator.on_the_way or "there")
-        if navigation:
-            there = Health("navigation", self._severity, f"waiting for {navigation}")
-        elif self.navigator.caution:
-            there = Health("navigation", self._severity, self.navigator.caution)
+        waiting, navigator = self._waiting_for, self.navigator
+        doubt = f"waiting for {waiting}" if waiting else navigator.caution
+        level = self._severity if doubt else Level.OK
         problem = self._journal.problem
         faults, weighed = self._queue.faults, ", ".join(self._queue.weighed)
         known = [Health("properties", Level.OK, f"the last stop was chosen with the map of {weighed}")]
@@ -592,22 +579,18 @@ class MissionControl:
             *([Health("journal", Level.ERROR, problem)] if problem else []),
             *([others] if others is not None else []),
             *([Health("properties", Level.WARN, "; ".join(faults))] if faults else known if weighed else []),
-            there,
+            Health("navigation", level, doubt or navigator.on_the_way or "there"),
             self._age("position", now_s - self._feed.place_s, self.watch.limits.fix_old_s),
             self._age("records", now_s - self._feed.record_s, self.watch.limits.records_old_s),
             self.watch.health(now_s),
         ]
 
     @property
-    def _records_lost(self) -> int:
-        return self._feed.records_without_place
-
-    @property
     def _severity(self) -> Level:
         return Level.ERROR if self.under_way else Level.WARN
 
     def _age(self, name: str, age_s: float, limit_s: float) -> Health:
-        values = {"without_place": str(self._records_lost)} if name == "records" else {}
+        values = {"without_place": str(self._feed.records_without_place)} if name == "records" else {}
         if math.isinf(age_s):
             unused = f"{self._came} came, all quarantined or with an impossible stamp" if self._came else ""
             none = self._no_place if name == "position" else unused
@@ -622,8 +605,8 @@ class MissionControl:
             case events.RequestPlan():
                 if self._access is not None:
                     self._access.travel.motion = self._learned.motion
-                if action.staying and self._mission.state.last_stamp_s is not None:
-                    self._measured(self._mission.state.last_stamp_s)
+                if action.staying:
+                    self._measured()
                 self._queue.ask(action, self._clock.now_s())
                 self._plan_if_due()
             case events.GoTo():
@@ -636,8 +619,7 @@ class MissionControl:
             case events.VisitDone(visit=visit):
                 self._journal.visit(visit)
                 self._outputs.visit(visit)
-                if self._mission.state.last_stamp_s is not None:
-                    self._measured(self._mission.state.last_stamp_s)
+                self._measured()
             case events.Publish():
                 self._journal.keep(self._mission)
                 self.show()
@@ -648,9 +630,10 @@ class MissionControl:
             case _:
                 pass  # counting is shown by the status
 
-    def _measured(self, ended_s: float) -> None:
-        """What is mapped before the next stop is chosen: all until this time [s]."""
-        self._queue.measured(ended_s + self._mission.state.stamp_offset_s)
+    def _measured(self) -> None:
+        """All records so far are mapped before the next stop is chosen."""
+        if (ended_s := self._mission.state.last_stamp_s) is not None:
+            self._queue.measured(ended_s + self._mission.state.stamp_offset_s)
 
     def _go(self, goal: events.GoTo) -> None:
         """Send a goal with its route; one that the fence refuses is never sent."""
@@ -666,9 +649,7 @@ class MissionControl:
             self._watching.sent(way)
             stop, way = self._reached(goal.stop), replace(way, nodes=tuple(map(self._reached, way.nodes)))
             if self._frames is not None:
-                assert self._frames.move is not None, (
-                    "no mission starts before the frame of the navigation is known"
-                )
+                assert self._frames.move is not None, "no mission starts before it is known"
                 stop, way = in_frame(stop, way, self._frames.move)
             self.navigator.go(goal.goal_id, stop, way)
 

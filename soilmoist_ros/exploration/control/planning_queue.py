@@ -164,7 +164,8 @@ def answer(make: Callable[[], Explorer], job: PlanJob, needs_map: bool) -> Plann
     try:
         explorer = make()
         bring_up_to_date(explorer, job.maps)
-        missing = any(each.required and not explorer.has_map(each.name) for each in job.maps)
+        mapped = {each.name for each in explorer.properties if each.field_map.soil_map is not None}
+        missing = any(each.required and each.name not in mapped for each in job.maps)
         if needs_map and job.request.kind is PlanKind.EXPLORE and missing:
             return PlanFailed(0.0, plan_id, "no map has come: is the mapper running?")
         planned = explorer.plan(job.request, job.place, job.others)
