@@ -44,20 +44,15 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """The planner answers a :class:`RequestPlan`.
-
-    :param travel_s: expected travel time to it [s]; estimated from the straight distance if ``None``
-    :param forecast: a new forecast of the map's standard deviation, ``None`` if the last one is recent
-    :param home_s: travel time home from the choice, or from where the robot stays without one [s]; 0 if not known
-    """
+    """The planner answers a :class:`RequestPlan`."""
 
     now_s: float
     plan_id: int
     choice: Choice | None  # next stop, ``None`` if no stop is useful and reachable
-    travel_s: float | None = None
+    travel_s: float | None = None  # expected travel time to it [s]; ``None``: by the straight distance
     reason: str = ""  # why there is no choice
-    forecast: Forecast | None = None
-    home_s: float = 0.0
+    forecast: Forecast | None = None  # a new one of the map, ``None`` if the last one is recent
+    home_s: float = 0.0  # travel time home from the choice, or from where the robot stays [s]; 0 if not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,15 +76,12 @@ class GoalReached:
 
 @dataclass(frozen=True, slots=True)
 class GoalFailed:
-    """A goal has ended in any other way: aborted, rejected, or cancelled as asked.
-
-    :param refused: the fence refused the goal, and it was never sent; its stop is ruled out without a retry
-    """
+    """A goal has ended in any other way: aborted, rejected, or cancelled as asked."""
 
     now_s: float
     goal_id: int
     reason: str
-    refused: bool = False
+    refused: bool = False  # the fence refused it, and it was never sent; its stop is ruled out without a retry
     superseded: bool = False  # another client's goal has replaced it: no failure, and people decide what follows
 
 
@@ -219,7 +211,6 @@ class GoTo:
     goal_id: int
     stop: Stop
     reason: str
-    expected_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,8 +229,6 @@ class StartCounting:
     """From now on records count for this stop; displays show it, and no action is needed."""
 
     stop: Stop
-    dwell: str
-    expected_s: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,6 @@ from soilmoist_ros.exploration.mission.state import (
     changed_rules,
     dwell_rule,
     mission_status,
-    raw_rate,
     replace,
     shown,
     state_from_json,
@@ -227,10 +226,9 @@ class _Step:
     # Events --------------------------------------------------------------------------------------------------
 
     def handle(self, event: events.Event) -> None:
-        kind = type(event)
-        if (take := ALWAYS.get(kind)) is not None:
+        if (take := ALWAYS.get(type(event))) is not None:
             take(self, event)
-        follow = IN_PHASE.get((kind, self.state.phase))
+        follow = IN_PHASE.get((type(event), self.state.phase))
         if follow is not None and self.is_current(event):
             follow(self, event)
 
@@ -309,8 +307,8 @@ class _Step:
         if state.phase not in (Phase.COUNTING, Phase.PLANNING) or counting is None or counting.since_s is None:
             return
         away_m = math.dist((record.x_m, record.y_m), (counting.x_m, counting.y_m))
-        is_here = away_m <= self.rules.reach_m(self.target.stop, self.noise_at_stop_m)  # not if its place is NaN
-        if began_s < counting.since_s or not is_here:
+        # not if its place is NaN
+        if began_s < counting.since_s or not away_m <= self.rules.reach_m(self.target.stop, self.noise_at_stop_m):
             return
         reason = self.counting_reason() if counting.silent else self.state.reason
         counting = replace(
@@ -396,12 +394,12 @@ class _Step:
     # Dangers -------------------------------------------------------------------------------------------------
 
     def alarm(self, alarm: Alarm) -> None:
-        others = tuple(other for other in self.state.alarms if other.cause != alarm.cause)
-        known = next((other for other in self.state.alarms if other.cause == alarm.cause), None)
-        if alarm.response is Response.IGNORE:
-            self.set(alarms=others)
+        others = {other.cause: other for other in self.state.alarms}
+        known = others.pop(alarm.cause, None)
+        ignored = alarm.response is Response.IGNORE
+        self.set(alarms=tuple(others.values()) if ignored else (*others.values(), alarm))
+        if ignored:
             return
-        self.set(alarms=(*others, alarm))
         goal = self.state.goal
         if alarm.cause == MOVING and alarm.response.stops and (goal is None or goal.over):
             # again with each alarm: nothing else tells it to stop
@@ -552,10 +550,9 @@ class _Step:
 
     def change(self, command: events.Command) -> Done:
         new = command.changes
-        if new is None or new == Changes():
+        if new is None or not new.given:
             return False, "there is nothing to change"
-        names = (field.name for field in dataclasses.fields(new))
-        values = {name: value for name in names if (value := getattr(new, name)) is not None}
+        values = new.given
         if new.of_survey and self.state.under_way:
             return False, f"a mission is under way: end it before {' and '.join(new.of_survey)} can change"
         changes = dataclasses.replace(self.state.changes or Changes(), **values)
@@ -791,7 +788,7 @@ class _Step:
         assert self.state.goal is None, "a goal is sent only after the one before has ended"
         limit_s = self.rules.goal_time_factor * travel_s + self.rules.goal_time_margin_s
         goal = Goal(self.state.goals + 1, stop, self.now_s + limit_s)
-        self.do(events.GoTo(goal.goal_id, stop, reason, travel_s))
+        self.do(events.GoTo(goal.goal_id, stop, reason))
         self.set(goal=goal, goals=goal.goal_id)
         self.enter(phase, reason)
 
@@ -857,8 +854,7 @@ class _Step:
     def count(self, counting: OpenVisit) -> None:
         self.set(counting=counting)
         self.enter(Phase.COUNTING, self.counting_reason())
-        expected_s = dwell_rule(self.rules, self.state).expected_s(raw_rate(self.state))
-        self.do(events.StartCounting(self.target.stop, str(self.rules.dwell), expected_s))
+        self.do(events.StartCounting(self.target.stop))
 
     def counting_reason(self) -> str:
         """What the status says while counting, with the mission's dwell rule: that of a stop is not readable."""
@@ -995,8 +991,7 @@ class _Step:
         elif self.rules.is_at(self.place, home, self.noise_m):
             self.finish(f"{self.state.ending}; the robot is home")
         else:
-            travel_s = self.rules.travel_s(self.place, home.xy)
-            self.send(Phase.RETURNING, home, travel_s, f"going home: {reason}")
+            self.send(Phase.RETURNING, home, self.rules.travel_s(self.place, home.xy), f"going home: {reason}")
 
     def finish(self, reason: str, phase: Phase = Phase.FINISHED) -> None:
         """The mission is over, finished or aborted."""

@@ -32,8 +32,6 @@ from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation import InputError, nan_as_text, read_json
 
-_NO_CHANGES = Changes()
-
 
 class Todo(StrEnum):
     """What follows once the robot has stopped (``CANCELLING``) or the operator resumes (``PAUSED``)."""
@@ -81,13 +79,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class OpenVisit:
-    """What has been counted at the stop where the robot stands.
-
-    :param earlier_counts: those of ``raw_counts`` that had been counted when the planner chose to count on; the
-        dwell rule judges what came later
-    :param met: why the dwell is over while the next stop is being chosen, ``outcome`` the same in words; ``None``
-        while the dwell lasts
-    """
+    """What has been counted at the stop where the robot stands."""
 
     x_m: float  # where the robot stands [m]
     y_m: float  # where the robot stands [m]
@@ -100,10 +92,12 @@ class OpenVisit:
     raw_counts: int = 0
     exposure_s: float = 0.0
     effective_exposure_s: float = 0.0
-    earlier_counts: int = 0
+    earlier_counts: int = (
+        0  # of ``raw_counts``, when the planner chose to count on: the dwell rule judges the rest
+    )
     earlier_s: float = 0.0  # their exposure [s]
-    met: VisitEnd | None = None
-    outcome: str = ""
+    met: VisitEnd | None = None  # why the dwell is over while the next stop is being chosen
+    outcome: str = ""  # as ``met``, in words
     to_the_end: bool = False  # whether the robot counts here until the time is up, since no other stop fits in
     sd_m: float = 0.0  # standard deviation of that place [m], 0 if unknown
     away_s: float | None = None  # since when the robot is elsewhere without a pause [s]; ``None`` if it is there
@@ -137,18 +131,14 @@ class QueuedStop:
 
 @dataclass(frozen=True)
 class MissionState:
-    """All that a mission remembers; :class:`MissionRules` and this determine what an event does.
-
-    :param todo: what follows when the robot has stopped (in ``CANCELLING``), or after the wait (in ``WAITING``)
-    :param forecast: the last forecast of the map's standard deviation, ``forecast_s`` when it was made [s]
-    """
+    """All that a mission remembers; :class:`MissionRules` and this determine what an event does."""
 
     phase: Phase = Phase.IDLE
     reason: str = READY
     now_s: float | None = None
     started_s: float | None = None  # when the mission started [s]; ``None`` before
     ended_s: float | None = None  # when it finished or was aborted [s]; ``None`` while it is under way
-    todo: Todo | None = None
+    todo: Todo | None = None  # what follows when the robot has stopped (``CANCELLING``), or the wait (``WAITING``)
     resume: Todo | None = None  # what the operator's ``resume`` does (in ``PAUSED``, or on the way there)
     cause: str = ""  # what ``CANCELLING`` is for, said again when the robot has stopped
     ending: str = ""  # why the mission is ending
@@ -187,8 +177,8 @@ class MissionState:
     queue: tuple[QueuedStop, ...] = ()  # stops that an operator has asked for
     ruled_out: Polygons = ()  # polygons in which no stop is chosen, corners [m]
     changes: Changes | None = None  # settings that an operator has changed
-    forecast: Forecast | None = None
-    forecast_s: float | None = None
+    forecast: Forecast | None = None  # the last one of the map's standard deviation
+    forecast_s: float | None = None  # when it was made [s]
     good_forecasts: int = 0  # the last forecasts by which the mission may end, in a row
 
     @property
@@ -254,13 +244,15 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
     """The status that belongs to a state."""
     now_s = state.now_s if state.now_s is not None else math.nan
     counting = state.counting
-    dwell = dwell_rule(rules, state)
+    progress = 0.0
+    if counting is not None:
+        progress = 1.0 if counting.met is not None else dwell_rule(rules, state).progress(*counting.judged)
     used_s = state.time_used_s
     left_s = max(0.0, rules.budget_s - used_s)
     returning = state.goal if state.phase is Phase.RETURNING else None
     stop = state.target.stop if state.target else None
     end_s = returning.deadline_s if returning else now_s + left_s
-    changes = state.changes or _NO_CHANGES
+    changes = state.changes or Changes()
     requests = state.goal.requests if state.goal else 0
     return MissionStatus(
         now_s=now_s,
@@ -269,7 +261,7 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         target=returning.stop if returning else stop,
         planned_dwell_s=_planned_dwell_s(rules, state) if state.target else 0.0,
         dwell_s=counting.dwell_s(now_s) if counting else 0.0,
-        progress=_progress(dwell, counting),
+        progress=progress,
         time_used_s=used_s,
         time_left_s=left_s,
         distance_m=state.distance_m,
@@ -306,13 +298,6 @@ def _planned_dwell_s(rules: MissionRules, state: MissionState) -> float:
         return counting.dwell_s(state.now_s) + max(0.0, rules.budget_s - state.time_used_s)
     earlier_s = counting.earlier_s if counting is not None else 0.0
     return max(earlier_s + dwell_rule(rules, state).expected_s(raw_rate(state)), rules.min_dwell_s)
-
-
-def _progress(dwell: DwellRule, counting: OpenVisit | None) -> float:
-    """Share of the dwell that is done."""
-    if counting is None:
-        return 0.0
-    return 1.0 if counting.met is not None else dwell.progress(*counting.judged)
 
 
 @lru_cache(maxsize=4)

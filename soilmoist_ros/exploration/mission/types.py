@@ -187,12 +187,11 @@ class MissionRules:
         """
         if self.home is None or self.is_at(start, self.home):
             return 0.0
-        straight_s = self.travel_s(start, (self.home.x_m, self.home.y_m))
-        return max(travel_s, straight_s) + self.return_margin_s
+        return max(travel_s, self.travel_s(start, self.home.xy)) + self.return_margin_s
 
     def is_at(self, place: tuple[float, float], stop: Stop, noise_m: float = 0.0) -> bool:
         """True if a robot at a place is at a stop; see :meth:`reach_m`."""
-        return math.dist(place, (stop.x_m, stop.y_m)) <= self.reach_m(stop, noise_m)
+        return math.dist(place, stop.xy) <= self.reach_m(stop, noise_m)
 
     def reach_m(self, stop: Stop, noise_m: float = 0.0) -> float:
         """Distance up to which the robot is at a stop: within that of the stop, at most the arrival radius [m].
@@ -222,10 +221,14 @@ class Changes:
     covariates: tuple[str, ...] | None = None  # files that may explain the map
 
     @property
+    def given(self) -> dict[str, Any]:
+        """What is changed, by the names of the fields."""
+        return {one.name: value for one in fields(self) if (value := getattr(self, one.name)) is not None}
+
+    @property
     def of_survey(self) -> dict[str, Any]:
-        """What is changed between missions only, by the names of the parameters."""
-        named = {"field": self.field, "earlier": self.earlier, "covariates": self.covariates}
-        return {name: value for name, value in named.items() if value is not None}
+        """What is changed between missions only."""
+        return {name: value for name, value in self.given.items() if name in ("field", "earlier", "covariates")}
 
 
 @dataclass(frozen=True, slots=True)
