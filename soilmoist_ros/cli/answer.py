@@ -149,11 +149,10 @@ def _require_inputs(context: click.Context) -> None:
     mistakes: list[Mistake] = []
     for parameter in context.command.params:
         require, given = getattr(parameter.type, "require", None), context.params.get(parameter.name or "")
-        if require is None or given is None:
-            continue
         for value in given if isinstance(given, tuple) else (given,):
             try:
-                require(value)
+                if require is not None and value is not None:
+                    require(value)
             except InputError as error:
                 mistakes += error.mistakes
     if mistakes:
@@ -188,7 +187,7 @@ def _print_json(answer: CommandAnswer, path: str, code: int, mistakes: Iterable[
     from soilmoist_ros.reporting import dumps
 
     errors = [
-        {**{name: getattr(one, name) for name in ("message", "remedy", "path")},
+        {"message": one.message, "remedy": one.remedy, "path": one.path,
          "line": one.line or None, "key": one.column or None}
         for one in mistakes
     ]  # fmt: skip
@@ -216,7 +215,7 @@ def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None
             tenths = int(10 * share)
             if step != last[0]:
                 echo(f"... {step}", err=True)
-            elif tenths > last[1] and tenths < 10:
+            elif last[1] < tenths < 10:
                 echo(f"... {step}: {10 * tenths} %", err=True)
             last = (step, tenths)
 
@@ -225,12 +224,8 @@ def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (
-        TextColumn("{task.description:32}", markup=False),
-        BarColumn(),
-        *([TimeRemainingColumn()] * time_left),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    columns = [TextColumn("{task.description:32}", markup=False), BarColumn(), TimeRemainingColumn()]
+    with Progress(*columns[: 2 + time_left], console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=1.0)
         yield lambda step, share: bar.update(task, description=printable(step), completed=share)
 
@@ -252,12 +247,12 @@ def live_view() -> Iterator[Callable[[LiveMission], None]]:
 
         def plain(live: LiveMission) -> None:
             for robot in live.robots:
-                text = robot.state
-                if text.partition(" (")[0] != said.get(robot.namespace):
-                    said[robot.namespace] = text.partition(" (")[0]
+                state = robot.state.partition(" (")[0]
+                if state != said.get(robot.namespace):
+                    said[robot.namespace] = state
                     used_s = float(robot.status.get("time_used_s", 0.0))
                     name = f"{robot.namespace.replace('_', ' ')}: " if robot.namespace else ""
-                    say(f"{used_s:7.0f} s  {name}{text}")
+                    say(f"{used_s:7.0f} s  {name}{robot.state}")
 
         yield plain
         return
@@ -309,7 +304,7 @@ def rate_error(mse: float, coverage95: float) -> str:
 def print_knowledge(run: MapRun) -> None:
     """Print what a reference sensor, earlier surveys and covariates contributed to a map, and what has changed."""
     from soilmoist_ros.pipeline import REFERENCE
-    from soilmoist_ros.reporting import change_amount, change_since, covariate_importance, dated, relations
+    from soilmoist_ros.reporting import change_summary, covariate_importance, dated, relations
 
     for row in run.corrections:
         if row.name == REFERENCE:
@@ -323,10 +318,8 @@ def print_knowledge(run: MapRun) -> None:
     found = run.change
     if found is not None:
         share = 1 - found.sd / found.sd_alone if found.sd_alone > 0 else 0.0
-        drier, wetter = found.change.shares
         say(f"           the standard deviation of the smooth rate is {100 * share:.0f} % lower with them")
-        say(f"change     {change_since(found)}: mean {change_amount(found)}")
-        say(f"           {100 * wetter:.0f} % of the field significantly wetter, {100 * drier:.0f} % drier")
+        say(f"change     {change_summary(found)}")
     for part in covariate_importance(run):
         effect, share95 = part.rate_cps, part.variance_share
         say(

@@ -97,8 +97,8 @@ def command(
             remedy = "add 'soil: {bulk_density_gcm3: ...}' to the file, or a column bulk_density_gcm3 to the cores"
             raise InputError("has no soil properties", remedy, site)
         soil = Soil(bulk_density_gcm3=round(density, 4))
-    unit = (known.calibration or Calibration(n0_cps=1.0)).model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None})
-    unit = unit.model_copy(update={"curve": curve or unit.curve})
+    unit = known.calibration or Calibration(n0_cps=1.0)
+    unit = unit.model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None, "curve": curve or unit.curve})
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
     counted = _counted(known, logs, logger, counts, exposure_s, (start, end))
@@ -113,9 +113,11 @@ def command(
         raise InputError(
             f"the calibration has no solution: {error}", "check the cores and the soil properties", cores
         ) from None
-    put(n0_cps=estimate.n0_cps, n0_sd_cps=estimate.n0_sd_cps, curve=unit.curve, days=list(table.days))
-    put(rate_cps=rate, rate_sd_cps=rate_sd, cores=mean.count)
-    put(vwc=mean.vwc, vwc_sd=mean.vwc_sd, weights=mean.weights)
+    put(
+        n0_cps=estimate.n0_cps, n0_sd_cps=estimate.n0_sd_cps, curve=unit.curve, days=list(table.days),
+        rate_cps=rate, rate_sd_cps=rate_sd, cores=mean.count,
+        vwc=mean.vwc, vwc_sd=mean.vwc_sd, weights=mean.weights,
+    )  # fmt: skip
     say(f"cores      {_about(mean)}{f', of {listing(table.days)}' if table.days else ''}")
     if mean.weights == "equal weights" and weighting != "equal":
         warn(f"note       the {weighting} weights need distance_m, or depths of several cores in a profile")
@@ -123,15 +125,15 @@ def command(
     say(f"air        {air.pressure_hpa:.1f} hPa, {air.humidity_gm3:.1f} g/m3{assumed}")
     if counted.factors:
         say(f"factors    {counted.factors_text}")
-    say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{_of_records(counted)}")
+    records = f", {counted.records} records" if counted.records else ""
+    records += f", {counted.left_out} left out" if counted.records and counted.left_out else ""
+    say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{records}")
     say(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s, curve {unit.curve}")
     of_cores = "an unknown part" if math.isnan(estimate.from_cores_cps) else f"{estimate.from_cores_cps:.4f}"
     say(f"of which   {estimate.from_counting_cps:.4f} from counting, {of_cores} from cores")
     if before is not None and before.curve != unit.curve:
         before = None  # its N0 is of another kind
-    for doubt in counted.doubts(known):
-        warn(f"doubt      {doubt}")
-    for doubt in _doubts(estimate.n0_cps, before, mean.bulk_density_gcm3, soil):
+    for doubt in (*counted.doubts(known), *_doubts(estimate.n0_cps, before, mean.bulk_density_gcm3, soil)):
         warn(f"doubt      {doubt}")
     if dry_run:
         say(f"dry run: {site} is not changed")
@@ -160,20 +162,18 @@ def _require_days_of_counts(days: Sequence[str], counted: CalibrationCounts, cor
 
     if not counted.records:
         return
+    # Clocks of loggers and of people differ by up to half a day from UTC.
+    earliest_s, latest_s = counted.first_s - 1.5 * DAY_S, counted.last_s + 0.5 * DAY_S
     for day in days:
         begins_s = [datetime.combine(of, time(), UTC).timestamp() for of in possible_days(day)]
-        # Clocks of loggers and of people differ by up to half a day from UTC.
-        earliest_s, latest_s = counted.first_s - 1.5 * DAY_S, counted.last_s + 0.5 * DAY_S
         if begins_s and not any(earliest_s < at < latest_s for at in begins_s):
             first, last = (datetime.fromtimestamp(at, UTC) for at in (counted.first_s, counted.last_s))
-            of_counts = f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
-            raise InputError(
-                f"the cores are of {day}, and the counts of {of_counts}",
-                "give the log of that day, or correct the date of the cores",
-                cores,
+            message = (
+                f"the cores are of {day}, and the counts of {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
             )
-    if days and counted.last_s - counted.first_s > (len(days) + 2) * DAY_S:
-        long_days = (counted.last_s - counted.first_s) / DAY_S
+            raise InputError(message, "give the log of that day, or correct the date of the cores", cores)
+    long_days = (counted.last_s - counted.first_s) / DAY_S
+    if days and long_days > len(days) + 2:
         warn(f"doubt      {long_days:.0f} days are counted for cores of {listing(days)}: choose --from and --to")
 
 
@@ -190,13 +190,6 @@ def _doubts(n0_cps: float, before: Calibration | None, density: float | None, so
             f"the cores have a bulk density of {density:.2f} g/cm3, the site file {soil.bulk_density_gcm3:g}: the "
             "curve uses that of the site file"
         )
-
-
-def _of_records(counted: CalibrationCounts) -> str:
-    if not counted.records:
-        return ""
-    left_out = f", {counted.left_out} left out" if counted.left_out else ""
-    return f", {counted.records} records{left_out}"
 
 
 def _air(site: Site, counted: CalibrationCounts) -> Footprint:
@@ -229,13 +222,12 @@ def _counted(
 
     if (counts is None) != (exposure_s is None) or bool(logs) == (counts is not None):
         raise click.UsageError("give the counts of the calibration with --log, or with --counts and --exposure")
-    start_s, end_s = (None if time is None else time.replace(tzinfo=UTC).timestamp() for time in window)
+    start, end = window
     if counts is not None and exposure_s is not None:
-        if window != (None, None):
+        if start or end:
             raise click.UsageError("--from and --to select records of a log; they require --log")
         return CalibrationCounts(counts, exposure_s, 0, 0, math.nan, math.nan, math.nan, math.nan)
-    first_s = -math.inf if start_s is None else start_s
-    last_s = math.inf if end_s is None else end_s
+    first_s, last_s = start.timestamp() if start else -math.inf, end.timestamp() if end else math.inf
     skipped: list[Mistake] = []
     found = read_logs(logs, logger, site, skipped=skipped)
     for key, text in reading_of(found).items():

@@ -62,15 +62,13 @@ class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
 class InputFileType(click.Path):
     """Path of a file or folder that must exist when the command begins."""
 
-    def __init__(self, remedy: str = "check the path", words: tuple[str, ...] = ()) -> None:
+    def __init__(self) -> None:
         super().__init__(path_type=Path)
-        self._remedy, self.words = remedy, words
 
     def require(self, value: Path) -> None:
         """Refuse the path of nothing."""
-        if str(value) in self.words or value.exists():
-            return
-        raise InputError("there is no such file", self._remedy, value)
+        if not value.exists():
+            raise InputError("there is no such file", "check the path", value)
 
 
 class VariogramModel(Name):
@@ -197,14 +195,9 @@ def reported_failure(out: Path) -> Iterator[None]:
 # Positions ------------------------------------------------------------------------------------------------------
 
 gnss_shift_option = click.option(
-    "--gnss-shift",
-    "gnss_shift_s",
-    type=ShiftType(),
-    metavar="DURATION",
-    default=0.0,
-    show_default=False,
+    "--gnss-shift", "gnss_shift_s", type=ShiftType(), metavar="DURATION", default=0.0, show_default=False,
     help="Time added to that of the positions, such as 1024w, 2h or -18s. Default: none.",
-)
+)  # fmt: skip
 
 
 def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -221,15 +214,17 @@ def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class _Runs(InputFileType):
-    """A run or a folder of runs, checked before the command begins."""
+    """A run, a folder of runs, or ``none``, checked before the command begins."""
 
     def require(self, value: Path) -> None:
         """Refuse what has no run."""
-        super().require(value)
-        if str(value) not in self.words:
-            from soilmoist_ros.pipeline import find_runs
+        if str(value) == "none":
+            return
+        if not value.exists():
+            raise InputError("there is no such file", _RUN, value)
+        from soilmoist_ros.pipeline import find_runs
 
-            find_runs(value.expanduser())
+        find_runs(value.expanduser())
 
 
 class _Covariate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
@@ -252,9 +247,7 @@ def earlier_option(more: str = "") -> Callable[[Command], Command]:
         "Earlier run of the same field, whose counts inform this map: an output folder, a recording, or a folder "
         f"of runs. Repeatable.{more}"
     )
-    return click.option(
-        "--earlier", "earlier", type=_Runs(_RUN, ("none",)), multiple=True, metavar="RUN", help=text
-    )
+    return click.option("--earlier", "earlier", type=_Runs(), multiple=True, metavar="RUN", help=text)
 
 
 def covariate_option(more: str = "") -> Callable[[Command], Command]:
@@ -296,15 +289,14 @@ def map_options(default: str) -> Callable[[Command], Command]:
 
     :param default: help on the defaults of the variogram, such as ``by --preset``
     """
-    by_default = f" Default: {default}."
+    defaults = {"cell_m": "", "merge_radius_m": ""}
+    if not default.startswith("as "):
+        defaults["keep_nugget"] = " Default: keep."
 
     def decorate(command: Command) -> Command:
         for one in reversed(fields(MappingSettings)):
             kind = _TYPES.get(one.name) or click.Choice(one.metadata["choices"])
-            defaults = {"cell_m": "", "merge_radius_m": ""}
-            if not default.startswith("as "):
-                defaults["keep_nugget"] = " Default: keep."
-            text = one.metadata["help"] + defaults.get(one.name, by_default)
+            text = one.metadata["help"] + defaults.get(one.name, f" Default: {default}.")
             name = _NAMES.get(one.name, f"--{one.name.replace('_', '-')}")
             command = click.option(name, one.name, type=kind, help=text)(command)
         return command

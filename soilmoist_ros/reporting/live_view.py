@@ -6,11 +6,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import printable
 from soilmoist_ros.reporting.colours import between
@@ -36,8 +35,7 @@ _NUMBERS = (
 _FLAGS = ("needs_operator", "silent", "emergency")
 
 
-@dataclass(frozen=True, eq=False)
-class LiveBand:
+class LiveBand(NamedTuple):
     """A map to show: name with unit, values (ny, nx), south first, and west, east, south, north [m]."""
 
     name: str
@@ -57,14 +55,13 @@ class LiveBand:
         return ["#" + bytes(colour).hex() for colour in between(DRY_TO_WET, shares)]
 
 
-@dataclass(frozen=True, eq=False)
-class LiveView:
-    """The content of the view; every part may be missing. ``facts`` have a line each below the title."""
+class LiveView(NamedTuple):
+    """The content of the view. ``facts`` have a line each below the title."""
 
     title: str
     facts: Mapping[str, str]
     bands: Sequence[LiveBand] = ()
-    samples_xy: Array = field(default_factory=lambda: np.empty((0, 2)))
+    samples_xy: ArrayLike = ()
     robots_xy: Sequence[tuple[float, float]] = ()
     targets_xy: Sequence[tuple[float, float]] = ()
 
@@ -87,7 +84,7 @@ def render(view: LiveView, columns: int = 56, rows: int = 20) -> RenderableType:
     parts: list[RenderableType] = [Text(printable(view.title), style="bold reverse"), facts]
     if not view.bands:
         return Group(*parts, Text("no map yet: it begins with the first samples", style="dim"))
-    width = max(1, (columns + 1) // len(view.bands) - 1 if len(view.bands) > 1 else columns)
+    width = max(1, (columns + 1) // len(view.bands) - 1)
     pictures = Table.grid(padding=(0, 1))
     pictures.add_row(*(map_picture(view, band, width, max(1, rows)) for band in view.bands))
     names = ((_ROBOT, "robot"), (_TARGET, "target"), (_SAMPLE, "sample"))
@@ -136,14 +133,13 @@ def _pixels(view: LiveView, band: LiveBand, columns: int, lines: int) -> list[li
     colours[np.isnan(values)] = ""
     west, east, south, north = band.extent
     marks = ((view.samples_xy, _SAMPLE), (view.targets_xy, _TARGET), (view.robots_xy, _ROBOT))
-    for x, y, colour in ((x, y, colour) for places, colour in marks for x, y in places):
+    for x, y, colour in ((x, y, colour) for places, colour in marks for x, y in np.reshape(places, (-1, 2))):
         if np.isfinite(x) and np.isfinite(y):
             # A marker beyond the map is drawn at its edge, to show the direction.
             i = min(max((north - y) / max(north - south, 1e-9), 0.0), 1.0) * height
             j = min(max((x - west) / max(east - west, 1e-9), 0.0), 1.0) * width
             colours[min(int(i), height - 1), min(int(j), width - 1)] = colour
-    found: list[list[str]] = colours.tolist()
-    return found
+    return list(colours.tolist())
 
 
 # Collects the messages of a running mission -----------------------------------------------------------------
@@ -174,10 +170,10 @@ class LiveMap:
     @property
     def band(self) -> LiveBand | None:
         """Map of the moisture, else of the rate; ``None`` without a map."""
-        cells = self.cells
-        if cells is None or not (_inside(cells) & np.isfinite(cells["rate"])).any():
+        found = None if self.cells is None else _field(self.cells)
+        if found is None:
             return None
-        field, extent = _field(cells)
+        field, extent = found
         moist = bool(np.isfinite(field["vwc"]).any())
         what = "moisture [m³/m³]" if moist else "rate [counts/s]"
         values = np.asarray(field["vwc" if moist else "rate"], float)
@@ -210,8 +206,7 @@ class LiveRobot:
     @property
     def state(self) -> str:
         """State and reason of its mission."""
-        status = self.status
-        return f"{status['state']}: {status['reason']}" if status else "waiting for the planner"
+        return f"{self.status['state']}: {self.status['reason']}" if self.status else "waiting for the planner"
 
     @property
     def values(self) -> dict[str, Any]:
@@ -306,14 +301,11 @@ class LiveMission:
         return facts
 
 
-def _inside(cells: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Cells in the field: cells outside have no place."""
-    return np.asarray(np.isfinite(cells["x"]) & np.isfinite(cells["y"]))
-
-
-def _field(cells: NDArray[np.void]) -> tuple[NDArray[np.void], tuple[float, float, float, float]]:
+def _field(cells: NDArray[np.void]) -> tuple[NDArray[np.void], tuple[float, float, float, float]] | None:
     """The part of a map that covers the field, and its edges: west, east, south, north [m]."""
-    inside = _inside(cells)
+    inside = np.isfinite(cells["x"]) & np.isfinite(cells["y"])  # cells outside have no place
+    if not (inside & np.isfinite(cells["rate"])).any():
+        return None
     rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
     part = cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     west, east = float(np.nanmin(part["x"])), float(np.nanmax(part["x"]))

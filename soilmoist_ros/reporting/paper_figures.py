@@ -156,9 +156,8 @@ def _chart_figure(chart: Chart) -> Figure:
 def _raster_figure(run: MapRun, values: Array, title: str, colours: str) -> Figure:
     """A raster with the boundary of the field and the samples."""
     soil_map = run.soil_map
-    figure, axes = _column_figure(_height_share(run))
+    figure, axes = _map_axes(run)
     image = _raster(axes, values, map_extent(soil_map), colours, robust_range(values))
-    _boundary(run, axes)
     xy = soil_map.samples.xy
     axes.plot(xy[:, 0], xy[:, 1], ".", color=INK, markersize=2.5, markeredgewidth=0)
     _colour_bar(figure, image, axes, values, title, shrink=0.9, pad=0.02)
@@ -167,8 +166,7 @@ def _raster_figure(run: MapRun, values: Array, title: str, colours: str) -> Figu
 
 def _track_figure(run: MapRun) -> Figure:
     """The ways of the robots, and their stops: the area of a disc is the time there."""
-    figure, axes = _column_figure(_height_share(run))
-    _boundary(run, axes)
+    figure, axes = _map_axes(run)
     several = len(run.tracks_xy) > 1
     for number, xy in enumerate(run.tracks_xy, 1):
         name = f"way of robot {number}" if several else "way"
@@ -187,17 +185,15 @@ def _track_figure(run: MapRun) -> Figure:
     return figure
 
 
-def _boundary(run: MapRun, axes: Axes) -> None:
+def _map_axes(run: MapRun) -> tuple[Figure, Axes]:
+    """A figure with the boundary of the field, as high as its shape needs, within what fits on a page."""
+    west, east, south, north = map_extent(run.soil_map)
+    figure, axes = _column_figure(float(np.clip(0.72 * (north - south) / (east - west) + 0.18, 0.45, 1.6)))
     for ring in rings(run.soil_map):
         axes.plot(*ring.T, color=SOFT, linewidth=0.8)
     axes.set_aspect("equal")
     _caption(axes, EAST, NORTH)
-
-
-def _height_share(run: MapRun) -> float:
-    """Height of a map figure for the shape of the field, within what fits on a page."""
-    west, east, south, north = map_extent(run.soil_map)
-    return float(np.clip(0.72 * (north - south) / (east - west) + 0.18, 0.45, 1.6))
+    return figure, axes
 
 
 def season_figures(season: Season) -> Iterator[tuple[str, Figure]]:
@@ -212,12 +208,10 @@ def season_figures(season: Season) -> Iterator[tuple[str, Figure]]:
 def _maps_figure(season: Season) -> Figure:
     """The map of each survey, with one scale of colours."""
     moisture, x, y, half = season.curve is not None, season.grid.x_m, season.grid.y_m, season.grid.cell_m / 2
-    maps = [one.bands.vwc if moisture else one.bands.rate for one in season.surveys]
-    limits = robust_range(np.stack(maps))
-    extent = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
+    maps = np.stack([one.bands.vwc if moisture else one.bands.rate for one in season.surveys])
+    limits, extent = robust_range(maps), (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
     columns = min(MAPS_ACROSS, len(maps))
-    rows = -(-len(maps) // columns)
-    share = (y[-1] - y[0] + 2 * half) / (x[-1] - x[0] + 2 * half)
+    rows, share = -(-len(maps) // columns), (extent[3] - extent[2]) / (extent[1] - extent[0])
     figure = _vector_figure(TEXT_IN, rows * (share * 0.88 * TEXT_IN / columns + 0.45))
     panels = []
     for number, (values, label) in enumerate(zip(maps, season.labels, strict=True), 1):
@@ -228,7 +222,7 @@ def _maps_figure(season: Season) -> Figure:
         _caption(axes, EAST if bottom else "", NORTH if left else "")
         axes.spines[["left", "bottom"]].set_color(SOFT)
         panels.append(axes)
-    _colour_bar(figure, image, panels, np.stack(maps), MOISTURE if moisture else RATE_TITLE, shrink=0.8, pad=0.01)
+    _colour_bar(figure, image, panels, maps, MOISTURE if moisture else RATE_TITLE, shrink=0.8, pad=0.01)
     return figure
 
 
