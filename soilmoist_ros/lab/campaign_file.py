@@ -9,7 +9,7 @@ import itertools
 import json
 import logging
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +22,6 @@ from soilmoist_ros.foundation import (
     InputError,
     Mistake,
     Section,
-    config_folder,
     line_of,
     load_model,
     read_limited,
@@ -289,40 +288,31 @@ def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
     root = _mapping(content)
     defaults, listed = _mapping(root.get("defaults")), root.get("experiments")
     experiments = [_mapping(item) for item in listed] if isinstance(listed, list) else []
-    places: list[tuple[int | str, ...]] = [("defaults",), *(("experiments", n) for n in range(len(experiments)))]
-
-    def mistake(place: tuple[int | str, ...], key: str, message: str, remedy: str) -> Mistake:
-        where = (*place, key)
-        return Mistake(message, remedy, path, line_of(content, where), ".".join(str(part) for part in where))
-
     names: list[str] = []
-    for place, part in zip(places, [defaults, *experiments], strict=True):
-        fields = {
-            "field": list(_texts(part.get("field"))),
-            "properties": [_property_field(text) for text in _texts(part.get("properties"))],
-        }
-        for key, names_of in fields.items():
-            for field in names_of:
-                try:
-                    faults = list(_faults_of_field(field, path.parent))
-                except InputError as error:
-                    yield from error.mistakes
-                else:
-                    yield from (mistake(place, key, *fault) for fault in faults)
+    for number, part in enumerate([defaults, *experiments], -1):
+        found = [
+            *_faults_of_fields("field", _texts(part.get("field")), path.parent),
+            *_faults_of_fields("properties", map(_property_field, _texts(part.get("properties"))), path.parent),
+        ]
         for graph in _texts(part.get("graph")):
             if not (path.parent / graph).is_file():
                 remedy = "give a path that starts at the campaign file; `soilmoist graph` makes one"
-                yield mistake(place, "graph", f"there is no topological map {graph!r}", remedy)
-        if part is defaults:
-            continue
-        given = {**defaults, **part}
-        if given.get("graph") is not None and set(_texts(given.get("travel"))) != {"graph"}:
-            remedy = "add 'travel: graph', or leave the graph out"
-            yield mistake(place, "graph", "a graph is given, but the robot travels freely", remedy)
-        name = str(part.get("name"))
-        if name in names:
-            yield mistake(place, "name", f"a second experiment is named {name!r}", "give it another name")
-        names.append(name)
+                found.append(("graph", f"there is no topological map {graph!r}", remedy))
+        if number >= 0:
+            given = {**defaults, **part}
+            if given.get("graph") is not None and set(_texts(given.get("travel"))) != {"graph"}:
+                remedy = "add 'travel: graph', or leave the graph out"
+                found.append(("graph", "a graph is given, but the robot travels freely", remedy))
+            if (name := str(part.get("name"))) in names:
+                found.append(("name", f"a second experiment is named {name!r}", "give it another name"))
+            names.append(name)
+        for fault in found:
+            if isinstance(fault, Mistake):
+                yield fault
+                continue
+            key, message, remedy = fault
+            place: tuple[int | str, ...] = ("defaults", key) if number < 0 else ("experiments", number, key)
+            yield Mistake(message, remedy, path, line_of(content, place), ".".join(map(str, place)))
 
 
 def _property_field(text: str) -> str:
@@ -332,26 +322,25 @@ def _property_field(text: str) -> str:
     return text
 
 
-def _faults_of_field(name: str, folder: Path) -> Iterator[tuple[str, str]]:
-    """Faults of the name of a field, with remedies.
-
-    :raises InputError: if the field file cannot be read
-    """
+def _faults_of_fields(key: str, names: Iterable[str], folder: Path) -> Iterator[Mistake | tuple[str, str, str]]:
+    """Faults of the names of fields: key, message and remedy; or the mistakes of a file that cannot be read."""
     from soilmoist_ros.simulation import has_truth, surrogate_field_names
 
-    shipped = {file: config_folder() / "fields" / f"{file}.yaml" for file in resource_names("fields")}
     usable = surrogate_field_names()
     remedy = f"give one of: {', '.join(usable)}; or a path that starts at the campaign file"
-    path = Path(_whole_path(name, folder)) if _is_path(name) else shipped.get(name)
-    if name in usable:
-        return
-    if path is None or not path.is_file():
-        yield f"there is no field {'file ' if _is_path(name) else ''}{name!r}", remedy
-    elif not has_truth(path):
-        yield (
-            f"the field {name!r} has no truth: it cannot be simulated",
-            f"add a section 'truth' to its file, or {remedy}",
-        )
+    for name in names:
+        if name in usable:
+            continue
+        file = Path(_whole_path(name, folder)) if _is_path(name) else _field_file(name)
+        if file is None or not file.is_file():
+            yield key, f"there is no field {'file ' if _is_path(name) else ''}{name!r}", remedy
+            continue
+        try:
+            if not has_truth(file):
+                add = f"add a section 'truth' to its file, or {remedy}"
+                yield key, f"the field {name!r} has no truth: it cannot be simulated", add
+        except InputError as error:
+            yield from error.mistakes
 
 
 def _mapping(content: Any) -> Mapping[str, Any]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -46,7 +46,6 @@ ERROR = "Mean squared error [(counts/s)²]"
 STATED = "95 %, as stated"
 MAX_EXAMPLES = 5
 KEYS_PER_ROW = 5
-KEY_IN = 0.55  # height of the strip below the examples [in]
 GREEN = "#009e73"
 SMALL, NORMAL = 8.5, 9.5  # sizes of text [pt]
 PNG_DPI = 190
@@ -194,29 +193,27 @@ def examples_figure(data: CampaignData, case: Case) -> Figure | None:
     if not examples:
         return None
     first = examples[0][1]
-    figure, cell = _map_grid(first, len(examples) + 1)
+    width_m, height_m = (float(axis[-1] - axis[0]) for axis in (first.x_m, first.y_m))
+    across = min((WIDTH_IN - 0.9) / (len(examples) + 1) - 0.1, 2.6 * width_m / height_m)
+    figure = new_figure(WIDTH_IN, 2 * (across * height_m / width_m + 0.3) + 0.6)
+    figure.set_layout_engine("constrained")
+    cells = figure.subplots(2, len(examples) + 1, squeeze=False)
     truth = _inside(first.truth_rate, first)
     pooled = np.concatenate([truth.ravel(), *(_inside(stored.rate, stored).ravel() for _, stored in examples)])
     low, high = robust_range(pooled, 0.98)
     variances = [_inside(stored.rate_sd, stored) ** 2 for _, stored in examples]
-    most = robust_range(np.concatenate([v.ravel() for v in variances]), 0.98)[1]
-    image = _panel(cell(0, 0), first, truth, RATE, (low, high), "Truth")
+    every = np.concatenate([v.ravel() for v in variances])
+    most = robust_range(every, 0.98)[1]
+    image = _panel(cells[0, 0], first, truth, RATE, (low, high), "Truth")
     for column, ((name, stored), variance) in enumerate(zip(examples, variances, strict=True), start=1):
-        above = cell(0, column)
+        above, below = cells[:, column]
         _panel(above, stored, _inside(stored.rate, stored), RATE, (low, high), strategy_text(name))
         _path(above, stored)
-        below = cell(1, column)
         shade = _panel(below, stored, variance, UNCERTAIN, (0.0, most), "")
         _stops(below, stored)
-    corner = cell(1, 0)
-    corner.set_axis_off()
-    corner.text(0.0, 0.5, "Kriging\nvariance", fontsize=NORMAL, color=INK, fontweight="bold", va="center")
-    _bars(
-        figure,
-        image,
-        shade,
-        (extension(pooled, low, high), extension(np.concatenate([v.ravel() for v in variances]), 0, most)),
-    )
+    cells[1, 0].set_axis_off()
+    _bar(figure, image, cells[0], "Rate [counts/s]", extension(pooled, low, high))
+    _bar(figure, shade, cells[1], "Kriging variance [(counts/s)²]", extension(every, 0, most))
     return figure
 
 
@@ -287,23 +284,6 @@ def _inside(values: Array, stored: CampaignRun) -> Array:
     return np.where(np.isfinite(stored.truth_rate), values, np.nan)
 
 
-def _map_grid(stored: CampaignRun, columns: int) -> tuple[Figure, Callable[[int, int], Axes]]:
-    """A figure for two rows of maps in true proportions, and a function that makes the axes of a cell."""
-    width_m, height_m = (float(axis[-1] - axis[0]) for axis in (stored.x_m, stored.y_m))
-    wide = (WIDTH_IN - 0.2) / columns
-    across = min(wide - 0.2, 2.6 * width_m / height_m)
-    high = across * height_m / width_m
-    total = KEY_IN + 2 * (high + 0.38) + 0.1
-    figure = new_figure(WIDTH_IN, total)
-
-    def cell(row: int, column: int) -> Axes:
-        left = 0.1 + column * wide + (wide - across) / 2
-        bottom = KEY_IN + 0.08 + (1 - row) * (high + 0.38)
-        return figure.add_axes((left / WIDTH_IN, bottom / total, across / WIDTH_IN, high / total))
-
-    return figure, cell
-
-
 def _panel(
     axes: Axes, stored: CampaignRun, values: Array, cmap: str, limits: tuple[float, float], title: str
 ) -> Any:
@@ -337,28 +317,13 @@ def _stops(axes: Axes, stored: CampaignRun) -> None:
     axes.scatter(xy[:, 0], xy[:, 1], s=13, facecolors="white", edgecolors=INK, linewidths=0.7, zorder=3)
 
 
-def _bars(figure: Figure, image: Any, shade: Any, extend: tuple[str, str]) -> None:
-    """Draw the legend of the markers and both colour bars in the strip below the maps."""
-    from matplotlib.lines import Line2D
-
-    key = [
-        Line2D([], [], color=INK, linewidth=0.8, label="path"),
-        Line2D([], [], color=INK, marker="s", linestyle="", markersize=5, label="start"),
-        Line2D([], [], color=INK, marker="o", markerfacecolor="white", linestyle="", markersize=4, label="stop"),
-    ]
-    high = figure.get_figheight()
-    figure.legend(
-        handles=key, loc="center left", bbox_to_anchor=(0.01, 0.4 / high), ncols=3, frameon=False, fontsize=SMALL,
-        labelcolor=INK, handlelength=1.2, columnspacing=1.0, borderaxespad=0.0, borderpad=0.0,
-    )  # fmt: skip
-    rate_bar, variance_bar = (image, "Rate [counts/s]", 0.33), (shade, "Kriging variance [(counts/s)²]", 0.67)
-    for (mappable, text, left), end in zip((rate_bar, variance_bar), extend, strict=True):
-        place = (left, 0.4 / high, 0.3, 0.11 / high)
-        bar = figure.colorbar(mappable, cax=figure.add_axes(place), orientation="horizontal", extend=end)
-        bar.set_label(text, fontsize=SMALL, color=INK, labelpad=1)
-        bar.ax.tick_params(colors=SOFT, labelcolor=INK, labelsize=SMALL, length=3, width=0.8, pad=2)
-        bar.ax.locator_params(nbins=5)
-        bar.outline.set(edgecolor=FAINT, linewidth=0.8)
+def _bar(figure: Figure, image: Any, row: Any, text: str, extend: str) -> None:
+    """Draw the colour bar of a row of maps."""
+    bar = figure.colorbar(image, ax=list(row), extend=extend, pad=0.01, fraction=0.05)
+    bar.set_label(text, fontsize=SMALL, color=INK)
+    bar.ax.tick_params(colors=SOFT, labelcolor=INK, labelsize=SMALL, length=3, width=0.8, pad=2)
+    bar.ax.locator_params(nbins=5)
+    bar.outline.set(edgecolor=FAINT, linewidth=0.8)
 
 
 class Picture(NamedTuple):

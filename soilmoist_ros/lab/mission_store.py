@@ -9,7 +9,6 @@ import hashlib
 import io
 import json
 import math
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration import Visit, VisitEnd
 from soilmoist_ros.foundation import InputError, SoilmoistError, __version__
 from soilmoist_ros.lab.campaign_file import CampaignMission
+from soilmoist_ros.recording import write_whole
 from soilmoist_ros.simulation import (
     MapErrors,
     MissionResult,
@@ -217,7 +217,7 @@ class MissionStore:
                 raise InputError(
                     message, "wait for it or stop it, or choose another folder", self.folder
                 ) from None
-            for path in self.folder.glob(".*.writing"):
+            for path in (*self.folder.glob(".*.writing"), *self.folder.glob("*.tmp")):
                 path.unlink(missing_ok=True)
             yield
 
@@ -250,15 +250,9 @@ class MissionStore:
         :raises InputError: if it cannot be written
         """
         stored = check(unpack(content), mission)
-        workshop = self.folder / f".{mission.key}.writing"
         try:
-            with workshop.open("wb") as stream:
-                stream.write(content)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.replace(workshop, self.path(mission.key))
+            write_whole(self.path(mission.key), content)
         except OSError as error:
-            workshop.unlink(missing_ok=True)
             raise InputError(
                 f"a mission cannot be stored: {error.strerror}",
                 "free disk space or choose another output folder; stored missions are reused",

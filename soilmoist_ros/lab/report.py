@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace as Row
@@ -22,6 +21,7 @@ from soilmoist_ros.lab.computing import Failure
 from soilmoist_ros.lab.figures import FigureSection, picture
 from soilmoist_ros.lab.mission_store import MissionStore, code_version
 from soilmoist_ros.lab.table import Finished
+from soilmoist_ros.recording import write_whole
 from soilmoist_ros.reporting import dwell_text, length, plain, render_page, strategy_text
 
 if TYPE_CHECKING:
@@ -40,15 +40,14 @@ def write_campaign_report(
     :param finished: its stored missions; read from the folder if ``None``
     :raises InputError: if the page cannot be written
     """
-    path, workshop = out / NAME, out / f".{NAME}.writing"
+    path = out / NAME
     finished = stored_rows(campaign, out) if finished is None else finished
     data = CampaignData(campaign, finished, MissionStore(out / RUNS).read)
     try:
         if data.missions.empty:
             path.unlink(missing_ok=True)
             return None
-        workshop.write_text(render_campaign_report(data, failures), encoding="utf-8")
-        os.replace(workshop, path)
+        write_whole(path, render_campaign_report(data, failures).encode())
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", path) from None
     return path
@@ -137,8 +136,8 @@ def _sections(data: CampaignData) -> Iterator[FigureSection]:
                 f"examples-{case.number}", f"{case.title}: examples of missions",
                 picture(examples, f"Truth, maps with paths, and kriging variance: {case.title}"),
                 "Above: the true rate, and the map at the end of one mission per strategy (the first seed) with "
-                f"its path and stops, {dwell_text(data.main_dwell(case))}. Below: the kriging variance, dark "
-                "where the map is least certain. Colours are the same across each row.",
+                f"its path from the square on and its stops, {dwell_text(data.main_dwell(case))}. Below: the "
+                "kriging variance, dark where the map is least certain. Colours are the same across each row.",
             )  # fmt: skip
     for case in data.cases:
         if figures.interval_strategies(data, case):

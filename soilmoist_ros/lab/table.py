@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from soilmoist_ros.foundation import InputError, csv_text, install
 from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.lab.comparisons import QUARTER, hindsight_table, paired_table
 from soilmoist_ros.lab.mission_store import CampaignRun
+from soilmoist_ros.recording import write_whole
 from soilmoist_ros.simulation import SETTINGS, MapErrors, SeriesRow, series_columns
 
 if TYPE_CHECKING:
@@ -161,13 +161,10 @@ def write_tables(out: Path, finished: Finished) -> list[Path]:
     for name, table in tables.items():
         for suffix in ("parquet", "csv"):
             path = out / f"{name}.{suffix}"
-            workshop = out / f".{path.name}.writing"
+            if suffix == "csv":
+                text = table.map(csv_text).to_csv(index=False, float_format="%.8g", lineterminator="\n")
             try:
-                if suffix == "csv":
-                    table.map(csv_text).to_csv(workshop, index=False, float_format="%.8g", lineterminator="\n")
-                else:
-                    table.to_parquet(workshop, index=False)
-                os.replace(workshop, path)
+                write_whole(path, text.encode() if suffix == "csv" else table.to_parquet(index=False))
             except OSError as error:
                 raise InputError(
                     f"cannot be written: {error.strerror}", "choose another output folder", path
