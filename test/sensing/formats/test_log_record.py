@@ -4,7 +4,8 @@
 
 import math
 
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
+from soilmoist_ros.sensing.formats.log_layout import build_layout
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 
 FORMAT = LoggerFormat.model_validate(
@@ -54,3 +55,12 @@ def test_a_missing_tube_is_nan_and_a_value_slightly_above_saturation_is_saturati
     assert math.isnan(record.tube_counts[1])
     assert math.isnan(record.tube_live_s[1])
     assert record.relative_humidity == 1.0
+
+
+def test_live_time_of_a_pair_of_tubes():
+    rover = load_logger_format("hydroinnova_rover")
+    names = ["RecordNum", "Date Time(UTC)", *(f"N{i}Cts" for i in range(1, 5)), "N1ETsec", "N3ETsec"]
+    layout = build_layout(rover, [*names, "LatDec", "LongDec"])
+    assert [source.name for source in layout.live if source] == ["N1ETsec", "N1ETsec", "N3ETsec", "N3ETsec"]
+    own = build_layout(rover, ["Date Time(UTC)", "N1Cts", "N2Cts", "N1ETsec", "N2ETsec", "LatDec", "LongDec"])
+    assert [source.name for source in own.live if source] == ["N1ETsec", "N2ETsec"]

@@ -1,15 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-import ast
-import inspect
-import itertools
 import sys
 
 import pytest
 
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.formats.logger_format import LOGGERS, LoggerFormat, load_logger_format, logger_names
+from soilmoist_ros.sensing.formats.logger_format import LOGGERS, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.logger_reader import detect_format, read_log
 
 MINIMAL = """
@@ -20,29 +17,6 @@ time: {columns: [t], formats: [iso8601]}
 counts: {columns: ["c{tube}"]}
 record_period: {default_s: 60}
 """
-
-
-@pytest.mark.slow
-def test_every_key_is_described() -> None:
-    def described(model):
-        """Keys that have a docstring below them, there or in a class that the model extends."""
-        classes = [one for one in model.__mro__ if one.__module__ == model.__module__]
-        bodies = [ast.parse(inspect.getsource(one)).body[0] for one in classes]
-        return {
-            key.target.id
-            for body in bodies
-            for key, below in itertools.pairwise(body.body)
-            if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr) and below.value.value
-        }
-
-    def walk(model):
-        assert model.model_fields.keys() - described(model) == set(), model.__name__
-        for field in model.model_fields.values():
-            for part in (field.annotation, *getattr(field.annotation, "__args__", ())):
-                if hasattr(part, "model_fields"):
-                    walk(part)
-
-    walk(LoggerFormat)
 
 
 @pytest.fixture

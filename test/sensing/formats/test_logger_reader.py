@@ -208,12 +208,6 @@ def test_oddities_that_are_reported_and_kept(odd, expected) -> None:
     assert not any(problem.lost for problem in problems)
 
 
-def test_the_next_sensor_replaces_a_faulty_one() -> None:
-    records, _ = rover(line(p4="1098.5"), line(p4="-99", number="8"), line(p4="", p1="", number="9"))
-    assert [record.pressure_hpa for record in records[:2]] == [979.9, 979.9]
-    assert math.isnan(records[2].pressure_hpa)
-
-
 def test_duplicates_are_dropped() -> None:
     records, problems = rover(line(), line(time="2024/05/01 10:01:00", number="8"), line())
     assert len(records) == 2
@@ -319,19 +313,6 @@ def test_an_earlier_header_is_used_until_the_logger_sends_one() -> None:
 # Log file --------------------------------------------------------------------------------------------------------
 
 CRS1000 = load_logger_format("hydroinnova_crs1000")
-ROVER_HEAD = b"""\
-//Hydroinnova CRS Probe Filename: 1.KSU
-//Logger SerialNum=4711
-
-//Recordperiod = 1 minutes.
-//RecordNum,Date Time(UTC),P4_mb,T1_C,RH1,N1Cts,N2Cts, N1ETsec ,
-//GpsUTC, LatDec, LongDec, Alt, Qual, HDOP
-"""
-
-
-def rover_line(number: int = 7, time: str = "10:00:00", n1: str = "40") -> bytes:
-    gps = "0" + time.replace(":", "")
-    return f"{number}, 2024/05/01 {time}, 980.5, 20.0, 50.0, {n1}, 44, 60, {gps}, 52.5, 13.4, 35, 1, 0.9".encode()
 
 
 def write(tmp_path: Path, data: bytes) -> Path:
@@ -350,7 +331,7 @@ def write(tmp_path: Path, data: bytes) -> Path:
         (bytes(range(1, 256)), "is not a text file", "the text file"),
         (b"PK\x03\x04abc", "is a ZIP archive or a spreadsheet", "export it as text"),
         (b"hello\nworld\n", "no header line", "the known formats are cosmos_europe, finapp, hydroinnova_crs1000"),
-        (ROVER_HEAD[:80], "no header line", "the known formats are"),
+        (ROVER_HEADER[:80], "no header line", "the known formats are"),
         (b"$GNGGA,080000.00,,,,,0,00,99.9,,M,,M,,*74\n", "no header line", "pass it with --nmea"),
     ],
 )
@@ -379,7 +360,7 @@ def test_wrong_format_names_the_columns_and_the_right_format(tmp_path) -> None:
 
 
 def test_no_record_usable(tmp_path) -> None:
-    path = write(tmp_path, ROVER_HEAD + rover_line(n1="x") + b"\n" + rover_line(n1="y") + b"\n")
+    path = write(tmp_path, ROVER_HEADER + line(n1="x") + b"\n" + line(n1="y") + b"\n")
     with pytest.raises(InputError, match=r"some.log:7 \[N1Cts\]: .*none of the 2 records is usable.*'x' is not a"):
         read_log(path, "hydroinnova_rover", "west")
 
@@ -387,15 +368,15 @@ def test_no_record_usable(tmp_path) -> None:
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_encodings_and_line_ends(tmp_path, encoding, end) -> None:
-    text = (ROVER_HEAD + rover_line() + b"\n").decode().replace("Filename", "Weiß").replace("\n", end)
+    text = (ROVER_HEADER + line() + b"\n").decode().replace("Filename", "Weiß").replace("\n", end)
     log = read_log(write(tmp_path, text.encode(encoding)), "hydroinnova_rover", "east")
     assert (len(log.records), log.problems, log.serial) == (1, (), "4711")
 
 
 @pytest.mark.parametrize("kept", [20, 60, 70])
 def test_truncated_last_line(tmp_path, kept) -> None:
-    second = rover_line(8, "10:01:00")[:kept]
-    log = read_log(write(tmp_path, ROVER_HEAD + rover_line() + b"\n" + second), "hydroinnova_rover", "east")
+    second = line(number="8", time="2024/05/01 10:01:00", gps="0100100")[:kept]
+    log = read_log(write(tmp_path, ROVER_HEADER + line() + b"\n" + second), "hydroinnova_rover", "east")
     assert len(log.records) == 1
     assert kinds(log.problems) == [Kind.TRUNCATED]
     assert log.records_lost == 1

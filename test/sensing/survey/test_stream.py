@@ -5,7 +5,7 @@
 import itertools
 import math
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -181,30 +181,6 @@ def test_a_drift_of_the_loggers_clock_is_reported_once_and_a_silent_receiver_is_
             live.take_logger_line(line(replace(one, stamp_s=one.stamp_s + drift * 10.0 * number)), 0.0)
     assert drifting.logger_problems.noted[Kind.CLOCK_DRIFT] == 1
     assert silent.logger_problems.noted[Kind.CLOCK_DRIFT] == 0
-
-
-def test_a_loggers_clock_that_is_set_is_noticed_within_three_records():
-    live = survey(UNCORRECTED.model_copy(update={"longitude": "east"}), "hydroinnova_rover")
-    for text in (
-        "//RecordNum,Date Time(UTC),P4_mb,T1_C,RH1,N1Cts,N1ETsec",
-        "//GpsUTC,LatDec,LongDec,Alt,Qual,HDOP",
-    ):
-        live.take_logger_line(text.encode(), 0.0)
-    east_m = []
-    for number in range(1, 41):
-        for second in range(60 * number - 59, 60 * number + 1):
-            live.take_fix(fix(float(second), float(second)))
-        true = datetime.fromtimestamp(T0 + 60 * number, UTC)
-        clock = true + timedelta(hours=1) if number <= 20 else true
-        live.take_logger_line(
-            f"{number},{clock:%Y/%m/%d %H:%M:%S},980,20,50,{600 + number % 7},60,"
-            f"0{true:%H%M%S},50.0,10.0,100,4,0.8".encode(),
-            60.0 * number,
-        )
-        east_m += [one.x_m for one in live.take_ready(60.0 * number + 3)]
-    wrong = [number for number, x_m in enumerate(east_m, 1) if abs(x_m - (60 * number - 30)) > 1.0]
-    assert (len(east_m), wrong) == (40, [21, 22])
-    assert live.logger_problems.noted[Kind.CLOCK_OFFSET] == 2
 
 
 # No record -------------------------------------------------------------------------------------------------------
