@@ -74,66 +74,60 @@ def _without_consequences(details: Sequence[Any]) -> list[Any]:
 
 def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -> Mistake:
     location: Location = tuple(detail["loc"])
-    column = ".".join(str(part) for part in location if not _is_tag(part, content))
-    line = line_of(content, location)
-    if detail["type"] == "extra_forbidden":
+    message, remedy = _explained(detail, location, model)
+    column = ".".join(str(part) for part in location if not _is_tag(part))
+    return Mistake(message, remedy, path, line_of(content, location), column)
+
+
+def _explained(detail: Any, location: Location, model: type[BaseModel]) -> tuple[str, str]:
+    """Message and remedy of an error of pydantic."""
+    kind, value, last = detail["type"], detail.get("input"), str(location[-1]) if location else ""
+    if kind == "extra_forbidden":
         known = _known_keys(model, location[:-1])
-        unknown = str(location[-1])
-        remedy = f"remove it or use one of: {', '.join(known)}{did_you_mean(unknown, known)}"
-        if re.search("lat_?l(on|ng)", unknown.lower()):
+        remedy = f"remove it or use one of: {', '.join(known)}{did_you_mean(last, known)}"
+        if re.search("lat_?l(on|ng)", last.lower()):
             remedy += "; longitude comes first"
-        if unknown.isdecimal():
+        if last.isdecimal():
             remedy = "write decimals with a point: 53.2, not 53,2"
-        return Mistake(f"unknown key {unknown!r}", remedy, path, line, column)
-    if detail["type"] == "missing":
-        return Mistake(f"the key {location[-1]!r} is missing", "add it", path, line, column)
-    if detail["type"] == "model_type":
+        return f"unknown key {last!r}", remedy
+    if kind == "missing":
+        return f"the key {last!r} is missing", "add it"
+    if kind == "model_type":
         known = _known_keys(model, location)
-        message = f"should hold keys and values, but is {_shown(detail.get('input'))}"
-        return Mistake(
-            message, f"write its keys, such as {{{known[0]}: ...}}" if known else "", path, line, column
-        )
+        shown = _kind(value) if value is None else f"{value!s:.60}"
+        remedy = f"write its keys, such as {{{known[0]}: ...}}" if known else ""
+        return f"should hold keys and values, but is {shown}", remedy
     message = detail["msg"].removeprefix("Value error, ").replace(" after validation", "")
     message = message.replace("valid tuple", "valid list").replace("Tuple should", "list should")
     message = message[:1].lower() + message[1:]
-    value = detail.get("input")
     if isinstance(value, (str, int, float)) and repr(value) not in message:
         message += f", but it is {value!r}"
-    swapped = location[-1:] == ("latitude_deg",) and detail["type"] in ("greater_than_equal", "less_than_equal")
-    remedy = "check whether latitude and longitude are swapped" if swapped else _notation(detail, location)
-    return Mistake(message, remedy, path, line, column)
+    return message, _notation(kind, str(value).strip(), detail.get("ctx") or {}, last)
 
 
-def _notation(detail: Any, location: Location) -> str:
-    """What to do with a number in another notation or unit; empty if it is not clear."""
-    value, limits = str(detail.get("input")).strip(), detail.get("ctx") or {}
-    unit = str(location[-1]).rpartition("_")[2] if location else ""
-    if detail["type"] == "literal_error":
+def _notation(kind: str, value: str, limits: Mapping[str, Any], key: str) -> str:
+    """What to do with a value in another notation or unit; empty if it is not clear."""
+    end = key.rpartition("_")[2]
+    unit = _UNITS.get(end, "")
+    if key == "latitude_deg" and kind in ("greater_than_equal", "less_than_equal"):
+        return "check whether latitude and longitude are swapped"
+    if kind == "literal_error":
         known = re.findall(r"'([^']+)'", str(limits.get("expected")))
         return f"write {value.lower()}" if value.lower() in known else ""
-    if detail["type"] == "too_long" and limits.get("max_length") == 2:
+    if kind == "too_long" and limits.get("max_length") == 2:
         return "write two values, such as [1, 2]"
-    if unit == "deg" and detail["type"] == "float_parsing" and re.search("[NSEW°'\" ]", value):
-        return "write degrees with decimals, south and west negative, such as 53.268"
-    if detail["type"] in ("float_parsing", "int_parsing"):
-        if re.fullmatch(r"[+-]?\d+,\d+", value):
-            return f"write decimals with a point: {value.replace(',', '.')}"
-        if re.match(r"[+-]?[.\d]+\s*[^\d\s.,]", value):
-            return "write the number without its unit"
-        return f"write a number, in {_UNITS[unit]}" if unit in _UNITS else ""
+    if kind in ("float_parsing", "int_parsing"):
+        if end == "deg":
+            return "write degrees with decimals and a point, south and west negative, such as 53.268"
+        return f"write a number with a decimal point, without its unit{f', in {unit}' if unit else ''}"
     if not any(limits.get(one) for one in ("lt", "le", "gt", "ge")):  # zero has no unit
         return ""
     if 1.0 in (limits.get("lt"), limits.get("le")):
         return "it is a fraction: divide per cent by 100"
-    per = "1/" if location and "_per_" in str(location[-1]) else ""
-    return f"the name of the key has its unit: {per}{_UNITS[unit]}" if unit in _UNITS else ""
+    return f"the name of the key has its unit: {'1/' * ('_per_' in key)}{unit}" if unit else ""
 
 
-def _shown(value: Any) -> str:
-    return _kind(value) if value is None else f"{value!s:.60}"
-
-
-def _is_tag(part: int | str, content: Any) -> bool:
+def _is_tag(part: int | str) -> bool:
     """True if a part of a location is the name of a union member, which pydantic adds and no file contains."""
     return isinstance(part, str) and bool(re.search(r"[\[(]|^function-|^[A-Z]\w+$", part))
 

@@ -79,7 +79,7 @@ def test_bound_water_follows_from_clay_and_carbon_unless_it_was_measured():
 @pytest.mark.parametrize(
     ("text", "remedy"),
     [
-        ("location: {latitude_deg: '51,5', longitude_deg: 1.0}", "write decimals with a point: 51.5"),
+        ("location: {latitude_deg: '51,5', longitude_deg: 1.0}", "write degrees with decimals and a point"),
         ("location: {latitude_deg: 51.5, longitude_deg: 1.0, altitude_m: 100 m}", "without its unit"),
         ("corrections: {pressure: {reference_hpa: 101325}}", "the name of the key has its unit: hPa"),
         ("soil: {bulk_density_gcm3: 1310}", "the name of the key has its unit: g/cm3"),
