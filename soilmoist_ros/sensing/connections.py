@@ -117,10 +117,8 @@ def parse_networks(uri: str, text: str) -> tuple[Network, ...]:
     try:
         return tuple(ipaddress.ip_network(part.strip()) for part in text.split(","))
     except ValueError as error:
-        raise InputError(
-            f"the address {uri!r} accepts data from no network: {error}",
-            "give numeric addresses or networks: from=192.168.5.20 or from=192.168.5.20,10.0.5.0/24",
-        ) from None
+        remedy = "give numeric addresses or networks: from=192.168.5.20 or from=192.168.5.20,10.0.5.0/24"
+        raise InputError(f"the address {uri!r} accepts data from no network: {error}", remedy) from None
 
 
 def _bad(uri: str, message: str, kind: str = "") -> InputError:
@@ -145,20 +143,17 @@ class Senders:
     def accepts(self, sender: str) -> bool:
         """True if a datagram is accepted."""
         known = self._heard_s.pop(sender, None) is not None
-        if not known and self.allowed and not self._is_allowed(sender):
-            self.n_refused += 1
-            self.last_refused = sender
-            return False
+        if not known and self.allowed:
+            address = ipaddress.ip_address(sender.partition("%")[0])
+            address = getattr(address, "ipv4_mapped", None) or address
+            if not any(address in network for network in self.allowed):
+                self.n_refused += 1
+                self.last_refused = sender
+                return False
         if len(self._heard_s) >= MAX_SENDERS:
             del self._heard_s[next(iter(self._heard_s))]
         self._heard_s[sender] = time.monotonic()
         return True
-
-    def _is_allowed(self, sender: str) -> bool:
-        address = ipaddress.ip_address(sender.partition("%")[0])
-        if isinstance(address, ipaddress.IPv6Address) and address.ipv4_mapped is not None:
-            address = address.ipv4_mapped
-        return any(address in network for network in self.allowed)
 
 
 @dataclass(frozen=True)
@@ -312,10 +307,10 @@ class Retry:
         """Time without a byte after which the link reconnects, at present [s]."""
         return max(self.silence_s, MAX_SILENT_PERIODS * self.period_s())
 
-    def pause_s(self, attempts: int, rng: random.Random) -> float:
+    def pause_s(self, attempts: int) -> float:
         """Pause after failed attempts [s]; half of it is random, so that readers do not all reconnect at once."""
         pause_s = min(self.max_s, self.first_s * 2.0 ** min(attempts - 1, 60))
-        return pause_s * rng.uniform(0.5, 1.0)
+        return pause_s * random.uniform(0.5, 1.0)
 
 
 class ReconnectingSource:
@@ -330,20 +325,16 @@ class ReconnectingSource:
         uri: str,
         connect: Callable[[], Connection],
         retry: Retry | None = None,
-        clock: Callable[[], float] = time.monotonic,
-        rng: random.Random | None = None,
         senders: Senders | None = None,
     ) -> None:
         self._uri = uri
         self._connect = connect
         self._retry = retry or Retry()
-        self._clock = clock
-        self._rng = rng or random.Random()
         self._senders = senders
         self._buffer = LineBuffer()
         self._connection: Connection | None = None
         self._closed = threading.Event()
-        self._retry_at_s = self._heard_at_s = clock()
+        self._retry_at_s = self._heard_at_s = time.monotonic()
         self._attempts = self._connections = self._n_bytes = self._n_lines = 0
         self._last_error = ""
         self._silent = False
@@ -351,7 +342,7 @@ class ReconnectingSource:
     @property
     def status(self) -> LinkStatus:
         """State of the link."""
-        silent_s, limit_s = self._clock() - self._heard_at_s, self._retry.silence_limit_s
+        silent_s, limit_s = time.monotonic() - self._heard_at_s, self._retry.silence_limit_s
         if self._closed.is_set():
             state = LinkState.CLOSED
         elif self._silent or (self._connection is not None and silent_s > limit_s):
@@ -378,13 +369,13 @@ class ReconnectingSource:
 
     def read_line(self, timeout_s: float) -> bytes | None:
         """The next line, ``None`` after the timeout."""
-        deadline_s = self._clock() + timeout_s
+        deadline_s = time.monotonic() + timeout_s
         while not self._closed.is_set():
             line = self._buffer.pop()
             if line is not None:
                 self._n_lines += 1
                 return line
-            left_s = deadline_s - self._clock()
+            left_s = deadline_s - time.monotonic()
             if left_s <= 0:
                 return None
             if self._connection is None:
@@ -404,7 +395,7 @@ class ReconnectingSource:
                 connection.close()
 
     def _reconnect(self, left_s: float) -> None:
-        pause_s = self._retry_at_s - self._clock()
+        pause_s = self._retry_at_s - time.monotonic()
         if pause_s > 0:
             self._closed.wait(min(pause_s, left_s))
             return
@@ -415,12 +406,12 @@ class ReconnectingSource:
             self._fail(error)
             return
         self._connections += 1
-        self._heard_at_s = self._clock()
+        self._heard_at_s = time.monotonic()
         if self._closed.is_set():  # during the attempt
             self._close_connection()
 
     def _receive(self, connection: Connection, left_s: float) -> None:
-        quiet_s, limit_s = self._clock() - self._heard_at_s, self._retry.silence_limit_s
+        quiet_s, limit_s = time.monotonic() - self._heard_at_s, self._retry.silence_limit_s
         if quiet_s > limit_s and not connection.datagrams:
             self._silent = True
             self._attempts = 0  # the device was there: a longer pause would only miss its next line
@@ -434,7 +425,7 @@ class ReconnectingSource:
         if not data:
             return
         self._silent = False
-        self._heard_at_s = self._clock()
+        self._heard_at_s = time.monotonic()
         self._n_bytes += len(data)
         lines = self._buffer.feed(data)
         if connection.datagrams:
@@ -450,4 +441,4 @@ class ReconnectingSource:
         if self._closed.is_set():
             return
         self._last_error = str(error) or type(error).__name__
-        self._retry_at_s = self._clock() + self._retry.pause_s(max(self._attempts, 1), self._rng)
+        self._retry_at_s = time.monotonic() + self._retry.pause_s(max(self._attempts, 1))
