@@ -121,10 +121,7 @@ def counts_to_messages(
 
 
 def require_plane(message: PointCloud2, frame: str, plane: LocalFrame) -> None:
-    """Check that the places of a message of counts are those of a plane, as far as it says.
-
-    :raises OtherFrameError: if it names another frame or another datum
-    """
+    """Check that a message of counts names no other frame or datum; raises :class:`OtherFrameError`."""
     require_frame(message, frame)
     if message.width * message.height and set(_DATUM) <= {field.name for field in message.fields}:
         first = read_points(message).ravel()[0]
@@ -174,10 +171,7 @@ def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) 
 
 
 def samples_from_message(message: PointCloud2) -> Samples:
-    """Samples of a message; without spreads in the message the samples are points.
-
-    :raises ValueError: if a field is missing, or a value is impossible
-    """
+    """Samples of a message, points if it has no spreads; ``ValueError`` if a field or value is impossible."""
     given = [field.name for field in message.fields]
     known = [name for name in _SPREAD if name in given]  # messages of earlier versions have no footprint
     kind = np.dtype([*_SAMPLE.descr, *((name, "<f4") for name in known)])

@@ -73,11 +73,7 @@ def battery_from_message(message: BatteryState) -> tuple[float, float] | None:
 
 
 def battery_to_message(charge: float, voltage_v: float, stamp_s: float) -> BatteryState:
-    """Message of a battery that is discharging.
-
-    :param charge: charge [0..1], NaN if unknown
-    :param voltage_v: voltage [V], NaN if unknown
-    """
+    """Message of a battery in use: charge [0..1] and voltage [V], NaN if unknown."""
     message = BatteryState(present=True, percentage=float(charge), voltage=float(voltage_v))
     message.header.stamp = to_time(stamp_s)
     message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
@@ -92,10 +88,7 @@ def battery_to_message(charge: float, voltage_v: float, stamp_s: float) -> Batte
 def diagnostics_to_message(
     parts: Iterable[Health], stamp_s: float, node: str, hardware_id: str = ""
 ) -> DiagnosticArray:
-    """Message for ``/diagnostics``.
-
-    :param hardware_id: serial number of the device, empty if there is none
-    """
+    """Message for ``/diagnostics``; ``hardware_id`` is the serial number of the device."""
     message = DiagnosticArray()
     message.header.stamp = to_time(stamp_s)
     message.status = [health_to_status(part, node, hardware_id) for part in parts]
@@ -108,11 +101,7 @@ def diagnostics_from_message(message: DiagnosticArray) -> list[Health]:
 
 
 def health_to_status(health: Health, node: str = "", hardware_id: str = "") -> DiagnosticStatus:
-    """One state of health as a message.
-
-    :param node: name of the node, put before the name of the part unless empty
-    :param hardware_id: serial number of the device, empty if there is none
-    """
+    """One state of health as a message; a name of a node stands before that of the part."""
     return DiagnosticStatus(
         level=bytes([int(health.level)]),
         name=f"{node}: {health.name}" if node else str(health.name),

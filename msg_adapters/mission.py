@@ -68,10 +68,7 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
 
 
 def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
-    """Status of a message; further values are ignored.
-
-    :raises ValueError: if a value is missing or impossible
-    """
+    """Status of a message; ``ValueError`` if a value is missing or impossible, further ones are ignored."""
     values = health_from_status(message).values
     try:
         end_s = float(values["estimated_end_s"])

@@ -56,10 +56,7 @@ def model_to_message(model: Model) -> String:
 
 
 def model_from_message(message: String) -> Model:
-    """Model of a message; unknown keys are ignored.
-
-    :raises ValueError: if the message is not JSON, or a key is missing or impossible; names the key
-    """
+    """Model of a message; unknown keys are ignored, ``ValueError`` names one that is missing or impossible."""
     try:
         content = read_json(message.data)
     except ValueError as error:
@@ -114,7 +111,6 @@ def _plain_drift(changing: Changing | None) -> dict[str, Any]:
 
 
 def _plain_local(fit: VariogramFit, local: LocalFit) -> dict[str, Any]:
-    """The stationary variogram, the evidence against it, and the amplitude if that is strong."""
     names = ("nugget", "range_m", "sill")
     amplitude = fit.variogram.amplitude
     return {

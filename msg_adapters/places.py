@@ -39,10 +39,7 @@ _YAW: Final = 35
 
 
 def plan_to_path(stops: Sequence[Stop], stamp_s: float, frame_id: str = FRAME) -> Path:
-    """Path through the stops.
-
-    :param stops: the stops ahead, the next one first; an empty sequence clears the display
-    """
+    """Path through the stops ahead, the next one first; without stops it clears the display."""
     header = Header(stamp=to_time(stamp_s), frame_id=frame_id)
     return Path(header=header, poses=[pose_stamped(stop.x_m, stop.y_m, stamp_s, frame_id) for stop in stops])
 
@@ -102,10 +99,7 @@ def _point(x_m: float, y_m: float, z_m: float = 0.0) -> Point:
 
 
 def transforms_from_message(message: Any, static: bool) -> list[Transform]:
-    """Transforms of a message; slashes before the names of frames, as ROS 1 wrote them, are dropped.
-
-    :param static: whether it came on ``/tf_static``
-    """
+    """Transforms of a message; slashes before the names of frames, as ROS 1 wrote them, are dropped."""
     found = []
     for stamped in message.transforms:
         shift, turn = stamped.transform.translation, stamped.transform.rotation

@@ -48,10 +48,7 @@ class OtherFrameError(ValueError):
 
 
 def require_frame(message: PointCloud2, frame: str) -> None:
-    """Check the frame of a message; a slash before its name does not count.
-
-    :raises OtherFrameError: if it is another frame, or none
-    """
+    """Check the frame of a message, whatever slash is before it; raises :class:`OtherFrameError`."""
     found = message.header.frame_id
     if found.lstrip("/") != frame.lstrip("/"):
         points = message.height * message.width
@@ -59,10 +56,7 @@ def require_frame(message: PointCloud2, frame: str) -> None:
 
 
 def points_from_message(message: PointCloud2, wanted: np.dtype[Any]) -> NDArray[Any]:
-    """Points of a message, of shape (height, width); fields are found by name, others are ignored.
-
-    :raises ValueError: as :func:`check_fields`, or if the data are shorter than announced
-    """
+    """Points of a message, shape (height, width); fields are found by name, others are ignored."""
     check_fields(message, wanted)
     found = points(message)
     chosen = np.empty(found.shape, wanted)
@@ -72,10 +66,7 @@ def points_from_message(message: PointCloud2, wanted: np.dtype[Any]) -> NDArray[
 
 
 def check_fields(message: PointCloud2, wanted: np.dtype[Any]) -> None:
-    """Check the fields of a message.
-
-    :raises ValueError: if a field is missing or of another type
-    """
+    """Check the fields of a message; ``ValueError`` names one that is missing or of another type."""
     found = {field.name: field for field in message.fields}
     for name in wanted.names or ():
         if name not in found:

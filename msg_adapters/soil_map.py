@@ -37,10 +37,7 @@ KEEPOUT_TYPE: Final = 0
 def soil_map_to_message(
     grid: FieldGrid, soil_map: SoilMap | None, stamp_s: float, frame_id: str = FRAME
 ) -> PointCloud2:
-    """Message of a map, rounded to 32 bits for viewers.
-
-    :param soil_map: the field's map, ``None`` before the first map
-    """
+    """Message of a map, rounded to 32 bits for viewers; NaN before the first map."""
     return points_to_message(map_cells(grid, soil_map), stamp_s, frame_id)
 
 
@@ -63,10 +60,7 @@ def soil_map_from_message(message: PointCloud2) -> NDArray[Any]:
 def change_to_message(
     grid: FieldGrid, change: FieldChange | None, stamp_s: float, frame_id: str = FRAME
 ) -> PointCloud2:
-    """Message of a change since an earlier survey, rounded to 32 bits.
-
-    :param change: on this grid; without one all bands are NaN
-    """
+    """Message of a change since an earlier survey, rounded to 32 bits; NaN without one."""
     cells = placed_cells(grid, CHANGE_CELL)
     if change is not None:
         for name, raster in CHANGE.items():
@@ -75,10 +69,7 @@ def change_to_message(
 
 
 def change_from_message(message: PointCloud2) -> NDArray[Any]:
-    """Cells of a message: array of :data:`CHANGE_CELL`, shape (rows, columns), NaN outside the field.
-
-    :raises ValueError: if a field is missing
-    """
+    """Cells of a message: array of :data:`CHANGE_CELL`, shape (rows, columns), NaN outside the field."""
     return points_from_message(message, CHANGE_CELL)
 
 

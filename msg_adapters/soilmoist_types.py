@@ -110,10 +110,7 @@ def reply_to_message(reply: Reply) -> Command.Response:
 
 
 def reply_from_message(message: Command.Response) -> Reply:
-    """Reply of a message.
-
-    :raises ValueError: if its code is not known
-    """
+    """Reply of a message; ``ValueError`` for an unknown code."""
     return Reply(ReplyCode(message.code), foreign_text(message.message))
 
 
@@ -151,10 +148,7 @@ def visit_from_message(message: VisitMessage, robot: int = 1) -> Visit:
 
 
 def map_summary_to_message(state: MapState, soil_map: SoilMap | None, frame_id: str = FRAME) -> MapSummary:
-    """Message of a map in numbers.
-
-    :param soil_map: the map, ``None`` before the first
-    """
+    """Message of a map in numbers; NaN before the first map."""
     samples = state.samples
     message = MapSummary(
         header=Header(stamp=to_time(state.stamp_s), frame_id=frame_id),
@@ -184,7 +178,6 @@ def map_summary_to_message(state: MapState, soil_map: SoilMap | None, frame_id: 
 
 
 def _mean(raster: NDArray[np.float64]) -> float:
-    """Mean of the cells that have a value, NaN if none has."""
     known = raster[np.isfinite(raster)]
     return float(known.mean()) if known.size else math.nan
 
@@ -193,7 +186,6 @@ def _mean(raster: NDArray[np.float64]) -> float:
 
 
 def _codes(message: Any, kind: type[Code], prefix: str = "") -> dict[Code, int]:
-    """Constants of a message for the members of an enumeration."""
     return {member: int(getattr(message, f"{prefix}{member.name}")) for member in kind}
 
 
@@ -238,10 +230,7 @@ def mission_state_to_message(
 
 
 def mission_state_from_message(message: MissionMessage) -> MissionStatus:
-    """Status of a message, without its forecast.
-
-    :raises ValueError: if a code is not known
-    """
+    """Status of a message, without its forecast; ``ValueError`` for an unknown code."""
     place = float(message.stop_position.x), float(message.stop_position.y)
     end_s = float(message.estimated_end_s)
     return MissionStatus(

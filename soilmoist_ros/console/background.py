@@ -138,11 +138,7 @@ def _jpeg(rgb: Pixels) -> bytes:
 
 
 class BackgroundRoute:
-    """Handler of requests for the background.
-
-    :param source: GeoTIFF; empty for none
-    :param board: has the section ``field``; receives ``background``: extent and version, or an error
-    """
+    """Handler of requests for the background; the section ``background`` has extent and version, or an error."""
 
     def __init__(self, web: Any, source: str, board: Board, jobs: Jobs) -> None:
         self._web, self._source, self._board, self._jobs = web, source, board, jobs

@@ -102,10 +102,7 @@ class MapLayers:
         }
 
     def png(self, key: str) -> bytes:
-        """Picture of a layer, north up, transparent outside the field.
-
-        :raises KeyError: if there is no such layer
-        """
+        """Picture of a layer, north up, transparent outside the field; ``KeyError`` if there is no such layer."""
         if key not in self._pictures:
             layer = next((one for one in LAYERS if one.key == key and self._has(one)), None)
             if layer is None:
@@ -155,7 +152,6 @@ class MapLayers:
 
 
 def _joined(cells: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
-    """Cells with the further fields of others."""
     added = [name for name in more.dtype.names or () if name not in (cells.dtype.names or ())]
     joined = np.empty(cells.shape, [*cells.dtype.descr, *((name, more.dtype[name].str) for name in added)])
     for name in joined.dtype.names or ():

@@ -32,11 +32,7 @@ _SUFFIX: Final = ".yaml"
 
 
 class PlanRoutes:
-    """Handlers of requests of the page *Plan*.
-
-    :param files: what may be chosen
-    :param walks: walks by the names of the robots
-    """
+    """Handlers of requests of the page *Plan*."""
 
     def __init__(self, web: Any, files: SurveyFiles, jobs: Jobs, walks: Mapping[str, Walk]) -> None:
         self._web, self._files, self._jobs, self._walks = web, files, jobs, walks
@@ -51,7 +47,6 @@ class PlanRoutes:
         return self._web.json_response(await asyncio.to_thread(self._files.listed))
 
     async def _on_plan(self, content: Any) -> Any:
-        """Do a task of :mod:`.work`, in another process."""
         limit_s = LIMIT_S if content.get("task") == "forecast" else SHORT_LIMIT_S
         try:
             code, said = await self._jobs.answer(WORK, json.dumps(content).encode(), limit_s)
@@ -64,7 +59,6 @@ class PlanRoutes:
         return json.loads(said.splitlines()[-1])
 
     async def _on_field(self, content: Any) -> Any:
-        """Check and save a field; the answer has the name of its file."""
         answer = await self._on_plan({**content, "task": "field"})
         if "error" in answer:
             return answer
@@ -88,13 +82,7 @@ class PlanRoutes:
 
 @dataclass(frozen=True)
 class SurveyFiles:
-    """What may be chosen.
-
-    :param fields: folder of field files; drawn ones are saved there
-    :param covariates: folder of GeoTIFFs
-    :param runs: folder of the runs
-    :param start: field file of the nodes' start, if it is known
-    """
+    """What may be chosen: folders of fields (drawn ones are saved there), GeoTIFFs, runs; field of the start."""
 
     fields: Path
     covariates: Path
@@ -112,10 +100,7 @@ class SurveyFiles:
         }
 
     def save(self, name: str, text: str, who: str) -> str:
-        """Save a field; nothing is overwritten.
-
-        :raises InputError: if it cannot be written, or there are too many
-        """
+        """Save a field; nothing is overwritten."""
         stem = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "field"
         now = datetime.now(UTC)
         if len(_files(self.fields, (_SUFFIX,))) >= MAX_FIELDS:
@@ -130,10 +115,7 @@ class SurveyFiles:
         return file
 
     def resolved(self, request: OperatorRequest) -> OperatorRequest:
-        """A request with the paths of the names in it; a page cannot name other files of this computer.
-
-        :raises InputError: if there is no such file
-        """
+        """A request with the paths of the names in it; a page cannot name other files of this computer."""
         changes: dict[str, Any] = {}
         if request.field:
             changes["field"] = str(self._field(request.field))

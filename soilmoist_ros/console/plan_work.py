@@ -160,12 +160,7 @@ def _travel(field_file: Path, stops: Mapping[str, Any] | None) -> dict[str, Any]
 
 
 def travel_map(given: Mapping[str, Any]) -> dict[str, Any]:
-    """A topological map with rows or a lattice of stops, for the navigation.
-
-    :param given: a field as for :func:`field_text`, and ``stops`` as for :func:`forecast`
-    :returns: ``file``; ``summary``: what it has, in words
-    :raises InputError: if the field has no room for it
-    """
+    """A topological map with rows or a lattice of stops: ``file``, and ``summary`` in words."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "field.yaml")
         path.write_text(field_text(given), encoding="utf-8")

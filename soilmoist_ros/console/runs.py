@@ -178,10 +178,7 @@ _SAID: Final = 400
 
 
 class Jobs:
-    """Runs Python modules in the server's thread; the section ``jobs`` says what became of each.
-
-    :param board: shows the jobs
-    """
+    """Runs Python modules in the server's thread; the section ``jobs`` says what became of each."""
 
     def __init__(self, board: Board) -> None:
         self._board = board
@@ -203,11 +200,7 @@ class Jobs:
         return ""
 
     async def answer(self, arguments: Sequence[str], given: bytes, limit_s: float) -> tuple[int, bytes]:
-        """Run a module that reads its input and prints its answer.
-
-        :returns: exit code and output
-        :raises TimeoutError: if it takes longer
-        """
+        """Exit code and output of a module that reads its input; ``TimeoutError`` if it takes longer."""
         async with self._one:
             return await self._run(arguments, given, limit_s)
 

@@ -118,10 +118,7 @@ class ConsoleServer:
         self._runner: web.AppRunner | None = None
 
     def start(self, host: str, port: int) -> int:
-        """Start to serve.
-
-        :raises InputError: if the address cannot be used
-        """
+        """Start to serve; returns the port. ``InputError`` if the address cannot be used."""
         self._thread.start()
         try:
             return asyncio.run_coroutine_threadsafe(self._open(host, port), self._loop).result(20.0)
@@ -205,10 +202,7 @@ class ConsoleServer:
         return self._web.middleware(guard)
 
     def _operators(self, handler: Handler, holder: bool = False) -> Handler:
-        """A handler that answers operators only, with JSON.
-
-        :param holder: whether it answers only who has the controls; who asks first gets them
-        """
+        """A handler that answers operators only, with JSON; for ``holder``, who has the controls or asks first."""
 
         async def answer(request: Any) -> Any:
             if request.content_type != "application/json":  # other sites can send forms, but not JSON
@@ -297,7 +291,6 @@ class ConsoleServer:
             self._onlookers -= Counter([address])
 
     async def _follow(self, request: Any, may_steer: bool) -> Any:
-        """Keep a viewer up to date over a WebSocket, until it is gone."""
         socket = self._web.WebSocketResponse(heartbeat=10.0, compress=True, max_msg_size=1024)
         await socket.prepare(request)
         self._viewers.add(socket)
@@ -324,7 +317,6 @@ class ConsoleServer:
             await socket.close(code=1011)
 
     async def _send(self, socket: Any, client: str, may_steer: bool) -> None:
-        """Send what has changed, until the viewer is gone."""
         sent: dict[str, Any] = {}
         while True:
             version, sent_s = self._board.version, self._board.now_s()

@@ -143,10 +143,7 @@ def sample_views(samples: Samples) -> tuple[list[float], ...]:
 
 
 def place_views(places: Iterable[tuple[float, float]]) -> list[list[float]]:
-    """Places on the map [m].
-
-    :raises ValueError: if one is not finite
-    """
+    """Places on the map [m]; ``ValueError`` if one is not finite."""
     shown = [_place(float(x_m), float(y_m)) for x_m, y_m in places]
     if not all(math.isfinite(value) for place in shown for value in place):
         raise ValueError("a place is not finite")

@@ -121,10 +121,6 @@ class Access:
 
 
 def _page_address(public: str) -> SplitResult:
-    """Parts of the address of a page.
-
-    :raises InputError: if it is none
-    """
     try:
         parts = urlsplit(public)
         wrong = bool(public) and (parts.scheme not in ("http", "https") or not parts.hostname or bool(parts.query))
@@ -164,10 +160,7 @@ def _loopback(name: str) -> bool:
 
 
 class Controls:
-    """Who has the controls. Only the thread of the server uses it.
-
-    :param now_s: steady time [s]
-    """
+    """Who has the controls. Only the thread of the server uses it."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
@@ -213,10 +206,7 @@ class Controls:
 
 
 def request_from_json(content: Any, robots: Mapping[str, Any] | list[str]) -> tuple[str, OperatorRequest]:
-    """Robot and request of a page. The planner checks what they mean.
-
-    :raises InputError: if a value has the wrong type or is too long, or the robot is not known
-    """
+    """Robot and request of a page; ``InputError`` for wrong types. The planner checks what they mean."""
     if not isinstance(content, Mapping):
         raise InputError("a request is an object with a verb", "reload the page")
     robot = content.get("robot", "")

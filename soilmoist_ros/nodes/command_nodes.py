@@ -53,10 +53,7 @@ _LAST_MESSAGES: Final = Duration(seconds=10)
 
 @contextmanager
 def _spinning(make: Callable[[Context], SomeNode], domain: int | None = None) -> Iterator[SomeNode]:
-    """Run a node in a thread, in a ROS context of its own.
-
-    :param domain: number of the ROS domain; that of the shell if ``None``
-    """
+    """Run a node in a thread, in a ROS context of its own; in the ROS domain of the shell without another."""
     context, ending = Context(), threading.Event()
     rclpy.init(context=context, domain_id=domain)
     executor = SingleThreadedExecutor(context=context)

@@ -17,7 +17,6 @@ from typing import Any, Final
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Path as PathMessage
 from numpy.typing import NDArray
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import Bool, String
@@ -61,7 +60,7 @@ from soilmoist_ros.mapping import load_field
 from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import CONSOLE as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, SENSOR, VISITS, Faults, interface_class
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, SENSOR, VISITS, Faults, every, interface_class
 from soilmoist_ros.sensing import fix_from_message
 
 __all__ = ["PARAMETERS", "Console", "main"]
@@ -119,7 +118,7 @@ class Console(Node):
         self._page = public or f"http://{reachable(host)}:{port}/"
         self.get_logger().info(f"console: {self._page}")
         self._show_token(access.token)
-        self.create_timer(SHOW_S, self._show_health, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        every(self, SHOW_S, self._show_health)
 
     def close(self) -> None:
         """End the server."""
@@ -166,7 +165,6 @@ class Console(Node):
         self._board.put(f"ruled_out/{robot}", areas)
 
     def _use_field(self, path: Path) -> None:
-        """Show the field that a planner uses now."""
         try:
             self._field = load_field(path)
         except InputError as error:
@@ -261,10 +259,7 @@ class Console(Node):
 
 
 class ConsoleSteering:
-    """The :class:`Steering` of a node. The thread of the server calls it.
-
-    :param board: receives the section ``pressed``: who has pressed the stop here, empty if nobody
-    """
+    """The :class:`Steering` of a node, called by the thread of the server; writes the section ``pressed``."""
 
     def __init__(self, node: Node, robots: Sequence[str], board: Board) -> None:
         self._node, self._board = node, board
@@ -278,7 +273,7 @@ class ConsoleSteering:
             for verb in TRIGGERS
         } if not self._clients else {}  # fmt: skip
         board.put("pressed", "")
-        node.create_timer(REPEAT_S, self._repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        every(node, REPEAT_S, self._repeat)
 
     def command(self, robot: str, request: OperatorRequest) -> Future[Reply]:
         """Pass a request to the planner of a robot."""
@@ -327,7 +322,6 @@ class ConsoleSteering:
                 button.publish(Bool(data=True))
 
     def _call(self, robot: str, request: OperatorRequest) -> tuple[Any, Any, Any]:
-        """Client, message, and the function that reads the reply; no client if the verb needs more."""
         if self._clients:
             to_message, from_message = self._convert
             return self._clients[robot], to_message(request), from_message

@@ -58,10 +58,7 @@ class DemoSettings:
 
 
 def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
-    """Write field, site and parameters of the nodes.
-
-    :returns: parameter files of the nodes by name, in the order of their start
-    """
+    """Write field, site and parameter files of the nodes; returns these in the order of the start."""
     mission, configuration = settings.mission, out / CONFIGURATION
     files = {name: str(configuration / f"{name}.yaml") for name in ("field", "site")}
     write_field_file(field, Path(files["field"]))
@@ -149,7 +146,6 @@ def shared_mapper(node: str, properties: Iterable[str] = ()) -> dict[str, str]:
 
 
 def _absolute(field: str) -> str:
-    """The name of a field, or the absolute path of its file."""
     return str(Path(field).absolute()) if Path(field).is_file() else field
 
 
@@ -207,7 +203,6 @@ def run_demo(
 
 
 def _wait(group: ProcessGroup, name: str, is_there: Callable[[], bool]) -> None:
-    """Wait until a node is there; all others must run meanwhile."""
     deadline = time.monotonic() + _START_LIMIT_S
     while not is_there():
         _require_all(group)
@@ -223,7 +218,6 @@ def _answers(port: int) -> bool:
 
 
 def _with_ports(path: Path, namespace: str, out: Path, group: ProcessGroup) -> Path:
-    """Add the addresses of the simulated devices to the parameters of a robot's driver."""
     ports = out / "log" / "ports.json"
     _wait(group, "field_simulator", ports.is_file)
     addresses = json.loads(ports.read_text())
@@ -235,7 +229,6 @@ def _with_ports(path: Path, namespace: str, out: Path, group: ProcessGroup) -> P
 
 
 def _watch(group: ProcessGroup, live: LiveMission, show: Show) -> None:
-    """Wait until the planners have finished their missions."""
     planners = {node_name(robot.namespace, "planner") for robot in live.robots}
     while not planners <= group.ended().keys():
         _require_all(group)
@@ -246,7 +239,6 @@ def _watch(group: ProcessGroup, live: LiveMission, show: Show) -> None:
 
 
 def _require_all(group: ProcessGroup) -> None:
-    """Check that every node runs, or has ended as planned."""
     for name, code in group.ended().items():
         if name.rpartition("/")[2] != "planner" or code != 0:
             lines = group.log(name).read_text(errors="replace").strip().splitlines()

@@ -16,8 +16,6 @@ from typing import Any, Final
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
-from rclpy.clock import Clock as RosClock
-from rclpy.clock import ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -38,7 +36,7 @@ from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import FIELD_SIMULATOR as PARAMETERS
 from soilmoist_ros.nodes.parameter_tables import mission_settings
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS, interface_class
+from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS, every, interface_class
 from soilmoist_ros.simulation import (
     GNSS,
     LOGGER,
@@ -109,9 +107,8 @@ class FieldSimulator(Node):
             addresses = {name: address for robot in self._robots for name, address in robot.addresses.items()}
             write_ports_file(addresses, Path(given.text("ports_file")))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
-        steady = RosClock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(TICK_S, self._tick, clock=steady)
-        self.create_timer(REPORT_S, self._report, clock=steady)
+        every(self, TICK_S, self._tick)
+        every(self, REPORT_S, self._report)
 
     def close(self) -> None:
         """Close the ports."""
@@ -120,13 +117,13 @@ class FieldSimulator(Node):
             robot.close()
 
     def _write_files(self, given: Parameters) -> None:
-        field = self._system.field
-        if given.text("field_file"):
-            write_field_file(field, Path(given.text("field_file")))
-        if given.text("site_file"):
-            write_site_file(field, Path(given.text("site_file")), given.number("footprint_m"))
-        if given.text("truth_file"):
-            write_truth_file(field, self._system.grid, Path(given.text("truth_file")))
+        field, text = self._system.field, given.text
+        if text("field_file"):
+            write_field_file(field, Path(text("field_file")))
+        if text("site_file"):
+            write_site_file(field, Path(text("site_file")), given.number("footprint_m"))
+        if text("truth_file"):
+            write_truth_file(field, self._system.grid, Path(text("truth_file")))
 
     def _tick(self) -> None:
         for robot in self._robots:
@@ -168,10 +165,7 @@ class FieldSimulator(Node):
 
 
 class RobotInterface:
-    """Publishes the output of a simulated robot, and passes requests to it.
-
-    :param below: namespace of the robot below the node's namespace, with a slash at its end; empty for none
-    """
+    """Publishes the output of a simulated robot, and passes requests to it; ``below``: namespace and slash."""
 
     def __init__(
         self,
@@ -279,7 +273,6 @@ class RobotInterface:
                     server.set_present(present)
 
     def _publish_node(self, publisher: Publisher, name: str) -> None:
-        """Publish the name of a node if it has changed."""
         if self._published[publisher] != name:
             self._published[publisher] = name
             publisher.publish(String(data=name))
@@ -334,10 +327,7 @@ MAP_FRAME: Final = "map"
 
 
 class NavigationServer(ABC):
-    """Serves one action for a simulated robot.
-
-    rclpy executes a goal only when the goal ends, so that no thread waits while the robot drives.
-    """
+    """Serves one action for a simulated robot; a goal is executed when it ends, so that no thread waits."""
 
     def __init__(self, node: Node, robot: SimulatedRobot, kind: Any, name: str) -> None:
         self._kind, self._node, self._robot, self._name = kind, node, robot, name
@@ -490,10 +480,7 @@ class NavigateToPoseServer(NavigationServer):
 
 
 def navigation_servers(node: Node, robot: SimulatedRobot, below: str) -> list[NavigationServer]:
-    """Servers of the actions whose types are installed.
-
-    :param below: namespace of the robot, with a slash at its end; empty for none
-    """
+    """Servers of the actions whose types are installed; ``below`` is the namespace of the robot and a slash."""
     servers: list[NavigationServer] = []
     makers: dict[str, Callable[[Node, SimulatedRobot, str], NavigationServer]] = {
         "topological_navigation_msgs": GotoNodeServer,

@@ -104,10 +104,7 @@ class LastWords:
 
 
 def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]:
-    """Arguments that are parameters of a node, by name, converted to the type of the parameter.
-
-    :param arguments: texts by name; an empty text leaves the parameter unchanged
-    """
+    """Arguments that are parameters of a node, converted to their types; empty texts are left out."""
     table = {row.name: row for row in importlib.import_module(f"soilmoist_ros.nodes.{node}").PARAMETERS}
     given = {
         name: text if isinstance(table[name].default, str) else _value(text)
@@ -187,9 +184,8 @@ def foxglove_bridge(host: str, port: str) -> dict[str, Value]:
     return {"address": host, "port": int(port)}
 
 
-def _value(text: str) -> object:
+def _value(text: str) -> Any:
     try:
-        value: object = parse_yaml(text)
+        return parse_yaml(text)
     except InputError:
         return text
-    return value

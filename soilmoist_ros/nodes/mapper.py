@@ -16,7 +16,6 @@ from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
@@ -41,7 +40,7 @@ from soilmoist_ros.nodes.node_process import Aside, run
 from soilmoist_ros.nodes.parameter_tables import MAPPER as PARAMETERS
 from soilmoist_ros.nodes.parameter_tables import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.parameters import Parameters, Value, other_namespaces
-from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, VISITS, interface_class
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, VISITS, every, interface_class, ros_now_s
 from soilmoist_ros.pipeline import FieldSurvey, open_survey, run_change
 from soilmoist_ros.recording import (
     HELD,
@@ -139,8 +138,7 @@ class Mapper(Node):
             self.create_subscription(
                 String, f"{below}{DOUBTS}", partial(self._put, robot if others else None), VISITS
             )
-        # Steady time gives one report a second even if simulated time runs fast or stands still.
-        self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        every(self, 1.0, self._report)
 
     # What an operator chooses -----------------------------------------------------------------------------------
 
@@ -162,7 +160,6 @@ class Mapper(Node):
             self._aside.do(partial(self._choose, chosen), "using another field")
 
     def _choose(self, chosen: dict[str, Any]) -> None:
-        """Make the map anew, with all its records, of what an operator has chosen."""
         if chosen == self._chosen and not self._refused:  # at the planner of another robot
             return
         try:
@@ -228,7 +225,6 @@ class Mapper(Node):
                 self._worker.submit(self._online.state)
 
     def _sent_again(self) -> list[CountRecord]:
-        """Records that mappers of other robots have sent because this one may lack them."""
         found = (record for message in self._exchange.take() for record in self._decoded(message))
         return [record for record in found if not self._fault(record, stored=True)]
 
@@ -245,7 +241,7 @@ class Mapper(Node):
     def _fault(self, record: CountRecord, stored: bool = False) -> str:
         """Reason why the stamp of a record is impossible; what was stored before the start may be of any age."""
         limits = self._stored_stamps if stored else self._stamps
-        return limits.fault(record.stamp_s, self.get_clock().now().nanoseconds * 1e-9)
+        return limits.fault(record.stamp_s, ros_now_s(self))
 
     def _skip(self, reason: Skip, why: object) -> None:
         with self._guard:
@@ -263,7 +259,6 @@ class Mapper(Node):
         self._change.put(soil_map, stamp_s)
 
     def _summary_publisher(self) -> Callable[[MapState, SoilMap | None], None]:
-        """Function that publishes the map in numbers, if ``soilmoist_msgs`` is built."""
         try:
             kind = interface_class("soilmoist_msgs/msg/MapSummary")
         except ImportError:
@@ -295,7 +290,7 @@ class Mapper(Node):
         return response
 
     def _report(self) -> None:
-        now_s = self.get_clock().now().nanoseconds * 1e-9
+        now_s = ros_now_s(self)
         with self._guard:
             parts = [map_health(self._online, self._worker, now_s)]
         parts += [*self._change.health, *self._exchange.health]
@@ -338,10 +333,7 @@ class ChangeOutput:
         self._survey, self._said = survey, NO_CHANGE_YET
 
     def put(self, soil_map: SoilMap | None, stamp_s: float) -> None:
-        """Compute the change of a map soon; never waits.
-
-        :param soil_map: ``None`` if there is no map any more
-        """
+        """Compute the change of a map soon, or clear it without a map; never waits."""
         if self._survey.earlier:
             self._maps.put((self._survey, soil_map, stamp_s))
 
@@ -394,7 +386,7 @@ class MapperExchange:
         for name in others:
             node.create_subscription(String, f"{name}/{HELD}", partial(self._on_held, name), LATCHED)
             node.create_subscription(PointCloud2, f"{name}/{MISSED}", self._arrived.append, RECORDS)
-        node.create_timer(LIST_S, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        every(node, LIST_S, self._publish)
 
     def take(self) -> list[PointCloud2]:
         """Messages of other mappers with records that some mapper lacks, once each."""

@@ -40,7 +40,7 @@ from soilmoist_ros.foundation import InputError, foreign_text
 from soilmoist_ros.nodes.action_navigator import ActionNavigator, action_class
 from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.planner_parameters import failsafe_responses
-from soilmoist_ros.nodes.topics import DEFAULT
+from soilmoist_ros.nodes.topics import DEFAULT, ros_now_s
 
 GOTO_NODE: Final = "topological_navigation"
 GOTO_NODE_TYPE: Final = "topological_navigation_msgs/action/GotoNode"
@@ -106,7 +106,7 @@ class NavigateToPoseNavigator(ActionNavigator):
     def goal_message(self, point: WayPoint) -> Any:
         """Goal with the pose at this time: Nav2 transforms it by its stamp."""
         goal = self._kind.Goal()
-        now_s = self._node.get_clock().now().nanoseconds * 1e-9
+        now_s = ros_now_s(self._node)
         goal.pose = pose_stamped(point.stop.x_m, point.stop.y_m, now_s, self._frame, point.heading_rad)
         return goal
 
@@ -229,7 +229,7 @@ class GoalPoseNavigator:
         for request in requests:
             match request:
                 case SendPose():
-                    now_s = self._node.get_clock().now().nanoseconds * 1e-9
+                    now_s = ros_now_s(self._node)
                     place = (request.x_m, request.y_m)
                     pose = pose_stamped(*place, now_s, self._frame, request.heading_rad)
                     with self._lock:

@@ -44,10 +44,9 @@ def of_setting(name: str, **changes: Any) -> Parameter:
 
 def table_of(node: str) -> tuple[Parameter, ...]:
     """Table of a node."""
-    if node == "planner":
-        table: tuple[Parameter, ...] = import_module("soilmoist_ros.nodes.planner_parameters").PARAMETERS
-        return table
-    return TABLES[node]
+    planner = "soilmoist_ros.nodes.planner_parameters"
+    found: tuple[Parameter, ...] = import_module(planner).PARAMETERS if node == "planner" else TABLES[node]
+    return found
 
 
 # Rows that several nodes share ----------------------------------------------------------------------------------

@@ -181,10 +181,7 @@ def current_names(table: Mapping[str, Parameter], given: Mapping[str, Any]) -> t
 def check_values(
     table: Mapping[str, Parameter], given: Mapping[str, Any], known: Collection[str] = ()
 ) -> tuple[dict[str, Value], list[Mistake]]:
-    """Values of all parameters of a table; a given value replaces the default.
-
-    :returns: the values, and the mistakes in the given values
-    """
+    """Values of all parameters of a table, given ones instead of defaults, and the mistakes in them."""
     values = {name: row.default for name, row in table.items()}
     mistakes = []
     for name, value in given.items():
@@ -242,7 +239,6 @@ def _is_misspelt(name: str, rows: Mapping[str, Parameter]) -> bool:
 
 
 def _blocks(content: Any, place: str = "") -> Iterator[tuple[str, list[str]]]:
-    """Name of the node, and names of parameters, of each block of a parameter file."""
     for key, value in content.items() if isinstance(content, Mapping) else ():
         if key == "ros__parameters":
             yield place, list(_names(value))
@@ -297,10 +293,7 @@ class Parameters:
         return other
 
     def watch(self, change: Callable[[Mapping[str, Value]], str]) -> None:
-        """Let live parameters be set from now on.
-
-        :param change: called with new values that are allowed; returns why they are refused, or an empty text
-        """
+        """Let live parameters be set from now on; ``change`` says why allowed values are refused, or nothing."""
 
         def on_set(given: Sequence[RosParameter]) -> SetParametersResult:
             values = {}

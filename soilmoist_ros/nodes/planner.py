@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -38,7 +37,7 @@ from soilmoist_ros.nodes.parameters import Parameters, Value
 from soilmoist_ros.nodes.planner_inputs import PlannerFrames, PlannerInputs
 from soilmoist_ros.nodes.planner_outputs import PlannerKeepout, PlannerOutputs
 from soilmoist_ros.nodes.planner_parameters import PARAMETERS, chosen_survey, make_team, make_watch, mission_rules
-from soilmoist_ros.nodes.topics import LATCHED, NO_EVENTS, SENSOR, interface_class
+from soilmoist_ros.nodes.topics import LATCHED, NO_EVENTS, SENSOR, every, interface_class
 from soilmoist_ros.recording import StoredMission
 
 __all__ = ["PARAMETERS", "Planner", "main"]
@@ -77,7 +76,9 @@ class Planner(Node):
         for problem in self._stored.problems:
             self.get_logger().warning(problem)
         properties = property_weights(self._values.texts("properties"))
-        self._outputs = PlannerOutputs(self, self._hand_on, properties, self._values.text("frame"))
+        self._outputs = PlannerOutputs(
+            self, lambda: self._control.hand_on(), properties, self._values.text("frame")
+        )
         self._frames = PlannerFrames(self, self._values, self._field)
         setup = MissionSetup(
             field=self._field,
@@ -116,9 +117,8 @@ class Planner(Node):
         self._commands = PlannerCommands(self, self._control, self._values, self._stay)
         # Limits of the mission use ROS time. Messages, displays and limits of the navigation use steady time.
         self.create_timer(MISSION_TICK_S, self._control.tick)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(TICK_S, self._tick, clock=steady)
-        self.create_timer(SHOW_S, self._show, clock=steady)
+        every(self, TICK_S, self._tick)
+        every(self, SHOW_S, self._show)
 
     def leave(self) -> Callable[[], bool]:
         """Stop the robot; the function says whether its navigation has heard of it."""
@@ -137,11 +137,6 @@ class Planner(Node):
 
     def _stay(self) -> None:
         self._autostart = False
-
-    # Time ----------------------------------------------------------------------------------------------------
-
-    def _hand_on(self) -> None:
-        self._control.hand_on()
 
     def _tick(self) -> None:
         self._control.tick()
@@ -183,7 +178,7 @@ class PlannerCommands:
             node.create_subscription(
                 Bool, "emergency_stop", self._on_emergency, profile, event_callbacks=NO_EVENTS
             )
-        node.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        every(node, LOOK_S, self._look)
 
     def _on_trigger(self, verb: Verb, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         reply = self._request(OperatorRequest(verb))
@@ -191,7 +186,6 @@ class PlannerCommands:
         return response
 
     def _offer_commands(self) -> None:
-        """Offer ``planner/command`` if its type is built."""
         try:
             kind = interface_class("soilmoist_msgs/srv/Command")
 
@@ -221,8 +215,6 @@ class PlannerCommands:
             note.warning(f"refused: {said}")
         return reply
 
-    # Parameters ----------------------------------------------------------------------------------------------
-
     def _on_parameters(self, values: Mapping[str, Value]) -> str:
         """Make a command of new values; why they are refused, empty if they are used."""
         now = self._control.settings
@@ -241,8 +233,6 @@ class PlannerCommands:
 
     def _show_settings(self) -> None:
         self._parameters.show(self._control.settings)
-
-    # Emergency stop ------------------------------------------------------------------------------------------
 
     def _on_emergency(self, message: Bool) -> None:
         publishers = self._node.count_publishers("emergency_stop")

@@ -13,7 +13,6 @@ from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
@@ -59,9 +58,11 @@ from soilmoist_ros.nodes.topics import (
     TF,
     TF_STATIC,
     Faults,
+    every,
     interface_class,
     other_type,
     quiet_node,
+    ros_now_s,
 )
 from soilmoist_ros.recording import quarantined_topic
 from soilmoist_ros.sensing import FIX_TYPE, CountRecord, Fix, LeverArms, fix_from_message, logger_fault
@@ -130,7 +131,7 @@ class PlannerInputs:
             node.create_service(Trigger, "planner/release_lost", self._release_lost)
 
     def _on_fix(self, message: NavSatFix) -> None:
-        fix = fix_from_message(message, self._node.get_clock().now().nanoseconds * 1e-9)
+        fix = fix_from_message(message, ros_now_s(self._node))
         self._control.hear(fix)
         place = self._frames.place(fix)
         if place is not None:
@@ -261,7 +262,7 @@ class PlannerRecords:
         self._records: list[CountRecord] = []
         self._taken_s = 0.0
         self._continue = Soon(node, self.take)
-        node.create_timer(2 * PAUSE_S, self.take, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        every(node, 2 * PAUSE_S, self.take)
 
     def put(self, name: str, message: PointCloud2) -> None:
         """Queue a message with records of a property."""
@@ -315,7 +316,7 @@ class PlannerFrames:
     def place(self, fix: Fix) -> tuple[float, float] | None:
         """Place of the robot's base by a fix of its antenna [m], ``None`` without a fix; publishes the pose."""
         self._take_transforms()
-        now_s = self._now_s()
+        now_s = ros_now_s(self._node)
         pose = self.robot.take_fix(fix, now_s)
         if pose is None:
             return None
@@ -326,23 +327,17 @@ class PlannerFrames:
 
     def health(self) -> Health:
         """State of the frames."""
-        return self.robot.health(self._now_s())
+        return self.robot.health(ros_now_s(self._node))
 
     def tick(self) -> str:
-        """Ask for the datum until it is known; to be called every second.
-
-        :returns: why the robot must not drive; empty if nothing is known against it
-        """
+        """Ask for the datum, once a second; returns why the robot must not drive, or nothing."""
         self._take_transforms()
         self._ask()
         return self.robot.fault
 
     def _take_transforms(self) -> None:
         if self._listener is not None:
-            self.robot.take_transforms(self._listener.take(), self._now_s())
-
-    def _now_s(self) -> float:
-        return float(self._node.get_clock().now().nanoseconds * 1e-9)
+            self.robot.take_transforms(self._listener.take(), ros_now_s(self._node))
 
     def _datum_client(self) -> Callable[[], None]:
         """Function that asks the robot's datum service, if the datum comes from the robot."""
@@ -363,7 +358,8 @@ class PlannerFrames:
                 answers = [future.result() for _, futures in asked for future in futures]
                 asked.clear()
                 if all(answer is not None for answer in answers):
-                    self.robot.take_datum_answers([_position(answer) for answer in answers])
+                    points = [answer.ll_point for answer in answers]
+                    self.robot.take_datum_answers([(float(at.latitude), float(at.longitude)) for at in points])
             if asked and time.monotonic() - asked[0][0] > ASK_AGAIN_S:
                 for future in asked.pop()[1]:
                     client.remove_pending_request(future)
@@ -414,7 +410,3 @@ def frame_settings(values: Parameters) -> FrameSettings:
         datum=values.text("navigation_datum"),
         arms=LeverArms.of(values.as_dict()),
     )
-
-
-def _position(answer: Any) -> tuple[float, float]:
-    return float(answer.ll_point.latitude), float(answer.ll_point.longitude)

@@ -31,7 +31,7 @@ from soilmoist_ros.exploration import Fence, Finish, MissionStatus, Polygons, St
 from soilmoist_ros.foundation import Health, PlaneMove, foreign_text
 from soilmoist_ros.nodes.node_process import Soon
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, VISITS, interface_class
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, VISITS, interface_class, ros_now_s
 from soilmoist_ros.sensing import DOUBTS, Doubt
 
 SAVE_LIMIT_S: Final = 120.0
@@ -73,7 +73,7 @@ class PlannerOutputs:
 
     def now_s(self) -> float:
         """ROS time [s]."""
-        return float(self._node.get_clock().now().nanoseconds * 1e-9)
+        return ros_now_s(self._node)
 
     def show(self, status: MissionStatus, ahead: tuple[Stop, ...], more: Mapping[str, str]) -> None:
         """Publish the status, and the plan if it has changed."""
@@ -123,7 +123,6 @@ class PlannerOutputs:
         self._planned.ask()
 
     def _typed_publishers(self) -> tuple[Callable[[Visit], None], Callable[[MissionStatus], None]]:
-        """Functions that publish visits and the state of the mission if their message types are built."""
         try:
             visit_kind, mission_kind = (
                 interface_class(f"soilmoist_msgs/msg/{one}") for one in ("Visit", "Mission")
@@ -180,11 +179,7 @@ class PlannerKeepout:
             self._infos = node.create_publisher(self._kind, INFO_TOPIC, LATCHED)
 
     def tick(self, fence: Fence | None, move: PlaneMove | None) -> None:
-        """Publish what has changed; to be called every second.
-
-        :param fence: where the robot may be, ``None`` while that is not known
-        :param move: from the plane of the field to that of the navigation, ``None`` while that is not known
-        """
+        """Publish what has changed, once a second; ``None`` is what is not known yet."""
         if not self._topic or fence is None or move is None or (fence, move) == self._shown:
             return
         self._shown = fence, move
@@ -203,7 +198,7 @@ class PlannerKeepout:
                 f"{self._topic} has cells of {mask.resolution_m:.2f} m, as the field is large: free ones reach up "
                 f"to {beyond_m:.2f} m into no-go areas"
             )
-        now_s = self._node.get_clock().now().nanoseconds * 1e-9
+        now_s = ros_now_s(self._node)
         self._masks.publish(mask_to_message(mask, now_s, self._frame))
         if self._infos is not None:
             self._infos.publish(filter_info(self._kind, self._topic, now_s, self._frame))

@@ -131,6 +131,9 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
     text, number = parameters.text, parameters.number
     make_strategy(text("strategy"), text("preset"))
     calibration = load_site(text("site")).curve if text("site") else None
+    of_moisture = text("target") == "vwc"
+    if of_moisture and calibration is None:
+        raise InputError("target is vwc, but there is no calibration", "give a calibrated site file as site")
     return ExplorerSettings(
         strategy=text("strategy"),
         preset=text("preset"),
@@ -142,7 +145,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
             number("stop_cost_s"),
             number("metre_cost_s"),
         ),
-        curve=_required(calibration) if text("target") == "vwc" else None,
+        curve=calibration if of_moisture else None,
         calibration=calibration,
         knowledge=_knowledge(parameters, field, calibration),
         access=AccessRules(
@@ -181,12 +184,6 @@ def make_team(parameters: Parameters) -> Team:
     is not given.
     """
     return Team(max(2.0, 2 * parameters.number("robot_radius_m") + 1.0))
-
-
-def _required(calibration: MoistureCurve | None) -> MoistureCurve:
-    if calibration is None:
-        raise InputError("target is vwc, but there is no calibration", "give a calibrated site file as site")
-    return calibration
 
 
 def mission_rules(parameters: Parameters, settings: ExplorerSettings) -> MissionRules:

@@ -15,7 +15,6 @@ from typing import Any, Final
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.client import Client
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.subscription import Subscription
@@ -28,7 +27,15 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.node_process import Aside, run
 from soilmoist_ros.nodes.parameter_tables import RECORDER as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.topics import DEFAULT, interface_class, offered_qos, quiet_node, requested_qos
+from soilmoist_ros.nodes.topics import (
+    DEFAULT,
+    every,
+    interface_class,
+    offered_qos,
+    quiet_node,
+    requested_qos,
+    ros_now_s,
+)
 from soilmoist_ros.recording import (
     BagRecorder,
     Excess,
@@ -122,7 +129,6 @@ class Recorder(Node):
         if self._settings.flag("autostart"):
             self._recorder.start()
         self._discover()
-        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self._configuration = RunConfiguration()
         self._complaint = ""
         self._collector = ParameterCollector(self, _RECORDED, self._take_parameters)
@@ -138,7 +144,7 @@ class Recorder(Node):
             keep()
             timers.append((_LIMITS_S, keep))
         for period_s, call in timers:
-            self.create_timer(period_s, call, clock=steady)
+            every(self, period_s, call)
 
     def close(self) -> None:
         """Record the messages in transit, then close the bag."""
@@ -188,15 +194,13 @@ class Recorder(Node):
         health = recorder_health(
             state, free, low_bytes, len(self._skipped), soon_s, limits, dict(self._gaps.lost), left
         )
-        now_s = self.get_clock().now().nanoseconds * 1e-9
-        self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
+        name = self.get_fully_qualified_name()
+        self._diagnostics.publish(diagnostics_to_message([health], ros_now_s(self), name))
 
     def _notes(self) -> dict[str, str]:
-        """What to note in a bag that is closed now."""
         return {f"messages of {name} lost on the way": str(n) for name, n in dict(self._gaps.lost).items()}
 
     def _keep_limits(self) -> None:
-        """Find what is beyond the space for bags, and delete it if that is wanted."""
         try:
             excess = find_excess(self._out, self._limit_bytes)
             if excess.bags and self._deletes:
@@ -287,8 +291,7 @@ class ParameterCollector:
         for name in names:
             self.ask(name)
         self._asked: dict[str, tuple[Client, Future]] = {}
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_ASK_S, self._look, clock=steady)
+        every(node, _ASK_S, self._look)
 
     def ask(self, name: str) -> None:
         """Collect the parameters of another node as well."""

@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
@@ -35,7 +33,7 @@ from soilmoist_ros.nodes.node_process import Soon, run
 from soilmoist_ros.nodes.parameter_tables import DRIVER_SETTINGS
 from soilmoist_ros.nodes.parameter_tables import SENSOR_DRIVER as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, SENSOR, VISITS, other_type
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, SENSOR, VISITS, every, other_type, ros_now_s
 from soilmoist_ros.recording import DRIVER, QUARANTINED, RecordLog, write_whole
 from soilmoist_ros.sensing import (
     DOUBTS,
@@ -79,9 +77,8 @@ class SensorDriver(LifecycleNode):
             for profile in (DEFAULT, LATCHED):
                 self.create_subscription(Float64, topic, self._on_intensity, profile)
         self._arrived = Soon(self, self._step)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
-        self.create_timer(_RELEASE_S, self._step, clock=steady)
-        self.create_timer(_DIAGNOSTICS_S, self._report, clock=steady)
+        every(self, _RELEASE_S, self._step)
+        every(self, _DIAGNOSTICS_S, self._report)
         if self._given.flag("autostart"):
             for trigger in (self.trigger_configure, self.trigger_activate):
                 trigger()
@@ -138,7 +135,7 @@ class SensorDriver(LifecycleNode):
             )
         settings: dict[str, Any] = {name: options[name] for name in DRIVER_SETTINGS}
         settings["arms"] = LeverArms.of(options)
-        self._driver = Driver(DriverSettings(**settings), sensor, field.frame, self._now_s())
+        self._driver = Driver(DriverSettings(**settings), sensor, field.frame, ros_now_s(self))
         if self._given.text("intensity_topic"):
             self._driver.stream.survey.latest_intensity = self._intensity
 
@@ -149,19 +146,16 @@ class SensorDriver(LifecycleNode):
             self._driver.stream.parser.use_header(header)
         self._driver.start(self._arrived.ask)
 
-    def _now_s(self) -> float:
-        return float(self.get_clock().now().nanoseconds * 1e-9)
-
     def _step(self) -> None:
         if self._driver is not None:
-            batch = self._driver.step(self._now_s())
+            batch = self._driver.step(ros_now_s(self))
             self._outputs.publish(batch)
             if batch.more:
                 self._arrived.ask()
 
     def _on_fix(self, message: NavSatFix) -> None:
         if self._driver is not None:
-            self._driver.stream.take_fix(fix_from_message(message, self._now_s()))
+            self._driver.stream.take_fix(fix_from_message(message, ros_now_s(self)))
             self._step()
 
     def _on_doubt(self, message: String) -> None:
@@ -178,7 +172,7 @@ class SensorDriver(LifecycleNode):
             self.get_logger().warning(f"an intensity of {message.data:g} is ignored")
 
     def _report(self) -> None:
-        now_s = self._now_s()
+        now_s = ros_now_s(self)
         if self._driver is not None:
             serial = self._driver.stream.parser.serial
             heard = self._driver.stream.survey.heard

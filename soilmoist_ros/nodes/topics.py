@@ -8,6 +8,7 @@ import importlib
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
+from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -133,10 +134,7 @@ def requested_qos(request: Request) -> QoSProfile:
 
 
 def published_qos(recorded: Sequence[Qos]) -> QoSProfile:
-    """Profile of a publisher that serves all subscriptions of the recorded publishers.
-
-    :param recorded: offer of each publisher; reliable if empty
-    """
+    """Profile of a publisher that serves all subscriptions of the recorded ones; reliable if there are none."""
     latched = any(qos.durability == "transient_local" for qos in recorded)
     reliable = latched or not recorded or any(qos.reliability != "best_effort" for qos in recorded)
     # Fast DDS hides the depth of other publishers. A late subscription needs a latched topic's last message.
@@ -144,7 +142,17 @@ def published_qos(recorded: Sequence[Qos]) -> QoSProfile:
     return _profile(depth, latched, reliable)
 
 
-# Nodes without an executor --------------------------------------------------------------------------------------
+# Time, and nodes without an executor ---------------------------------------------------------------------------
+
+
+def ros_now_s(node: Node) -> float:
+    """ROS time [s]."""
+    return float(node.get_clock().now().nanoseconds * 1e-9)
+
+
+def every(node: Node, period_s: float, call: Callable[[], object]) -> None:
+    """Have a function called regularly in steady time: simulated time may run fast, or stand still."""
+    node.create_timer(period_s, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def quiet_node(node: Node, suffix: str) -> Node:
