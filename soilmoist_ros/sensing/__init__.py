@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.sensing.checks.weather import unlikely_weather as unlikely_weather
+    from soilmoist_ros.sensing.checks.record_checks import unlikely_weather as unlikely_weather
     from soilmoist_ros.sensing.corrections.factors import Corrections as Corrections
     from soilmoist_ros.sensing.corrections.factors import standard_pressure_hpa as standard_pressure_hpa
     from soilmoist_ros.sensing.corrections.intensity import LatestIntensity as LatestIntensity
@@ -131,7 +131,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "checks.weather": "unlikely_weather",
+        "checks.record_checks": "unlikely_weather",
         "corrections.factors": "Corrections standard_pressure_hpa",
         "corrections.intensity": "LatestIntensity NeutronMonitor",
         "corrections.reference": "Reference fit_reference",

@@ -26,14 +26,10 @@ _OF_PLACE: Final = frozenset((Kind.PLACE_JUMP.value, Kind.PLACE_DOUBT.value))
 class DoubtOutcome(StrEnum):
     """End of a doubt."""
 
-    OPEN = "open"
-    """It has not ended."""
-    RETURNED = "returned"
-    """The place jumped away and came back to where the robot stood all the time."""
-    CONFIRMED = "confirmed"
-    """People have confirmed the new place."""
-    LOST = "lost"
-    """Nobody knows where the robot was."""
+    OPEN = "open"  # it has not ended
+    RETURNED = "returned"  # the place jumped away and came back to where the robot stood all the time
+    CONFIRMED = "confirmed"  # people have confirmed the new place
+    LOST = "lost"  # nobody knows where the robot was
 
 
 @dataclass(frozen=True)

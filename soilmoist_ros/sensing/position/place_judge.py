@@ -49,31 +49,21 @@ APART_S: Final = 1.0
 class Expected(Enum):
     """Activity of the robot, as far as it is known."""
 
-    ANYTHING = "anything"
-    """Nobody knows."""
-    STANDING = "standing"
-    """It has no goal."""
-    DRIVING = "driving"
-    """It has a goal."""
+    ANYTHING = "anything"  # nobody knows
+    STANDING = "standing"  # it has no goal
+    DRIVING = "driving"  # it has a goal
 
 
 class Verdict(StrEnum):
     """What a measured place is worth."""
 
-    PLAUSIBLE = "plausible"
-    """The robot is there."""
-    UNCONFIRMED = "unconfirmed"
-    """It may be the first place; others must agree with it."""
-    JUMP = "jump"
-    """The robot cannot have come there from where it was."""
-    UNCERTAIN = "uncertain"
-    """Its standard deviation is too large."""
-    REPEATED = "repeated"
-    """A message of this stamp has come before."""
-    NO_PLACE = "no_place"
-    """There are no coordinates."""
-    PAST = "past"
-    """It is where the robot was before its last plausible place: it was held up."""
+    PLAUSIBLE = "plausible"  # the robot is there
+    UNCONFIRMED = "unconfirmed"  # it may be the first place; others must agree with it
+    JUMP = "jump"  # the robot cannot have come there from where it was
+    UNCERTAIN = "uncertain"  # its standard deviation is too large
+    REPEATED = "repeated"  # a message of this stamp has come before
+    NO_PLACE = "no_place"  # there are no coordinates
+    PAST = "past"  # it is where the robot was before its last plausible place: it was held up
 
 
 @dataclass(frozen=True, kw_only=True)

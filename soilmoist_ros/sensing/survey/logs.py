@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, listing
-from soilmoist_ros.sensing.checks.weather import unlikely_weather
+from soilmoist_ros.sensing.checks.record_checks import unlikely_weather
 from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
 from soilmoist_ros.sensing.formats.logger_reader import MAX_CLOCK_CHANGE_S, LogFile
 from soilmoist_ros.sensing.gnss import utc_text
