@@ -242,11 +242,12 @@ class NeutronMonitor:
 
     def longest_gap_s(self, start_s: float, end_s: float) -> float:
         """Longest time without a rate between two times, the ends of the series included [s]."""
-        inside = self.stamp_s[(self.stamp_s > start_s) & (self.stamp_s < end_s)]
-        edges = [start_s, *inside.tolist(), end_s]
+        if not len(self.stamp_s):
+            return end_s - start_s
         before, after = self.stamp_s[self.stamp_s <= start_s], self.stamp_s[self.stamp_s >= end_s]
-        edges[0], edges[-1] = (before[-1] if len(before) else start_s), (after[0] if len(after) else end_s)
-        return float(np.diff(edges).max()) - self.interval_s if len(self.stamp_s) else end_s - start_s
+        inside = self.stamp_s[(self.stamp_s > start_s) & (self.stamp_s < end_s)]
+        edges = [*(before[-1:] if len(before) else [start_s]), *inside, *(after[:1] if len(after) else [end_s])]
+        return float(np.diff(edges).max()) - self.interval_s
 
 
 def read_neutron_monitor(
@@ -311,9 +312,9 @@ def read_neutron_monitor(
             faults.append(Mistake(f"rate {cell!r} is not a positive number", remedy, path, number))
         rates[stamp_s] = rate
     if faults:
-        more = len(faults) - MAX_MISTAKES
-        shown = faults[:MAX_MISTAKES]
-        shown[-1] = replace(shown[-1], message=shown[-1].message + (f", and {more} more rows" if more > 0 else ""))
+        shown, more = faults[:MAX_MISTAKES], len(faults) - MAX_MISTAKES
+        if more > 0:
+            shown[-1] = replace(shown[-1], message=f"{shown[-1].message}, and {more} more rows")
         raise InputError(shown)
     if not rates:
         raise InputError("has no row of time and rate", _EXPECTED, path)
@@ -330,10 +331,8 @@ def _column(
     """Number and name of the column of rates, and the names of the other ones."""
     width = max(map(len, rows), default=1)
     names = [*names, *(f"column {number}" for number in range(len(names) + 1, width + 1))]
-    used = [
-        at for at in range(width) if any(at < len(cells) and math.isfinite(_rate(cells[at])) for cells in rows)
-    ]
-    used = used or [0]
+    known = (any(at < len(cells) and math.isfinite(_rate(cells[at])) for cells in rows) for at in range(width))
+    used = [at for at, is_known in enumerate(known) if is_known] or [0]
     wanted = [at for at in used if names[at].casefold() == station.casefold()]
     if not wanted:
         of = stations[0] if len(stations) == 1 else ""
@@ -345,10 +344,10 @@ def _column(
         if not wanted:
             raise InputError(f"has the data types {', '.join(types)}", _CORRECTED, path)
         if len(wanted) > 1:
-            known = [names[at] for at in wanted]
+            several = [names[at] for at in wanted]
             what = f"has no column of rates {station}" if station else "has several columns of rates"
-            remedy = f"choose one with 'monitor' under 'intensity'{did_you_mean(station.upper(), known)}"
-            raise InputError(f"{what}: it has {', '.join(known)}", remedy, path)
+            remedy = f"choose one with 'monitor' under 'intensity'{did_you_mean(station.upper(), several)}"
+            raise InputError(f"{what}: it has {', '.join(several)}", remedy, path)
     [at] = wanted[:1]
     is_type = _DATA_TYPES.fullmatch(names[at]) or names[at] == "column 1"
     name = "".join(stations[:1]) if is_type else names[at]

@@ -72,8 +72,7 @@ class WeatherSeries:
 
     def filled(self, record: LoggerRecord) -> LoggerRecord:
         """A record whose missing values come from other records."""
-        live_s = max((time for time in record.tube_live_s if math.isfinite(time)), default=0.0)
-        limit_s = max(MAX_WEATHER_GAP_S, MAX_GAP_RECORDS * live_s)
+        limit_s = max(MAX_WEATHER_GAP_S, MAX_GAP_RECORDS * live_time_s(record))
         pressure, temperature, humidity = (
             value if math.isfinite(value := getattr(record, name)) else self._filled(name, record.stamp_s, limit_s)
             for name in QUANTITIES
@@ -116,14 +115,13 @@ def unusual_factors(factors: Mapping[str, tuple[float, float]]) -> list[str]:
     'the factor of the incoming neutrons is 9.80 to 10.10'
     """
     reasons = {
-        "f_humidity": "humidity: check the units of temperature and humidity, and reference_gm3",
-        "f_intensity": "incoming neutrons: are monitor and 'reference' of one station, in one unit?",
+        "f_humidity": ("humidity", "check the units of temperature and humidity, and reference_gm3"),
+        "f_intensity": ("incoming neutrons", "are monitor and 'reference' of one station, in one unit?"),
     }
     found = []
-    for name, (low, high) in USUAL_FACTORS.items():
-        least, most = factors.get(name, (1.0, 1.0))
+    for name, (what, reason) in reasons.items():
+        (least, most), (low, high) = factors.get(name, (1.0, 1.0)), USUAL_FACTORS[name]
         if least < low or most > high:
-            what, _, reason = reasons[name].partition(": ")
             found.append(f"the factor of the {what} is {least:.2f} to {most:.2f}: {reason}")
     return found
 
@@ -167,8 +165,8 @@ def correct_record(
         intensity = rate
     settings, parameters = site.corrections, site.corrections_parameters
     air = {"air temperature": record.temperature_degc, "relative humidity": record.relative_humidity}
-    needed = {"air pressure": record.pressure_hpa} if settings.pressure is not None else {}
-    needed |= air if settings.humidity is not None else {}
+    needed = {"air pressure": record.pressure_hpa} if settings.pressure else {}
+    needed |= air if settings.humidity else {}
     if lacking := [name for name, value in needed.items() if math.isnan(value)]:
         remedy = "complete the data; write null for a correction only if N0 was calibrated without it"
         message = f"cannot be corrected: there is no {' and no '.join(lacking)}"
@@ -215,10 +213,14 @@ def place_record(
     return replace(record, x_m=float(x) + east_m, y_m=float(y) + north_m, z_m=position.altitude_m)
 
 
+def live_time_s(record: LoggerRecord) -> float:
+    """Longest live time of a tube [s]; 0 without one."""
+    return max((time_s for time_s in record.tube_live_s if math.isfinite(time_s)), default=0.0)
+
+
 def counting_interval_s(record: LoggerRecord, previous: LoggerRecord | None) -> float:
     """Duration of the counting interval [s]: since the previous record, or the live time after a gap."""
-    live = [live for live in record.tube_live_s if math.isfinite(live)]
-    live_s = max(live, default=0.0)
+    live_s = live_time_s(record)
     since_s = record.stamp_s - previous.stamp_s if previous is not None else math.inf
     return since_s if live_s <= since_s <= 1.5 * live_s else live_s
 

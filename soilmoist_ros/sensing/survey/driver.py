@@ -199,11 +199,9 @@ def link_health(name: str, status: LinkStatus) -> Health:
         message += f": datagrams of {status.last_refused} were refused; compare 'from' in the address {status.uri}"
     elif status.is_open and len(status.senders) > 1:
         level = max(level, Level.WARN)
-        message += (
-            f": mixes the lines of {len(status.senders)} senders ({', '.join(status.senders)}); "
-            f"name the right one in the address, such as "
-            f"{status.uri}{'&' if '?' in status.uri else '?'}from={status.senders[0]}"
-        )
+        senders, sign = ", ".join(status.senders), "&" if "?" in status.uri else "?"
+        message += f": mixes the lines of {len(status.senders)} senders ({senders}); name the right one in the "
+        message += f"address, such as {status.uri}{sign}from={status.senders[0]}"
     values = {
         "address": status.uri,
         "connections": str(status.connections),
