@@ -125,17 +125,12 @@ def bag(path, types, topics, packed=True, **how):
     spoken = [("/crns/line", T0 + n, types.make(TEXT, line)) for n, line in enumerate(log_lines())]
     heard = [(topic, T0 + n + 0.1, make(n)) for topic, make in topics.items() for n in range(SECONDS)]
     messages = sorted([*spoken, *heard], key=lambda one: one[1])
-    if path.suffix == ".bag":
-        with Ros1Writer(path) as writer:
-            made = {}
-            for topic, time_s, message in messages:
-                kind = message.__msgtype__
-                made[topic] = made.get(topic) or writer.add_connection(topic, kind, typestore=types.store)
-                writer.write(made[topic], round(time_s * 1e9), types.data(message))
-        return path
-    if not path.suffix:
-        writer = FolderWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
-        if packed:
+    if path.suffix in (".bag", ""):
+        if path.suffix:
+            writer = Ros1Writer(path)
+        else:
+            writer = FolderWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
+        if packed and not path.suffix:
             writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
         with writer:
             made = {}

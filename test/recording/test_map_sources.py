@@ -192,12 +192,8 @@ def test_two_mappers_cannot_share_a_session(tmp_path):
 
 def test_a_full_disk_leaves_the_map_as_it_is_and_is_a_problem(tmp_path, monkeypatch):
     sources = MapSources(MapRecords(field_map := FieldMap(GRID)), tmp_path)
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
     with monkeypatch.context() as patch:
-        patch.setattr("os.fdatasync", full)
+        patch.setattr("os.fdatasync", refuse(errno.ENOSPC))
         sources.received(published(1))
     assert field_map.state.records == 1
     assert "No space left" in sources.problem
@@ -206,20 +202,22 @@ def test_a_full_disk_leaves_the_map_as_it_is_and_is_a_problem(tmp_path, monkeypa
     sources.close()
 
 
+def recorded(mission, journal):
+    def happens(event):
+        journal.note(mission, event)
+        mission.step(event)
+        journal.keep(mission)
+
+    return happens
+
+
 def test_a_session_goes_on_while_its_mission_is_interrupted(tmp_path):
     root, folder = tmp_path / "records", tmp_path / "journal"
     first = open_session(root, folder, fresh=False)
     assert open_session(root, None, fresh=False) != first
     newest = open_session(root, folder, fresh=False)
-    mission = Mission(RULES)
     with Journal.open(folder) as pages:
-        journal = MissionJournal(pages)
-
-        def happens(event):
-            journal.note(mission, event)
-            mission.step(event)
-            journal.keep(mission)
-
+        happens = recorded(Mission(RULES), MissionJournal(pages))
         happens(Moved(1.77e9, 0.0, 0.0))
         happens(RecordArrived(1.77e9, published(1)[0]))
         happens(Command(1.78e9, Verb.START))
@@ -237,13 +235,10 @@ def test_a_clock_that_was_set_back_does_not_resume_an_earlier_session(tmp_path, 
     for month in (7, 3):
         monkeypatch.setattr(map_sources, "datetime", Mock(now=lambda month=month: datetime(2026, month, 1, 9)))
         opened.append(open_session(root, folder, fresh=False))
-    mission, start = Mission(RULES), Command(1.78e9, Verb.START)
     with Journal.open(folder) as pages:
-        journal = MissionJournal(pages)
-        for event in (Moved(1.77e9, 0.0, 0.0), start):
-            journal.note(mission, event)
-            mission.step(event)
-            journal.keep(mission)
+        happens = recorded(Mission(RULES), MissionJournal(pages))
+        happens(Moved(1.77e9, 0.0, 0.0))
+        happens(Command(1.78e9, Verb.START))
     assert [session.name[:6] for session in opened] == ["202607", "202603"]
     assert open_session(root, folder, fresh=False) == opened[-1]
 
