@@ -43,15 +43,15 @@ if TYPE_CHECKING:
     from soilmoist_ros.recording.bag.reader import BagReader as BagReader
     from soilmoist_ros.recording.bag.reader import bags_of as bags_of
     from soilmoist_ros.recording.bag.recorder import BagRecorder as BagRecorder
+    from soilmoist_ros.recording.bag.recorder import Excess as Excess
     from soilmoist_ros.recording.bag.recorder import SequenceGaps as SequenceGaps
     from soilmoist_ros.recording.bag.recorder import check_name as check_name
+    from soilmoist_ros.recording.bag.recorder import delete_bags as delete_bags
+    from soilmoist_ros.recording.bag.recorder import excess_text as excess_text
+    from soilmoist_ros.recording.bag.recorder import find_excess as find_excess
     from soilmoist_ros.recording.bag.recorder import free_bytes as free_bytes
     from soilmoist_ros.recording.bag.recorder import next_bag as next_bag
     from soilmoist_ros.recording.bag.recorder import recorder_health as recorder_health
-    from soilmoist_ros.recording.bag.retention import Excess as Excess
-    from soilmoist_ros.recording.bag.retention import delete_bags as delete_bags
-    from soilmoist_ros.recording.bag.retention import excess_text as excess_text
-    from soilmoist_ros.recording.bag.retention import find_excess as find_excess
     from soilmoist_ros.recording.bag.storage import recorder_notes as recorder_notes
     from soilmoist_ros.recording.bag.verify import bag_info as bag_info
     from soilmoist_ros.recording.bag.verify import recover_bag as recover_bag
@@ -101,8 +101,7 @@ __getattr__, __dir__, __all__ = open_door(
         "bag.metadata": "Qos Request Topic find_definition request_for",
         "bag.playback": "INPUTS Pacer Playback TopicChoice",
         "bag.reader": "BagReader VISIT bags_of",
-        "bag.recorder": "BagRecorder SequenceGaps check_name free_bytes next_bag recorder_health",
-        "bag.retention": "Excess delete_bags excess_text find_excess",
+        "bag.recorder": "BagRecorder Excess SequenceGaps check_name delete_bags excess_text find_excess free_bytes next_bag recorder_health",
         "bag.storage": "recorder_notes",
         "bag.verify": "bag_info recover_bag",
         "bag.writer": "BagWriter",

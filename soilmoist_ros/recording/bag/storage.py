@@ -17,7 +17,7 @@ import zstandard
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.metadata import Content, Definition, Extent, Topic, joined, qos_from_yaml
-from soilmoist_ros.recording.bag.retention import NUMBER
+from soilmoist_ros.recording.bag.recorder import NUMBER
 from soilmoist_ros.recording.bag.ros1 import ROS1, Message, Ros1File, converted
 from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES, McapScan
 from soilmoist_ros.recording.bag.writer import is_being_written

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.metadata import BagFile, Extent, joined
-from soilmoist_ros.recording.bag.retention import NUMBER, next_number
+from soilmoist_ros.recording.bag.recorder import NUMBER, next_number
 from soilmoist_ros.recording.bag.ros1 import ROS1
 from soilmoist_ros.recording.bag.scan import McapScan, ScannedMessage
 from soilmoist_ros.recording.bag.storage import (
