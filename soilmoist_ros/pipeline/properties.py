@@ -236,8 +236,11 @@ def compare(
     soil_map, cells = field_map.compute(alike[-1]), last.cells
     differs = "differs from the robot's last one: "
     bands, shape = cells.dtype.names or (), field_map.grid.shape
-    if not set(_OF_RATE) <= set(bands) or shape != cells.shape:
-        return PropertyComparison(False, f"{differs}that has {cells.shape} cells of {', '.join(bands)}")
+    if not set(_OF_RATE) <= set(bands):
+        return PropertyComparison(False, f"{differs}that lacks bands")
+    if shape != cells.shape:
+        sizes = f"it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}"
+        return PropertyComparison(False, f"{differs}{sizes}")
     largest = 0.0
     for name in (*_OF_RATE, *_OF_MOISTURE) if set(_OF_MOISTURE) <= set(bands) else _OF_RATE:
         there = cells[name]
