@@ -322,12 +322,13 @@ def _whole(data: _Bytes, chunk: _Chunk) -> bytes | None:
     records = _unpacked(data, chunk)
     if len(records) != chunk.size or (chunk.checksum and zlib.crc32(records) != chunk.checksum):
         return None
-    end = 0
-    for opcode, body in _split(records):
+    at = 0
+    while len(records) - at >= _RECORD.size:
+        opcode, length = _RECORD.unpack_from(records, at)
+        at += _RECORD.size + length
         if opcode not in _READ:
             return None
-        end += _RECORD.size + len(body)
-    return records if end == len(records) else None
+    return records if at == len(records) else None
 
 
 def _split(data: bytes) -> Iterator[Record]:
