@@ -79,10 +79,7 @@ class RasterBands:
         self.names = [name or "" for name in source.descriptions]  # empty for a band without one
 
     def number(self, band: str) -> int:
-        """Number of a band, from 1.
-
-        :raises InputError: if there is none
-        """
+        """Number of a band, from 1."""
         if not band:
             return 1
         if band in self.names:
@@ -111,9 +108,6 @@ class RasterBands:
 
         Interpolated linearly; where its pixels are smaller than the cells, averaged over them. Where the file does
         not declare a value for gaps, the usual ones are gaps.
-
-        :param x_m: centres of the columns, ascending, evenly spaced [m]
-        :param y_m: centres of the rows, ascending, with the same spacing [m]
         """
         nodata = self._source.nodatavals[number - 1]
         values = self._warped(number, frame, x_m, y_m, nodata)
@@ -180,7 +174,6 @@ def opened_raster(path: Path, remedy: str = "give a GeoTIFF") -> Iterator[Datase
 def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> NDArray[Any]:
     """An attribute of the polygons at places: texts, or numbers.
 
-    :param attribute: name of the attribute; empty for the only one
     :returns: shape (n,); ``None`` or NaN outside all polygons. Whole numbers are texts, as codes of classes are
     :raises InputError: if the file cannot be read, has no such attribute, no polygon or no reference system
     """
@@ -253,8 +246,6 @@ def readable_vector(path: Path, remedy: str = REMEDY) -> Iterator[None]:
 def indicators(values: NDArray[Any], inside: NDArray[np.bool_]) -> dict[str, Array]:
     """Columns of zeros and ones, one for each class but the most common one, which the mean of the map stands for.
 
-    :param values: classes, ``None`` where they are unknown, shape (n,)
-    :param inside: places in the field, by which the classes are counted, shape (n,)
     :returns: class -> column, NaN where the class is unknown; empty if the field has a single class
     """
     known = np.array([one is not None for one in values], bool)
@@ -282,9 +273,6 @@ def derivatives(elevation_m: Array, step_m: float) -> dict[str, Array]:
     * curvature: minus twice (D + E) of Zevenbergen and Thorne (1987) [1/m], > 0 on crests, < 0 in hollows
     * wetness: topographic wetness index ln(a / tan b) of Beven and Kirkby (1979) [ln m], a the upslope area per
       metre of contour [m], tan b the slope, at least :data:`MIN_SLOPE`
-
-    :param elevation_m: elevations, shape (ny, nx) [m]
-    :param step_m: distance between neighbours, > 0 [m]
     """
     at = _around(elevation_m)
     east = (at[1, 1] + 2 * at[0, 1] + at[-1, 1]) - (at[1, -1] + 2 * at[0, -1] + at[-1, -1])
@@ -356,8 +344,6 @@ def upslope_area(filled_m: Array, step_m: float) -> Array:
 
     Water is shared by all lower neighbours in proportion to slope and contour length: Quinn, Beven, Chevallier and
     Planchon (1991), Hydrological Processes 5:59-79.
-
-    :param filled_m: elevations without pits, shape (ny, nx) [m]
     """
     from scipy.sparse import csr_array, eye_array
     from scipy.sparse.linalg import spsolve_triangular

@@ -49,11 +49,9 @@ MIN_SPREAD = 1e-9
 class CovariateSource:
     """A file with covariates.
 
-    :param path: a raster in any reference system, or a vector file with polygons
     :param band: number (from 1) or name of the raster's band, something that is derived from elevations if no band
         has this name, or the attribute of the polygons; empty for the first band, or the only attribute
     :param derive: what is made of elevations; empty for the values themselves
-    :param name: how reports name it; empty for the name of the file
     """
 
     path: Path
@@ -74,10 +72,7 @@ class CovariateSource:
         return cls(folder / Path(file).expanduser(), band)
 
     def unused_parts(self) -> str:
-        """Bands or attributes of a file that are not used, in words; empty if all are.
-
-        :raises InputError: if the file cannot be read, or has no such band or attribute
-        """
+        """Bands or attributes of a file that are not used, in words; empty if all are."""
         if self.has_polygons:
             used, names = attribute_of(self.path, self.band)
             others, what = [name for name in names if name != used], "attributes"
@@ -154,7 +149,6 @@ class Covariates:
     :param x_m: centres of the columns, increasing, shape (nx,) [m]
     :param y_m: centres of the rows, increasing, shape (ny,) [m]
     :param layers: standardised values, NaN where they are missing, shape (k, ny, nx)
-    :raises ValueError: if the names repeat, or the shapes do not agree
 
     >>> grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 40), (0, 40)], cell_m=10.0)
     >>> slope = Covariates.over(grid, ["slope"], [np.tile(grid.x_m, (4, 1))])
@@ -215,10 +209,7 @@ class Covariates:
 
     @staticmethod
     def joined(*parts: Covariates | None) -> Covariates | None:
-        """Covariates of one raster together; ``None`` is none.
-
-        :raises ValueError: if names repeat, or the rasters differ
-        """
+        """Covariates of one raster together; ``None`` is none."""
         given = [one for one in parts if one is not None]
         if len(given) < 2:
             return given[0] if given else None

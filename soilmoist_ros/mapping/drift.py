@@ -154,7 +154,6 @@ class Drift:
     """Posterior of a drift u of the mean rate: the rate then is the rate now times ``1 + u``.
 
     :param probability: that the mean rate changed at all
-    :param is_jump: whether a jump is more likely than a trend
     :param times_s: knots, between which u is linear; later, it is 0 [s]
     :param shares: mean of u at each
     :param components: independent parts of the uncertainty of u, one standard deviation of each, at each time
@@ -168,11 +167,7 @@ class Drift:
 
     @classmethod
     def of_error(cls, times_s: Array, covariance: Array) -> Drift:
-        """The error of a correction that is right on average.
-
-        :param times_s: knots, shape (k,) [s]
-        :param covariance: of its error as a share of the rate, shape (k, k)
-        """
+        """The error of a correction that is right on average."""
         components = tuple(tuple(one) for one in _components(covariance).tolist())
         return cls(1.0, False, tuple(times_s.tolist()), (0.0,) * len(times_s), components)
 
@@ -209,8 +204,6 @@ class Drift:
 class Change:
     """Change of the mean rate during a survey.
 
-    :param drift: what the map allows for; ``None`` if the counts do not ask for a drift
-    :param jump: the likeliest jump, certain or not; ``None`` if the counts do not ask for a drift
     :param error: error of the correction by a reference sensor; ``None`` without one
     """
 
@@ -266,10 +259,7 @@ NO_CHANGE = Change()
 
 @dataclass(frozen=True, eq=False)
 class Changing:
-    """What a map is made of in addition, if the mean rate may change.
-
-    :param now_s: time of the map [s]
-    """
+    """What a map is made of in addition, if the mean rate may change."""
 
     timed: TimedSamples
     change: Change
@@ -293,8 +283,6 @@ def find_change(
     The variogram stays as it was fitted without a drift: a common fit lowered the error of simulated maps by less
     than 1 %.
 
-    :param now_s: time of the map, not before the samples [s]
-    :param rate: rate in the noise of the samples, as :class:`PoissonKriging`
     :param places: samples of all times; those by time that are nearest to the same one share what is of no other
         place. By default those of exactly one place do
     """

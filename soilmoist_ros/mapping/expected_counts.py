@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final, Generic, TypeVar
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,8 @@ from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing import CountRecord, Kind
 
 Array = NDArray[np.float64]
-Where = TypeVar("Where")
+Where = tuple[int, Array]
+"""Index of a record in the track, and spread of its counts: what the map needs to use it later."""
 
 UNEXPECTED: Final = Kind.UNEXPECTED_COUNT.value
 """Reason why such a record is quarantined."""
@@ -127,12 +128,12 @@ def nearest(samples: Samples, x_m: float, y_m: float) -> NDArray[np.intp]:
 
 
 @dataclass(frozen=True)
-class Held(Generic[Where]):
+class Held:
     """A record that is held back."""
 
     record: CountRecord  # the record
     deviation: float  # as :meth:`Expectation.deviation`
-    where: Where  # what the map needs to use the record later
+    where: Where
 
     @property
     def xy(self) -> Array:
@@ -141,30 +142,26 @@ class Held(Generic[Where]):
 
 
 @dataclass(frozen=True)
-class CountVerdict(Generic[Where]):
+class CountVerdict:
     """What becomes of a record, and of those held back before."""
 
     unexpected: str = ""  # what is wrong with the record, empty if it can be used
-    confirmed: tuple[Held[Where], ...] = ()  # earlier records that this one confirms: they can be used
+    confirmed: tuple[Held, ...] = ()  # earlier records that this one confirms: they can be used
 
 
-class ExpectedCounts(Generic[Where]):
-    """Judges records one by one. The verdicts depend on nothing but the records.
-
-    :param radius_m: records closer together than this are at the same place [m]
-    """
+class ExpectedCounts:
+    """Judges records one by one. The verdicts depend on nothing but the records."""
 
     def __init__(self, radius_m: float) -> None:
         self._radius_m = radius_m
-        self._held: list[Held[Where]] = []
-        self._row: list[Held[Where]] = []  # records in a row that rain may have lowered
+        self._held: list[Held] = []
+        self._row: list[Held] = []  # records in a row that rain may have lowered
 
     def judge(
         self, record: CountRecord, where: Where, samples: Samples, fit: Callable[[], Variogram | None]
-    ) -> CountVerdict[Where]:
+    ) -> CountVerdict:
         """Judge a record before it becomes part of the map.
 
-        :param where: kept with the record if it is held back
         :param fit: makes the variogram of the map; called only if the record is out of the ordinary
         """
         row, self._row = self._row, []

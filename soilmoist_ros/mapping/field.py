@@ -140,7 +140,6 @@ def _is_place(latitude_deg: float, longitude_deg: float) -> bool:
 class Field:
     """A field in its own east-north plane.
 
-    :param frame: the plane about the field's datum
     :param polygon: boundary, shape (k, 2) [m], not closed
     :param no_go: boundaries of areas to leave out, each of shape (k, 2) [m]
     :param cell_m: cell size of the map [m], ``None`` to choose it
@@ -164,7 +163,6 @@ class Field:
         A field and a cell size make one grid. Whoever needs the cells of a map asks for the map's cell size.
 
         :param cell_m: cell size [m]; by default the field's own, else one chosen from its extent
-        :param footprint_radius_m: radius of the sensor's footprint, for that choice [m]
         """
         width, height = np.ptp(self.polygon, axis=0).tolist()
         chosen = cell_m or self.cell_m or default_cell_m((width, height), footprint_radius_m)
@@ -304,10 +302,7 @@ class Misplaced(StrEnum):
 
     @classmethod
     def of(cls, shape: BaseGeometry, field: BaseGeometry, frame: LocalFrame) -> Misplaced | None:
-        """Likely cause of a shape that misses a field, ``None`` if none is known.
-
-        :param shape: what should be in the field, in its plane [m]
-        """
+        """Likely cause of a shape that misses a field, ``None`` if none is known."""
         import shapely
 
         corners = shapely.get_coordinates(shape)
@@ -409,14 +404,7 @@ def _require_plausible(
         longitude, latitude = lonlat[0].tolist()
         distance_m, _ = distance_and_bearing((frame.latitude_deg, frame.longitude_deg), (latitude, longitude))
     if distance_m > MAX_DATUM_DISTANCE_M:
-        swapped = lonlat is not None and np.all(np.abs(lonlat[:, 0]) <= 90)
-        near = swapped and np.hypot(*frame.to_local(longitude, latitude)[0]) <= MAX_DATUM_DISTANCE_M
-        if near and in_file:
-            hint = "the file has latitude first: export it again with longitude first, as its format requires"
-        elif near:
-            hint = "longitude comes first in corners: swap their numbers, or those of 'datum' if these are wrong"
-        elif lonlat is None:
+        hint = "longitude comes first in corners, west is negative: check them and 'datum', or leave 'datum' out"
+        if lonlat is None:
             hint = "give the corners in metres from the datum, not as coordinates of a map projection"
-        else:
-            hint = "check 'datum' and the signs of the corners, or leave 'datum' out"
         raise InputError(f"the boundary lies {distance_text(distance_m)} from the datum", hint, path)

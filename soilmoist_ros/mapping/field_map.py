@@ -52,9 +52,6 @@ if TYPE_CHECKING:
     from shapely.geometry import MultiPolygon, Polygon
 
 Array = NDArray[np.float64]
-_Where = tuple[int, Array]
-"""Index of a record in the track, and spread of its counts."""
-
 _Some = TypeVar("_Some", Samples, TimedSamples, None)
 _Made = TypeVar("_Made")
 
@@ -85,7 +82,6 @@ class FieldMapSettings:
     :param margin_m: records up to this far outside the field count [m], >= 0; they inform its edge
     :param footprint_radius_m: radius of the footprint over which the records were counted [m], >= 0; 0 if it is
         not known, and for a sensor that sees its own place only
-    :param max_exact_samples: number of samples beyond which a map is made by :class:`TiledKriging`
     :param for_planning: keep every map exact, however many samples it has: planning needs their kriging
     :param deconvolve: whether the map is of the rate at each place (true), or of its mean over the footprint
         around the place (false); ``None`` for each place unless the counts object (:func:`fits_footprint`). With
@@ -129,12 +125,10 @@ class MapState:
     :param fit_samples: the samples that the variogram is fitted to: as they were when it was last due
     :param search_samples: the samples by which its direction was found, and whether the variance differs from
         place to place: as they were when that was last due; ``None`` for ``fit_samples``
-    :param given_fit: variogram fitted elsewhere, used instead
     :param timed: the samples by place and time; ``None`` if no drift is looked for
     :param fit_timed: these and the samples, as they were when a drift was last due, and the time then [s]
     :param model_samples: with knowledge, the samples to which what earlier surveys determine too is fitted:
         as they were when that was last due; ``None`` for ``fit_samples``
-    :param began_s: end of the first record [s since 1970-01-01 UTC], 0 before
     :param given_change: how the mean rate of ``timed`` changed, if that was found elsewhere: used instead, and
         ``timed`` as it is
     """
@@ -181,10 +175,7 @@ class MapState:
 
 @dataclass(frozen=True)
 class SkippedRecords:
-    """Records of one kind that were left out.
-
-    :param example: the last of them, in words
-    """
+    """Records of one kind that were left out."""
 
     count: int
     example: str
@@ -192,10 +183,7 @@ class SkippedRecords:
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """All that a :class:`FieldMap` knows at one time; it does not change any more.
-
-    :param track: the records so far, in order, those without a position included
-    """
+    """All that a :class:`FieldMap` knows at one time; it does not change any more."""
 
     state: MapState
     track: tuple[CountRecord, ...]
@@ -248,7 +236,7 @@ class FieldMap:
         self._merger = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m)
         self._timed = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m, WINDOW_S)
         self._paths = DrivenPaths()
-        self._expected: ExpectedCounts[_Where] = ExpectedCounts(self.merge_radius_m)
+        self._expected = ExpectedCounts(self.merge_radius_m)
         self._recent_fit: tuple[int, Variogram] | None = None
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
         self.state = MapState()
@@ -261,8 +249,6 @@ class FieldMap:
         """Add a record, merged into the sample around it.
 
         A record whose counts the map does not expect is quarantined until another one confirms it.
-
-        :returns: why it is left out, ``None`` if it is in the map
         """
         record = without_verdict(record)
         reason, why = check_record(record, self._area)
@@ -318,7 +304,7 @@ class FieldMap:
         """The samples by place and time; ``None`` if no time matters."""
         return TimedSamples(self._timed.samples, self._timed.time_s) if self._takes_times else None
 
-    def _release(self, held: Held[_Where]) -> None:
+    def _release(self, held: Held) -> None:
         """Use a record that was quarantined until another one confirmed it."""
         index, spread = held.where
         self.track[index] = held.record
@@ -339,8 +325,6 @@ class FieldMap:
         """Add a sample that is complete: it is not merged, and the variogram of the next map is fitted anew.
 
         :param xy: place [m]
-        :param effective_exposure_s: effective exposure [s], > 0
-        :raises ValueError: if a value is out of range; the samples stay as they were
         """
         self.set_samples(self.state.samples.joined(as_samples([xy], [raw_counts], [effective_exposure_s])))
 
@@ -390,7 +374,6 @@ class FieldMap:
     ) -> None:
         """Replace all samples by some that were merged elsewhere.
 
-        :param fit: their variogram, if it was fitted elsewhere: used as it is, its model included
         :param changing: with it, the samples by place and time and their drift, if one was found
         """
         earlier = self.state
@@ -460,9 +443,7 @@ class FieldMap:
     def update(self, state: MapState | None = None) -> SoilMap | None:
         """Compute the map of the state now, and keep it as :attr:`soil_map`.
 
-        :param state: an earlier state instead
         :returns: the map; ``None`` while there are too few samples, then the last map stays as it was
-        :raises IllConditionedError: as :meth:`compute`; the last map stays as it was
         """
         state = self.state if state is None else state
         if state is self._mapped:
@@ -482,10 +463,6 @@ class FieldMap:
         """The map of a state, ``None`` while its samples are too few: one place for REML, two for soft-L1.
 
         It depends on nothing but the state and the settings.
-
-        :param progress: called with the fraction done, from above 0 to 1; not for maps that take no time
-        :param compute: computes the tiles of a map of very many samples, as :class:`TiledKriging`
-        :raises IllConditionedError: if the samples and the variogram contradict each other numerically
         """
         state = self._as_seen(state)
         fit, settings = self.fit(state), self.settings

@@ -33,9 +33,6 @@ class FieldGrid:
 
     Made by :meth:`from_polygon` or :meth:`from_track`.
 
-    :param x_m: centres of the columns, ascending, shape (nx,) [m]
-    :param y_m: centres of the rows, ascending, shape (ny,) [m]
-    :param mask: cells whose centre is inside the field, shape (ny, nx)
     :param polygons: outlines of the field, each of shape (k, 2), not closed [m]
     :param holes: outlines of the no-go areas cut out of them, likewise
 
@@ -86,10 +83,8 @@ class FieldGrid:
 
         One point gives a disc, points on a line a strip with round ends.
 
-        :param xy: places of the records, shape (n, 2), n >= 1 [m]
         :param margin_m: width of the margin, for example the footprint's radius [m], > 0
         :param cell_m: side of a cell [m]; by default chosen from the extent, with the margin as footprint
-        :raises ValueError: without a point, for a margin that is not positive, or as :meth:`from_polygon`
         """
         import shapely
 
@@ -136,10 +131,7 @@ class FieldGrid:
         return float(np.count_nonzero(self.mask)) * self.cell_m**2
 
     def to_raster(self, values: ArrayLike) -> Array:
-        """Values of the inside :attr:`cells` on the raster, shape (ny, nx), NaN outside.
-
-        :param values: one value per inside cell, shape (g,)
-        """
+        """Values of the inside :attr:`cells` on the raster, shape (ny, nx), NaN outside."""
         inside = floats(values)
         wanted = (int(np.count_nonzero(self.mask)),)
         if inside.shape != wanted:
@@ -154,8 +146,6 @@ def default_cell_m(extent_m: tuple[float, float], footprint_radius_m: float = 10
 
     At most a quarter of the footprint's radius (the map cannot hold more detail) and a fiftieth of the
     longer side (it should not look coarse), but never so small that the box has more than 70,000 cells.
-
-    :raises ValueError: if one of them is not positive and finite
     """
     width, height = extent_m
     for name, value in (("width", width), ("height", height), ("footprint_radius_m", footprint_radius_m)):

@@ -101,10 +101,7 @@ class PatternFeatures:
     def of(
         cls, variogram: Variogram, candidates: Array, covariates: Callable[[Array], Array] | None = None
     ) -> PatternFeatures:
-        """Choose inducing places: each time where most variance is lost (pivoted Cholesky decomposition).
-
-        :param candidates: places of the samples of earlier surveys, shape (c, 2) [m]
-        """
+        """Choose inducing places: each time where most variance is lost (pivoted Cholesky decomposition)."""
         from scipy.linalg.lapack import dpstrf
 
         covariates = covariates or _no_covariates
@@ -179,10 +176,7 @@ class PatternState:
         return cls(rank, np.zeros(rank + covariates), np.eye(rank + covariates))
 
     def later(self, share: float) -> PatternState:
-        """The state after a time in which the pattern changes.
-
-        :param share: correlation of the pattern then with that now, from 0 to 1
-        """
+        """The state after a time in which the pattern changes."""
         if share == 1:
             return self
         factors = self.scale(share)
@@ -285,12 +279,7 @@ class _Factored:
 
 
 def effect_variances(information: Array, score: Array) -> Array:
-    """Posterior mean of the prior variance of each effect, given those of the others; 0 for those left out.
-
-    :param information: J, shape (k, k), in units of the wide prior
-    :param score: s, information times estimate, shape (k,)
-    :returns: variances, shape (k,), from 0 to 1
-    """
+    """Posterior mean of the prior variance of each effect, given those of the others; 0 for those left out."""
     squares = SCALES**2
     useful = 1 / (1 + len(score) ** MULTIPLICITY)
     prior = np.full(len(SCALES), useful / (len(SCALES) - 1))
@@ -362,10 +351,7 @@ class _Model:
 
 
 class JointModel:
-    """Fits the joint model of the surveys and covariates of a field.
-
-    :param noise: rate in the Poisson noise: ``local`` to each place, or ``mean``
-    """
+    """Fits the joint model of the surveys and covariates of a field."""
 
     def __init__(self, knowledge: Knowledge, estimate: Estimate, noise: NoiseModel) -> None:
         self._covariates = knowledge.covariates
@@ -392,7 +378,6 @@ class JointModel:
         """Variogram and prior for a survey.
 
         :param model_samples: those to which all is fitted that earlier surveys determine as well
-        :param stamp_s: time of the survey [s since 1970-01-01 UTC]; 0 if it is unknown
         :param given: variogram to use instead of a fitted one
         :param alone: without earlier surveys, the variogram of ``model_samples`` if nothing else is known; it is
             fitted by default

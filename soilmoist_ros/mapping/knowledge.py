@@ -22,7 +22,6 @@ class EarlierSurvey:
     """The samples of an earlier survey of the field.
 
     :param name: how reports and messages name it
-    :param stamp_s: time of the survey, for instance its end [s since 1970-01-01 UTC]
     :param samples: its samples, at least one, in metres of the present field's frame
     :raises ValueError: without samples, or if the time is not finite
     """
@@ -44,8 +43,6 @@ def samples_at_end(
     """Samples of a whole survey as they would have been counted at its end, if the mean rate changed meanwhile.
 
     The mean of the drift (:mod:`.drift`) corrects the exposures; its uncertainty is not in the samples.
-
-    :param records: as :func:`survey_samples`, at least one, and so are the radii
     """
     spread = driven_spreads(records)
     samples = survey_samples(records, radius_m, footprint_radius_m, spread)
@@ -75,7 +72,6 @@ class Knowledge:
 
     :param earlier: earlier surveys of the field, in any order
     :param covariates: covariates over the field; ``None`` for none
-    :param reference: error of the correction by a reference sensor that the records have; ``None`` without one
     :raises ValueError: if two earlier surveys have one name
     """
 

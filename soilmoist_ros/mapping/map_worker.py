@@ -50,10 +50,7 @@ class MapWorker:
                 self._wake.notify()
 
     def close(self, timeout_s: float = 10.0) -> None:
-        """Stop after the map that is being computed, if any; may be called twice.
-
-        :param timeout_s: time after which that map is abandoned: ``done`` is not called for it [s]
-        """
+        """Stop after the map that is being computed, if any; may be called twice."""
         with self._wake:
             self._closing = True
             self._wake.notify()

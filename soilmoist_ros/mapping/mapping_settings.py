@@ -63,7 +63,6 @@ class MappingSettings:
         """Settings by name: what is chosen, else what was recorded, else the default.
 
         :param recorded: parameters of a mapper, whose version may lack some; ``None`` for none
-        :raises InputError: if there is no such choice
 
         >>> MappingSettings(fit="soft_l1").values({"model": "gaussian"})["noise"]
         'mean'

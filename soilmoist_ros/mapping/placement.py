@@ -117,7 +117,6 @@ class Placement:
 def require_near(field: Field, latlon: ArrayLike, reach_m: float, source: PositionSource) -> Placement | None:
     """Check that records lie within reach of a field.
 
-    :param latlon: latitude and longitude of the records, shape (n, 2) [deg]; NaN for records without a place
     :param reach_m: distance from the field at which a record still says something about it [m]
     :returns: where the records lie, ``None`` if none has a place
     :raises InputError: if none lies within reach, with distance, direction and the likely cause

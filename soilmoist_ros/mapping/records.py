@@ -68,10 +68,7 @@ class Skip(enum.Enum):
 
 
 def check_record(record: CountRecord, area: BaseGeometry) -> tuple[Skip | None, str]:
-    """Reason why a record is left out, as a code and in words; ``None`` if it can be used.
-
-    :param area: the field and its margin [m]
-    """
+    """Reason why a record is left out, as a code and in words; ``None`` if it can be used."""
     import shapely
 
     if record.quarantine:
@@ -147,10 +144,7 @@ class DrivenPaths:
         self._last: list[CountRecord] = []
 
     def spread(self, record: CountRecord) -> Array:
-        """Spread of a record's counts along its path, shape (4,) [m^2]; 0 without a predecessor.
-
-        :param record: with a place, and an exposure > 0
-        """
+        """Spread of a record's counts along its path, shape (4,) [m^2]; 0 without a predecessor."""
         exposure_s = record.exposure_s
         self._last = [one for one in self._last if record.stamp_s - one.stamp_s <= _MAX_GAP * exposure_s]
         before = [one for one in self._last if record.stamp_s - one.stamp_s >= _MIN_GAP * exposure_s]
@@ -172,11 +166,7 @@ def driven_spreads(records: Sequence[CountRecord]) -> Array:
 def survey_samples(
     records: Sequence[CountRecord], radius_m: float, footprint_radius_m: float = 0.0, spread: Array | None = None
 ) -> Samples:
-    """Samples of a whole survey, merged as :func:`merge_records` does: they do not depend on the order of visits.
-
-    :param records: all with a place and an exposure > 0, in order of time
-    :param spread: :func:`driven_spreads` of the records, if they are known
-    """
+    """Samples of a whole survey, merged by :func:`merge_records`: the order of visits does not matter."""
     spread = driven_spreads(records) if spread is None else spread
     columns = [(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s) for one in records]
     table = np.array(columns, float).reshape(-1, 4)
@@ -195,9 +185,7 @@ class SampleMerger:
     A sample's spread is the path of its records together (parallel-axis theorem), and the sensor's footprint.
 
     :param radius_m: radius of a stop [m], >= 0; keep it well below the sensor's footprint
-    :param footprint_radius_m: radius of the footprint over which every record was counted [m], 0 for a point
     :param window_s: a sample takes no records from this time after its first one on [s]
-    :raises ValueError: if a radius is negative or not finite
     """
 
     def __init__(self, radius_m: float, footprint_radius_m: float = 0.0, window_s: float = math.inf) -> None:
@@ -219,10 +207,7 @@ class SampleMerger:
         spread: ArrayLike = (0.0, 0.0, 0.0),
         time_s: float = 0.0,
     ) -> None:
-        """Add a record.
-
-        :param spread: of the path along which it was counted, shape (3,) or (4,) [m^2]
-        """
+        """Add a record."""
         nearest = self._within_reach(x_m, y_m, time_s)
         if nearest is None:
             nearest = self._begin(x_m, y_m, time_s)

@@ -36,11 +36,7 @@ _COLUMNS = ("xy", "counts", "exposure_s", "spread")
 
 
 def path_spread(along_m: ArrayLike) -> Array:
-    """Spread of counts gathered evenly along straight paths.
-
-    :param along_m: vectors from the beginning to the end, shape (..., 2) [m]
-    :returns: shape (..., 4) [m^2], without a footprint
-    """
+    """Spread of counts gathered evenly along straight paths."""
     x, y = np.moveaxis(np.asarray(along_m, float), -1, 0)
     return np.stack([x * x, x * y, y * y, 0 * x], axis=-1) / 12
 
@@ -82,7 +78,6 @@ class Samples:
     The arrays are copied, checked and made read-only.
 
     :param xy: places, shape (n, 2) [m]; a single place may be given as (x, y)
-    :param counts: raw counts, whole numbers >= 0, shape (n,)
     :param exposure_s: *effective* exposure, which makes ``counts / exposure_s`` the corrected rate, > 0,
         shape (n,) [s]
     :param spread: second moments (sxx, sxy, syy) [m^2] of the path along which each was counted and the radius
@@ -452,12 +447,7 @@ class Surveys:
 
 
 def spatial_blocks(xy: Array, one_block: int, size: int) -> list[NDArray[np.intp]]:
-    """Disjoint compact blocks of places, halved across the wider side until no block exceeds ``size``.
-
-    :param one_block: maximum number of places for a single block
-    :param size: maximum number of places in a block otherwise
-    :returns: numbers of the places of each block
-    """
+    """Disjoint compact blocks of places, halved across the wider side until no block exceeds ``size``."""
     if len(xy) <= one_block:
         return [np.arange(len(xy))]
     blocks, todo = [], [np.arange(len(xy))]

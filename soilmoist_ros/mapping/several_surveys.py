@@ -68,8 +68,6 @@ class Persistence:
 
         The mean over :data:`PERSISTENCES`, each weighted by its likelihood. The decay is searched with three
         surveys or more that have different times.
-
-        :param stamps_s: times of the surveys [s]
         """
         if len(surveys) < 2:
             return Persistence(1.0)
@@ -159,10 +157,7 @@ class _Stack(NamedTuple):
 class JointKriging:
     """The rates of several surveys, given the counts of all of them.
 
-    :param variogram: variogram of the rate of each survey; an amplitude that differs by place is left out
-    :param surveys: samples of each survey, at least one survey
     :param correlation: T, shape (s, s)
-    :raises IllConditionedError: if the matrix cannot be factored
     """
 
     def __init__(self, variogram: Variogram, surveys: Sequence[Samples], correlation: Array) -> None:
@@ -183,8 +178,6 @@ class JointKriging:
         """Rate of a survey, or its difference from that of another survey, and the variance.
 
         The variance is that of the smooth rate, without its nugget and without counting noise.
-
-        :param other: index of the survey that is subtracted
         """
         from scipy.linalg import solve_triangular
 

@@ -147,19 +147,13 @@ class SoilMap:
     """A map of one field; rasters have shape (ny, nx) and are NaN outside the field.
 
     :param grid: the field's grid
-    :param rate: corrected count rate [counts/s]
-    :param variance: its kriging variance [(counts/s)^2]
     :param samples: the samples behind the map, as given; with a drift those by place and time, merged at each
         place, and their exposures make the rates those at the time of the map
     :param variogram: the variogram used
-    :param fit: how it was fitted; ``None`` if it was given
     :param mean_rate: mean rate m* of the samples [counts/s]; their noise has it unless the fit has a local rate
-    :param curve: calibration, ``None`` if the map is of the rate only
     :param keep_nugget: whether the map has the rate with its micro-scale variation, or the smooth part only
     :param made_by: the fitted kriging that made the map; ``None`` if :meth:`RasterKriging.update` did
-    :param change: how the mean rate changed during the survey; the map is of its end
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
-    :param footprint_radius_m: radius of the footprint over which the counts were made [m], 0 if it is not known
     """
 
     grid: FieldGrid
@@ -265,8 +259,7 @@ class SoilMap:
     @property
     def unknown_rate_sd(self) -> float:
         """Standard deviation that the model gives the rate far from all samples, about its mean [counts/s]."""
-        sill = self.variogram.sill if self.keep_nugget else self.variogram.structured_sill
-        return math.sqrt(sill)
+        return math.sqrt(self.variogram.sill if self.keep_nugget else self.variogram.structured_sill)
 
     @property
     def accuracy(self) -> Accuracy | None:
@@ -312,13 +305,11 @@ def make_soil_map(
     With a fit, the rate in the noise is the fit's, mean or local: noise changes only at the next fit. What the fit
     knows besides the samples is used; then of more samples than ``max_exact_samples`` neighbours are pooled.
 
-    :param samples: at least one
     :param curve: calibration that turns the rate into soil moisture
     :param max_exact_samples: number of samples beyond which :class:`TiledKriging` makes the map
     :param raster: of the same grid and nugget; makes the map if it can, from what it has kept
     :param changing: the samples by place and time, how their mean changed, and the time of the map [s]; a drift
         needs at most ``max_exact_samples``, and the samples by time at the places of the samples
-    :raises ValueError: without samples
     """
     fit = variogram if isinstance(variogram, VariogramFit) else None
     model = variogram.variogram if isinstance(variogram, VariogramFit) else variogram
@@ -396,10 +387,7 @@ def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
 
 
 def placed_cells(grid: FieldGrid, kind: np.dtype[Any]) -> NDArray[Any]:
-    """Cells of a kind with their places, else NaN, shape (rows, columns).
-
-    :param kind: a structure with x, y and z
-    """
+    """Cells of a kind with their places, else NaN, shape (rows, columns)."""
     cells = np.full(grid.shape, np.nan, kind)
     row, column = np.nonzero(grid.mask)
     cells["x"][row, column] = grid.x_m[column]

@@ -112,9 +112,12 @@ def test_a_cell_size_that_makes_no_grid_is_named(tmp_path):
         ),
         (
             "polygon_lonlat: [[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]\n",
-            "7,748 km from the datum -> longitude comes first in corners: swap their numbers, or those of 'datum'",
+            "7,748 km from the datum -> longitude comes first in corners, west is negative: check them and",
         ),
-        ("polygon_lonlat: [[0.52,53.27],[0.521,53.27],[0.521,53.271]]\n", "69 km from the datum -> check 'datum'"),
+        (
+            "polygon_lonlat: [[0.52,53.27],[0.521,53.27],[0.521,53.271]]\n",
+            "69 km from the datum -> .* check them and 'datum'",
+        ),
         ("polygon_lonlat: [[53.27,-100.5],[53.3,-100.5],[53.3,-100.6]]\n", "longitude comes first"),
     ],
 )

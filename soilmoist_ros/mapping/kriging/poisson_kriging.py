@@ -119,7 +119,6 @@ class PoissonKriging:
 
         :param xy: places, shape (n, 2), n >= 1 [m]
         :param counts: raw counts, shape (n,)
-        :param exposure_s: effective exposures, shape (n,) [s]
         :param spread: second moments of the areas over which the samples were counted, shape (n, 4), see
             :mod:`support`; all points by default
         :param uncertain: independent errors that the rates share and the targets have not, one standard deviation
@@ -152,7 +151,6 @@ class PoissonKriging:
     def predict(self, xy: ArrayLike, progress: Progress | None = None) -> tuple[Array, Array]:
         """Rate and kriging variance at points.
 
-        :param progress: called with the fraction done, from above 0 to 1, after each tile
         :returns: rate [counts/s] and variance without counting noise [(counts/s)^2], each of shape (g,)
         """
         targets = self._targets(check_xy(xy))
@@ -170,10 +168,7 @@ class PoissonKriging:
     ) -> tuple[Array, Array]:
         """Rate and kriging variance on a raster; equal to :meth:`predict`, but faster.
 
-        :param x_m: centres of the columns, shape (nx,) [m]
-        :param y_m: centres of the rows, shape (ny,) [m]
         :param mask: cells wanted, shape (ny, nx), by default all; other cells are NaN
-        :raises ValueError: if an axis is not a finite vector or the mask does not fit
         """
         x, y, wanted = check_raster(x_m, y_m, mask)
         self._fitted()
@@ -317,11 +312,7 @@ def _prior_covariance(variogram: Variogram, xy: bytes) -> Array:
 
 
 def clip_negative(variance: Array, sill: float) -> int:
-    """Set negative variances, which come from rounding, to 0; warn if they are more than that.
-
-    :param variance: is changed; may have NaN
-    :returns: how many there were
-    """
+    """Set negative variances, which come from rounding, to 0; warn if they are more than that."""
     negative = variance < 0
     count = int(np.count_nonzero(negative))
     if count:

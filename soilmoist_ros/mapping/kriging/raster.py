@@ -149,10 +149,7 @@ class Tiles(NamedTuple):
 
 
 def find_tiles(variogram: Variogram, x_m: Array, y_m: Array, mask: Mask) -> Tiles | None:
-    """The tiles with a wanted cell, about square in the plane where the variogram is isotropic.
-
-    :returns: ``None`` if rows or columns are not at equal distances
-    """
+    """The tiles with a wanted cell, about square in the plane where the variogram is isotropic."""
     steps_m = []
     for axis in (x_m, y_m):
         steps = np.diff(axis)
@@ -180,7 +177,6 @@ def tile_sums(
 ) -> Iterator[tuple[slice, slice, Array]]:
     """Sums over the rows of W = L^-1 C_.0 for the cells of each tile.
 
-    :param nugget: whether a cell with a sample exactly in its centre shares the nugget of the sample
     :returns: rows and columns of a tile; the sum of squares of W, residual W, ones W, and uncertain W,
         shape (3 + k, height, width)
     """

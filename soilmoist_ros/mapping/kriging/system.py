@@ -30,12 +30,7 @@ _TILE_ELEMENTS = 400_000
 
 
 class Points:
-    """Arbitrary target points.
-
-    :param places_xy: places of the samples, shape (p, 2) [m]
-    :param xy: targets, shape (g, 2) [m]
-    :param spread: spreads of the samples, shape (p, 4); all points if ``None``
-    """
+    """Arbitrary target points."""
 
     def __init__(self, variogram: Variogram, places_xy: Array, xy: Array, spread: Array | None = None) -> None:
         self.xy = xy
@@ -50,10 +45,7 @@ class Points:
 
 
 class SamplePoints:
-    """Samples that know their covariance with places.
-
-    :param samples: x, y and the spread in the first columns, shape (m, 6 or more)
-    """
+    """Samples that know their covariance with places."""
 
     def __init__(self, variogram: Variogram, samples: Array) -> None:
         self._correlation = variogram.correlation_model.correlation
@@ -99,10 +91,7 @@ class SamplePoints:
 
 
 def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = None) -> Array:
-    """Structured correlation between samples, shape (n, n), new memory.
-
-    :param spread: their spreads, shape (n, 4); all points if ``None``
-    """
+    """Structured correlation between samples, shape (n, n), new memory."""
     every = Supports(xy, spread)
 
     def with_points(points: Array) -> Array:
@@ -124,9 +113,6 @@ def _correlation(variogram: Variogram, scaled: Array, others: Array) -> Array:
 def cholesky_with_jitter(covariance: Array, noise: Array, scale: float) -> tuple[Array, float]:
     """Cholesky factor of a covariance and its noise, with as little jitter as makes it positive definite.
 
-    :param covariance: without noise, shape (n, n); its diagonal is changed
-    :param noise: nugget and noise, shape (n,)
-    :param scale: variance that jitter is relative to
     :returns: lower triangle L, and the jitter on the diagonal
     :raises IllConditionedError: if no jitter suffices
     """
@@ -222,10 +208,7 @@ class KrigingSystem(NamedTuple):
         return np.asarray(self.uncertain_mean + solved @ self.uncertain)
 
     def surfaces(self, targets: Points, nugget: bool, progress: Progress | None = None) -> tuple[Array, Array]:
-        """Rate, and what the samples, the unknown mean and what is known add to the variance of the targets.
-
-        :param nugget: whether targets where a sample is share its nugget
-        """
+        """Rate, and what the samples, the unknown mean and what is known add to the variance of the targets."""
         ones, prior = self.ones, self.prior
         both = np.column_stack([self.residual, ones])
         rate, variance = np.empty((2, len(targets.xy)))

@@ -155,7 +155,6 @@ class TiledKriging:
     most 1 % of the kriging sd at ranges of 10 m, 2 % at 30 m (Matern 3/2), 6 % at 60 m (exponential) and 20 % for
     a Gaussian with a range of 30 m.
 
-    :param variogram: variogram of the latent rate; its amplitude is left out
     :param nearest: number of nearest samples of a tile; chosen by :meth:`fit` if ``None``
     """
 

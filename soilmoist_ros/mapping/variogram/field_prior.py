@@ -60,7 +60,6 @@ class FieldPrior:
     :param matrix: W, symmetric, shape (p, p) [(counts/s)^2]
     :param coefficients: c, shape (p,) [counts/s]
     :param effects: effects of covariates, the counts of the survey included
-    :param relations: earlier surveys, in order of time
     :param own: variance that no two places share, at places of shape (n, 2), shape (n,) [(counts/s)^2], as where a
         covariate is missing; ``None`` for none
     """
@@ -74,10 +73,7 @@ class FieldPrior:
     own: Callable[[Array], Array] | None = None
 
     def at(self, xy: Array, spread: Array | None = None) -> Array:
-        """Scaled features at places or averaged over supports, shape (n, p).
-
-        :param spread: shape (n, 4); all points if ``None``
-        """
+        """Scaled features at places or averaged over supports, shape (n, p)."""
         if spread is None or not spread.any():
             return self.features(xy) * self.scale
         return np.ascontiguousarray(Supports(xy, spread).average_rows(self.at))

@@ -83,7 +83,6 @@ class LocalRate:
 
     :param mean: mean of the rate [counts/s]
     :param least: lower limit of the estimate [counts/s], > 0
-    :param pools_xy: centres of the pools, shape (k, 2) [m]
     :param coefficients: change of the rate per correlation with each pool, shape (k,) [counts/s]
     """
 
@@ -192,7 +191,6 @@ def fit_amplitude(
     so the sill is the mean variance of the field.
 
     :param variogram: stationary variogram to krige with; returned as it is if the evidence does not ask for more
-    :param mode: stationary variogram at the mode
     :param extent_m: extent of the field for the priors [m], > 0
     :returns: ``None`` if there are too few or too many samples, or nothing varies
     """
@@ -227,8 +225,6 @@ class _Likelihood:
 
     Parameters are in prior standard deviations from the prior's medians: three of the variogram, and one of each
     column of a square root of the prior covariance of the amplitude's coefficients.
-
-    :param mode: stationary variogram, the centre of the prior of the range
     """
 
     def __init__(self, places: Samples, mode: Variogram, rate: float | LocalRate, box: Box, prior: Prior) -> None:

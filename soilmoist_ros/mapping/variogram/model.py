@@ -40,7 +40,6 @@ class CorrelationModel:
         (spherical: all of it, as is usual)
     :param is_product: whether it is analytic and a product of one factor for each axis, as only a Gaussian is:
         rasters are then interpolated from few points
-    :param has_edge: whether it is not smooth at the range
     :param has_one_peak: whether the likelihood of many samples has one maximum, so that one search finds it
     """
 
@@ -203,10 +202,8 @@ class Amplitude:
     """Amplitudes over the box of a field.
 
     :param low: south-west corner of the box [m]
-    :param high: north-east corner [m], each coordinate above that of ``low``
     :param log_values: coefficients of the logarithm, rows from south to north, at least 4 x 4; equal coefficients
         make a constant
-    :raises ValueError: if the box is empty, the coefficients are no table, or a number is not finite
 
     >>> Amplitude((0, 0), (10, 10), ((0.0,) * 4,) * 4)(np.array([[3.0, 4.0], [99.0, -1.0]]))
     array([1., 1.])
@@ -402,7 +399,6 @@ class Variogram:
         """Places in the plane where the variogram is isotropic, in units of the range.
 
         :param xy: places or displacements, shape (..., 2) [m]
-        :returns: shape (..., 2), new memory; squared distances are arguments of :meth:`correlation_of_square`
         """
         if self.anisotropy == 1:
             return xy / self.range_m
@@ -448,7 +444,6 @@ def isotropic_plane(anisotropy: float, angle_deg: float) -> Array:
 
     M is symmetric with determinant 1, and exactly diagonal if the longest range lies along an axis.
 
-    :param anisotropy: longest range over shortest range [-], >= 1
     :param angle_deg: direction of the longest range, anticlockwise from east [deg]
     """
     along, across = 1 / np.sqrt(anisotropy), np.sqrt(anisotropy)

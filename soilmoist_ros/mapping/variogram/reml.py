@@ -191,9 +191,6 @@ class Prior:
       range cannot be separated from the nugget, a much longer one not from a trend
     * **nugget**: median 5 % of the prior's structured variance, standard deviation 1.5. A count integrates over a
       footprint of some hundred square metres, so little variance remains below it
-
-    :param log_median: logarithms of the medians, (structured, range, nugget)
-    :param log_sd: standard deviations of the logarithms
     """
 
     log_median: Array
@@ -279,8 +276,6 @@ class RestrictedLikelihood:
     with its own mean (a composite likelihood). For samples with a spread, R averages over their areas.
 
     :param blocks: numbers of the places of each block; by default one block with all places
-    :param plane: matrix that maps places to the plane where the variogram is isotropic, shape (2, 2)
-    :param noise: Poisson variance of each rate [(counts/s)^2]; by default that of the mean rate
     :param effects: known further structure E, whose covariance is E E', shape (n, k) [counts/s]
     """
 
@@ -430,7 +425,6 @@ def maximise_reml(
     a ridge, and 1.00 in isotropic fields.
 
     :param places: merged samples, at least one; or those of several surveys
-    :param extent_m: extent of the field for the prior of the range [m], > 0
     :param like: variogram fitted to fewer of the samples: its direction is used, and the search begins at it
     """
     surveys = places if isinstance(places, Surveys) else Surveys((places,))

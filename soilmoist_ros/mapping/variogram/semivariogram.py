@@ -100,9 +100,6 @@ def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30, few_cla
     2000 places every k-th one is looked at.
 
     :param classes: largest number of classes
-    :param min_pairs: pairs that a class should have
-    :param few_classes: number of classes while pairs are few
-    :raises ValueError: with fewer than two distinct places
     """
     from scipy.spatial.distance import pdist
 
@@ -166,7 +163,6 @@ def fit_soft_l1(lag: Array, gamma: Array, model: ModelName, least_sill: float) -
 
     :param lag: mean distances of the classes in units of the largest, shape (m,)
     :param gamma: their semivariances in units of the mean absolute one, shape (m,)
-    :param least_sill: lower bound of the structured sill in units of the semivariance
     """
     correlation = correlation_model(model)
     most_sill = max(MAX_SILL, 2 * least_sill)

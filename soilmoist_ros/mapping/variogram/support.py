@@ -60,11 +60,7 @@ _FEW_ELEMENTS = 30_000
 
 
 class Supports:
-    """Points that represent the supports of samples: one each, more where a support has an extent.
-
-    :param xy: centres, shape (n, 2) [m]
-    :param spread: shape (n, 4); all points if ``None``
-    """
+    """Points that represent the supports of samples: one each, more where a support has an extent."""
 
     def __init__(self, xy: Array, spread: Array | None = None) -> None:
         # (samples, points, weights): whose points they are, the points [m], and their weights; ``None`` for 1
@@ -118,11 +114,7 @@ class Supports:
         ]
 
     def average(self, of_points: Callable[[Array], Array]) -> Array:
-        """Averages of a function over the supports.
-
-        :param of_points: returns new memory of shape (..., m) for m points
-        :returns: shape (..., n)
-        """
+        """Averages of a function over the supports."""
         sizes = [len(points) for _, points, _ in self.layers]
         if len(sizes) == 1 or sum(sizes) > _MAX_TOGETHER:
             return self.combine(of_points(points) for _, points, _ in self.layers)
@@ -175,9 +167,7 @@ class SupportCorrelation:
     Correlations at a few ranges are interpolated by cubic Hermite polynomials in the logarithm of the range, so
     many evaluations cost little. The slope is the exact derivative of the interpolated correlation.
 
-    :param kept: maximum number of cached ranges, >= 2, of two matrices of shape (n, n) each
     :param plane: matrix that maps places to the plane where the model is isotropic, shape (2, 2)
-    :param pack: conversion of the matrices for storage, by default none
     """
 
     def __init__(
