@@ -310,15 +310,6 @@ def _port(given: Parameters, number: int, name: str) -> int:
     return port + 2 * number if port else 0
 
 
-def main() -> None:
-    """Start the node. Its action servers disappear and return, which crashes the executor of the other nodes."""
-    run(FieldSimulator, SingleThreadedExecutor)
-
-
-if __name__ == "__main__":
-    main()
-
-
 # The action servers of the simulated navigation: nodes of a map (GotoNode), and poses (NavigateToPose) ----------
 
 NODE_ACTION: Final = "topological_navigation"
@@ -492,3 +483,12 @@ def navigation_servers(node: Node, robot: SimulatedRobot, below: str) -> list[Na
         except ImportError as error:
             node.get_logger().warning(f"a navigation action is missing: {package} is not installed ({error})")
     return servers
+
+
+def main() -> None:
+    """Start the node. Its action servers disappear and return, which crashes the executor of the other nodes."""
+    run(FieldSimulator, SingleThreadedExecutor)
+
+
+if __name__ == "__main__":
+    main()
