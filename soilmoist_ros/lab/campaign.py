@@ -40,23 +40,15 @@ _RESUME = "run the same command again to resume"
 
 @dataclass(frozen=True)
 class CampaignOutcome:
-    """Result of a campaign.
-
-    :param computed: missions computed now
-    :param reused: stored missions that were reused
-    :param failures: failed missions, in the order of the campaign; the tables contain all other missions
-    :param remarks: notes for the user, such as damaged files whose missions were computed again
-    :param written: paths of the tables
-    :param rows: finished missions as the tables have them, in the order of the campaign
-    """
+    """Result of a campaign."""
 
     total: int
-    computed: int
-    reused: int
-    failures: tuple[Failure, ...]
-    remarks: tuple[str, ...]
-    written: tuple[Path, ...]
-    rows: tuple[tuple[CampaignMission, MissionRow], ...]
+    computed: int  # missions computed now
+    reused: int  # stored missions that were reused
+    failures: tuple[Failure, ...]  # in the order of the campaign; the tables contain all other missions
+    remarks: tuple[str, ...]  # notes for the user, such as damaged files whose missions were computed again
+    written: tuple[Path, ...]  # paths of the tables
+    rows: tuple[tuple[CampaignMission, MissionRow], ...]  # finished missions, in the order of the campaign
 
     @property
     def complete(self) -> bool:
@@ -194,22 +186,14 @@ def _computed(
 
 @dataclass(frozen=True)
 class CampaignProgress:
-    """State of a campaign.
+    """State of a campaign; a rate or time is NaN while unknown."""
 
-    :param done: missions that have come to their end, failed and reused ones too
-    :param total: missions of the campaign
-    :param failed: missions that failed
-    :param per_minute: missions a minute since the first mission of this run began; NaN while unknown
-    :param left_s: estimated time left [s]; NaN while unknown
-    :param note: what the campaign waits for; usually empty
-    """
-
-    done: int
+    done: int  # missions that have come to their end, failed and reused ones too
     total: int
     failed: int = 0
-    per_minute: float = math.nan
-    left_s: float = math.nan
-    note: str = ""
+    per_minute: float = math.nan  # missions a minute since the first mission of this run began
+    left_s: float = math.nan  # estimated time left [s]
+    note: str = ""  # what the campaign waits for; usually empty
 
     def __str__(self) -> str:
         parts = [f"{self.done} of {self.total} missions"]

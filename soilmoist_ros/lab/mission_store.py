@@ -49,34 +49,23 @@ class StaleMissionError(DamagedMissionError):
 
 @dataclass(frozen=True, eq=False)
 class CampaignRun:
-    """Stored content of a mission; maps have single precision and are NaN outside the field.
-
-    :param field_title: name of the field for reports
-    :param efficiency: efficiency of its plan, see :class:`Efficiency`; NaN if it has none
-    :param tracks: corner points of each robot's path, shape (p, 2) [m]
-    :param x_m: centres of the map's columns, shape (nx,) [m]; this and all later arrays are empty without a map
-    :param y_m: centres of the map's rows, shape (ny,) [m]
-    :param rate: final map of the rate, shape (ny, nx) [counts/s]
-    :param rate_sd: standard deviation of the estimate [counts/s]
-    :param truth_rate: true rate [counts/s]
-    :param outlines: boundaries of the field, each of shape (k, 2) [m]
-    """
+    """Stored content of a mission; maps have single precision and are NaN outside the field."""
 
     settings: MissionSettings
     key: str
     version: str
-    field_title: str
+    field_title: str  # name of the field for reports
     ended: str
-    efficiency: float
+    efficiency: float  # efficiency of its plan, see :class:`Efficiency`; NaN if it has none
     series: tuple[SeriesRow, ...]
     visits: tuple[Visit, ...]
-    tracks: tuple[Array, ...]
-    x_m: Array
+    tracks: tuple[Array, ...]  # corner points of each robot's path, shape (p, 2) [m]
+    x_m: Array  # centres of the map's columns, shape (nx,) [m]; this and all later arrays are empty without a map
     y_m: Array
-    rate: Array
+    rate: Array  # final map of the rate, shape (ny, nx) [counts/s]
     rate_sd: Array
     truth_rate: Array
-    outlines: tuple[Array, ...]
+    outlines: tuple[Array, ...]  # boundaries of the field, each of shape (k, 2) [m]
 
 
 @cache

@@ -107,8 +107,8 @@ class RateFormula(Section):
         raise NotImplementedError
 
 
-class RandomField(RateFormula):
-    """A stationary Gaussian random field: infinitely smooth, rough (exponential), or smooth (Matern 3/2).
+class GaussianField(RateFormula):
+    """Base class of Gaussian random fields.
 
     Values below 5 % of the mean are raised to 5 % of the mean. With a standard deviation of at most a quarter of
     the mean, this limit affects fewer than one position in 10,000.
@@ -116,18 +116,24 @@ class RandomField(RateFormula):
 
     values: ClassVar[tuple[str, ...]] = ("mean",)
 
-    family: Literal["gaussian_field", "exponential", "matern32"]
     mean: Positive  # mean of the quantity
-    sd: Positive  # standard deviation of the quantity, at most a quarter of the mean
+    sd: Positive  # its standard deviation, that of rough ground if there is flat one; at most a quarter of the mean
+    seed: Seed = 1  # seed of the values, and of the place or direction of rough ground where it is not given
+
+    @model_validator(mode="after")
+    def _stays_positive(self) -> GaussianField:
+        if self.sd > self.mean / 4:
+            raise ValueError(f"'sd' must be at most a quarter of 'mean' ({self.mean / 4:g}) to stay positive")
+        return self
+
+
+class RandomField(GaussianField):
+    """A stationary random field: infinitely smooth (Gaussian), rough (exponential), or smooth (Matern 3/2)."""
+
+    family: Literal["gaussian_field", "exponential", "matern32"]
     range_m: Positive = 15.0
     """Range parameter of the correlation [m]. The variogram reaches 95 % of the variance at a multiple of this
     distance: 1.7 (Gaussian), 3 (exponential) or 2.7 (Matern 3/2)."""
-    seed: Seed = 1
-
-    @model_validator(mode="after")
-    def _stays_positive(self) -> RandomField:
-        _require_positive(self.sd, self.mean)
-        return self
 
     @property
     def model(self) -> ModelName:
@@ -141,28 +147,17 @@ class RandomField(RateFormula):
         return RateGrid(x, y, np.maximum(self.mean + self.sd * noise, FLOOR * self.mean))
 
 
-def _require_positive(sd: float, mean: float) -> None:
-    if sd > mean / 4:
-        raise ValueError(f"'sd' must be at most a quarter of 'mean' ({mean / 4:g}) to stay positive")
+class UnevenField(GaussianField):
+    """Base class of random fields of uneven roughness."""
 
-
-class UnevenField(RateFormula):
-    """Base class of random fields of uneven roughness. Values below 5 % of the mean are raised to that."""
-
-    values: ClassVar[tuple[str, ...]] = ("mean",)
-
-    mean: Positive  # mean of the quantity
-    sd: Positive  # standard deviation on rough ground, at most a quarter of the mean
     flat_sd: Annotated[float, Field(ge=0)] = 0.0  # standard deviation on flat ground, at most ``sd``
     model: ModelName = "matern32"  # variogram model of rough and flat ground
     range_m: Positive = 10.0  # range parameter on rough ground [m], as in :class:`.RandomField`
     flat_range_m: Positive | None = None  # range parameter on flat ground [m]; by default that of rough ground
     transition_m: Positive = 4.0  # width of the transition from rough to flat ground [m]
-    seed: Seed = 1  # seed of the values, and of the place or direction where it is not given
 
     @model_validator(mode="after")
-    def _stays_positive(self) -> UnevenField:
-        _require_positive(self.sd, self.mean)
+    def _is_flatter(self) -> UnevenField:
         if self.flat_sd > self.sd:
             raise ValueError(f"'flat_sd' must be at most 'sd' ({self.sd:g}), the variation of the rough ground")
         return self
@@ -172,7 +167,7 @@ class UnevenField(RateFormula):
         rng = rng or np.random.default_rng(self.seed)
         x, y = extent.axes()
         places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        share = self.rough_share(places, extent, rng).reshape(len(y), len(x))
+        share = self._rough_share(places, extent, rng).reshape(len(y), len(x))
         rough, flat = (
             random_field(x, y, self.model, range_m, rng)
             for range_m in (self.range_m, self.flat_range_m or self.range_m)
@@ -180,7 +175,7 @@ class UnevenField(RateFormula):
         values = self.mean + share * self.sd * rough + (1 - share) * self.flat_sd * flat
         return RateGrid(x, y, np.maximum(values, FLOOR * self.mean))
 
-    def rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
+    def _rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
         """Share of rough ground at places of shape (n, 2) [m]: from 0, flat, to 1, rough; shape (n,)."""
         raise NotImplementedError
 
@@ -191,8 +186,7 @@ class Halves(UnevenField):
     family: Literal["halves"] = "halves"
     angle_deg: float | None = None  # direction from the flat to the rough half [deg]; by default from the seed
 
-    def rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
-        """See the base class."""
+    def _rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
         across = direction(_angle(self.angle_deg, rng))
         return smooth_step((xy - extent.centre) @ across, self.transition_m)
 
@@ -203,8 +197,7 @@ class RoughPatch(UnevenField):
     family: Literal["rough_patch"] = "rough_patch"
     area: Annotated[float, Field(gt=0, le=0.5)] = 0.1  # share of the field's bounding box [-]
 
-    def rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
-        """See the base class."""
+    def _rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
         size = extent.high - extent.low
         radius = np.sqrt(self.area * size.prod() / np.pi)
         margin = np.minimum(radius, 0.5 * size)
@@ -219,8 +212,7 @@ class Strips(UnevenField):
     width_m: Positive = 12.0  # width of a strip [m]
     angle_deg: float | None = None  # direction in which the strips run [deg]; by default from the seed
 
-    def rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
-        """See the base class."""
+    def _rough_share(self, xy: Array, extent: GridExtent, rng: np.random.Generator) -> Array:
         across = direction(_angle(self.angle_deg, rng) - 90)
         first = rng.uniform(0, 2 * self.width_m)
         position = ((xy - extent.centre) @ across - first) % (2 * self.width_m)
@@ -274,10 +266,10 @@ class Shape(RateFormula):
     def function(self, extent: GridExtent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
         zero, one = (getattr(self, name) for name in self.values)
-        share = self.share(extent, rng)
+        share = self._share(extent, rng)
         return lambda xy: np.asarray(zero + (one - zero) * share(xy))
 
-    def share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
+    def _share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
         """Function that returns the share of the second value, 0..1, shape (n,)."""
         raise NotImplementedError
 
@@ -295,8 +287,7 @@ class Patches(Shape):
     edge_m: Positive = 4.0  # width of the edge of a patch [m]
     seed: Seed = 1  # seed of positions and radii
 
-    def share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
-        """See the base class."""
+    def _share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
         rng = rng or np.random.default_rng(self.seed)
         centres = rng.uniform(extent.low, extent.high, (self.count, 2))
         radii = self.radius_m * rng.uniform(0.6, 1.4, self.count)
@@ -320,8 +311,7 @@ class Ridge(Shape):
     angle_deg: float = 90.0  # direction in which the ridge runs [deg]
     offset_m: float = 0.0  # distance of the ridge from the field's middle, to the right of its direction [m]
 
-    def share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
-        """See the base class."""
+    def _share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
         across, middle = direction(self.angle_deg - 90), extent.centre
         return lambda xy: np.exp(-0.5 * (((xy - middle) @ across - self.offset_m) / self.width_m) ** 2)
 
@@ -336,8 +326,7 @@ class Gradient(Shape):
     high: Positive  # value at the end of the slope and beyond it
     angle_deg: float = 0.0  # direction from 'low' to 'high' [deg]
 
-    def share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
-        """See the base class."""
+    def _share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
         along, middle = direction(self.angle_deg), extent.centre
         half_width = float(np.abs(along) @ (extent.high - extent.low)) / 2
         return lambda xy: np.clip(0.5 + (xy - middle) @ along / (2 * half_width), 0.0, 1.0)
@@ -355,8 +344,7 @@ class Half(Shape):
     angle_deg: float = 0.0  # direction from 'low' to 'high', across the border [deg]
     offset_m: float = 0.0  # distance of the border from the middle of the field, along ``angle_deg`` [m]
 
-    def share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
-        """See the base class."""
+    def _share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
         along, middle = direction(self.angle_deg), extent.centre
         return lambda xy: smooth_step((xy - middle) @ along - self.offset_m, self.transition_m)
 

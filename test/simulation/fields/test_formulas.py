@@ -124,7 +124,7 @@ ROUGH_AREA = {"halves": 0.5, "rough_patch": 0.1, "strips": 0.5}
 
 
 def share(family, seed=1, **parameters):
-    return formula(family, **ROUGH, **parameters).rough_share(NODES, BOX, np.random.default_rng(seed))
+    return formula(family, **ROUGH, **parameters)._rough_share(NODES, BOX, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("family", ROUGH_AREA)
