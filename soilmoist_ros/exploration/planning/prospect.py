@@ -5,10 +5,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from soilmoist_ros.exploration.travel.travel import TravelModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-_Weights = TypeVar("_Weights")
 
 MAX_CELLS = 400
 """Approximate number of cells that represent the field: the variance is smooth over the variogram's range."""
@@ -71,7 +69,7 @@ class Prospect:
 
     def worth(self, rows: Indices | None = None) -> Worth:
         """Value of some :attr:`reachable` candidates, by their rows; of all by default."""
-        return self._weighed(self.model.worth, np.arange(len(self.reachable)) if rows is None else rows)
+        return self.model.worth(self._trips(np.arange(len(self.reachable)) if rows is None else rows))
 
     @cached_property
     def promising(self) -> Indices:
@@ -79,7 +77,7 @@ class Prospect:
 
         The others are worth less even if their counts are taken for independent.
         """
-        estimate = self._weighed(self.model.estimate, np.arange(len(self.reachable)))
+        estimate = self.model.estimate(self._trips(np.arange(len(self.reachable))))
         stays = self.reachable == self.staying
         first = np.argsort(-np.where(stays, -np.inf, estimate), kind="stable")[:_WEIGHED_FIRST]
         best = self.worth(first).value.max(initial=0.0, where=~stays[first])
@@ -90,14 +88,14 @@ class Prospect:
         """Value of each :attr:`promising` candidate."""
         return self.worth(self.promising)
 
-    def _weighed(self, weigh: Callable[..., _Weights], rows: Indices) -> _Weights:
-        """Value of some :attr:`reachable` candidates, by a method of the model."""
+    def _trips(self, rows: Indices) -> Trips:
+        """Trips to some :attr:`reachable` candidates."""
         stops, (ways, exposure_s) = self.reachable[rows], self._ways
         longest_s = np.minimum(self.budget_s[stops] - self.travel_s[stops], MAX_DWELL_S)
         overhead_s = np.where(stops == self.staying, 0.0, self.overhead_s)
         travel_s, cost_s = self.travel_s[stops], self.travel_cost_s[stops]
-        return weigh(
-            Trips(stops, travel_s, ways[rows], exposure_s[rows], overhead_s, longest_s, cost_s, self.min_dwell_s)
+        return Trips(
+            stops, travel_s, ways[rows], exposure_s[rows], overhead_s, longest_s, cost_s, self.min_dwell_s
         )
 
     @cached_property
@@ -134,23 +132,18 @@ class Prospect:
 
     @cached_property
     def _ways(self) -> tuple[Indices, Array]:
-        """:meth:`ways` of the :attr:`reachable` candidates."""
-        return self.ways(self.reachable)
-
-    def ways(self, stops: Indices) -> tuple[Indices, Array]:
-        """Nodes on the route to each candidate, and the exposure at each [s]; both of shape (k, m)."""
+        """Nodes on the route to each :attr:`reachable` candidate, and exposure at each [s]; of shape (k, m)."""
+        stops = self.reachable
         if not self.counting.on_way:
             return np.empty((len(stops), 0), np.intp), np.empty((len(stops), 0))
         drive_s = self.travel_s[stops] - self.travel.motion.stop_overhead_s
         counts = np.clip(np.ceil(drive_s / self.counting.cadence_s - _ROUNDING), 0, MAX_PLACES).astype(int)
         most = int(counts.max(initial=0))
-        start = np.asarray(self.position, float)
         shares = (np.arange(most) + 0.5) / np.maximum(counts, 1)[:, None]
-        chosen = tuple(self.stops[number] for number in stops.tolist())
-        places = self.travel.along(self.position, chosen, np.minimum(shares, 1.0))
+        places = self.travel.along(self.position, self.reachable_stops, np.minimum(shares, 1.0))
         used = np.arange(most) < counts[:, None]
         exposure_s = np.where(used, (drive_s / np.maximum(counts, 1))[:, None], 0.0)
-        nodes = np.full(used.shape, self.model.nearest_nodes(start))
+        nodes = np.full(used.shape, self.model.nearest_nodes(self.position))
         nodes[used] = self.model.nearest_nodes(places[used])
         return nodes, exposure_s
 

@@ -321,9 +321,9 @@ class GraphTravel(TravelModel):
 
     def lengths_m(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
         """See :class:`TravelModel`."""
-        entry = self._entry(from_xy)
-        lead = np.hypot(*(self.graph.xy[self.graph.index(entry)] - from_xy))
-        return np.asarray(self.graph.distances_from(entry)[self._nodes(stops)] + lead)
+        entry = self.graph.index(self._entry(from_xy))
+        lead = np.hypot(*(self.graph.xy[entry] - from_xy))
+        return np.asarray(self.graph.routes_to_all(entry)[0][self._nodes(stops)] + lead)
 
     def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
         """See :class:`TravelModel`."""

@@ -115,10 +115,6 @@ class TravelGraph:
         """Name of the node nearest to a place as the crow flies; the first of equals."""
         return self.names[int(np.argmin(np.hypot(*(self.xy - np.asarray(xy, float)).T)))]
 
-    def distances_from(self, start: str) -> Array:
-        """Length of the shortest route to each node, shape (n,) [m]; inf if unreachable."""
-        return self.routes_to_all(self.index(start))[0].copy()
-
     def routes_from(self, start: int, back: bool = False) -> tuple[Array, Indices]:
         """Shortest routes from one node to each, or ``back`` from each to the node; they are not kept.
 

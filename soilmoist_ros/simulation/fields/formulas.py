@@ -117,7 +117,7 @@ class GaussianField(RateFormula):
     values: ClassVar[tuple[str, ...]] = ("mean",)
 
     mean: Positive  # mean of the quantity
-    sd: Positive  # its standard deviation, that of rough ground if there is flat one; at most a quarter of the mean
+    sd: Positive  # its standard deviation, that of rough ground if there is flat; at most a quarter of the mean
     seed: Seed = 1  # seed of the values, and of the place or direction of rough ground where it is not given
 
     @model_validator(mode="after")
