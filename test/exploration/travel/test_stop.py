@@ -8,43 +8,28 @@ import sys
 
 import pytest
 
-from soilmoist_ros.exploration.travel.stop import Stop, WayPoint, way_points
+from soilmoist_ros.exploration.travel.stop import Stop, way_points
 
 STOP = Stop("s", 10.0, 0.0)
 
 
-def test_a_straight_way_is_one_goal_that_faces_along_it():
-    assert way_points([(10.0, -5.0), (10.0, 0.0)], STOP) == (WayPoint(STOP, math.pi / 2),)
-
-
-def test_a_stop_that_is_no_corner_of_the_way_is_its_end():
-    first, last = way_points([(0.0, 0.0), (0.0, 5.0), (0.0, 5.0)], Stop("s", 5.0, 5.0))
-    assert (first.stop.x_m, first.stop.y_m, first.heading_rad) == (0.0, 5.0, math.pi / 2)
-    assert last.heading_rad == 0.0
-    assert "s" in first.stop.name
-
-
-@pytest.mark.parametrize("way", [[(10.0, 0.0)], [(10.0, 0.0), (10.0, 0.0)]])
-def test_without_a_way_there_is_no_heading(way):
-    assert way_points(way, STOP) == (WayPoint(STOP, 0.0),)
-
-
-def test_each_heading_comes_from_the_corner_before():
-    way = [(0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (10.0, 0.0)]
-    headings = [round(math.degrees(point.heading_rad)) for point in way_points(way, STOP)]
-    assert headings == [45, -90, 0]
-
-
-def test_nodes_on_a_straight_line_are_no_goals():
-    way = [(0.0, 0.0), (2.0, 0.0), (4.0, 0.0), (10.0, 0.0)]
-    assert way_points(way, STOP) == (WayPoint(STOP, 0.0),)
-
-
-def test_a_way_back_is_kept():
-    way = [(0.0, 0.0), (12.0, 0.0), (10.0, 0.0)]
-    assert [(point.stop.x_m, round(point.heading_rad, 3)) for point in way_points(way, STOP)] == [
-        (12.0, 0.0), (10.0, 3.142),
-    ]  # fmt: skip
+@pytest.mark.parametrize(
+    ("way", "goals"),
+    [
+        ([(10, -5), (10, 0)], [(10, 0, 90)]),
+        ([(0, 5), (0, 0), (0, 0)], [(0, 0, -90), (10, 0, 0)]),  # the stop is no corner of the way
+        ([(10, 0)], [(10, 0, 0)]),
+        ([(10, 0), (10, 0)], [(10, 0, 0)]),
+        ([(0, 0), (4, 4), (4, 0), (10, 0)], [(4, 4, 45), (4, 0, -90), (10, 0, 0)]),
+        ([(0, 0), (2, 0), (4, 0), (10, 0)], [(10, 0, 0)]),  # nodes on a straight line are no goals
+        ([(0, 0), (12, 0), (10, 0)], [(12, 0, 0), (10, 0, 180)]),  # a way back is kept
+    ],
+)
+def test_goals_are_the_bends_of_a_way_and_its_stop_and_face_along_it(way, goals):
+    found = way_points(way, STOP)
+    assert [(one.stop.x_m, one.stop.y_m, round(math.degrees(one.heading_rad))) for one in found] == goals
+    assert found[-1].stop == STOP
+    assert all("s" in one.stop.name for one in found)
 
 
 ASK_AT_ONCE = """
