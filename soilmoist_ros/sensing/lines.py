@@ -343,7 +343,7 @@ def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"cannot be read: {reason}", "check the path and its permissions", path) from None
     if not data.strip(b"\x00 \t\r\n\xef\xbb\xbf\xff\xfe"):
-        raise EmptyFileError("is empty", "check that the logger wrote it, and that it was copied as a whole", path)
+        raise InputError("is empty", "check that the logger wrote it, and that it was copied as a whole", path)
     for magic, what in _MAGIC.items():
         if data.startswith(magic):
             raise InputError(f"is {what}, not a text file", "unpack it or export it as text first", path)
@@ -351,10 +351,6 @@ def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
     if sum(byte < 32 and byte not in b"\t\r\n\x0c\x1a" for byte in start) > 0.05 * len(start):
         raise InputError("is not a text file", "give the text file that the logger wrote", path)
     return split_lines(data)
-
-
-class EmptyFileError(InputError):
-    """A file without content, as loggers leave them when the power fails."""
 
 
 def read_data(path: Path) -> bytes:
