@@ -267,6 +267,7 @@ def moisture_chart(series: MoistureSeries) -> Chart:
 def _without_gaps(time_s: Array, *values: Array) -> tuple[Array, ...]:
     """Times and values, interrupted where a step is much longer than usual."""
     steps_s = np.diff(time_s)
+    steps_s = steps_s[steps_s > 0]  # records of several robots have equal stamps
     return interrupted(time_s, MAX_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0, *values)
 
 

@@ -84,6 +84,11 @@ def test_no_line_is_drawn_where_nothing_was_counted():
         assert {path.d.count("M") for path in chart.paths} == {2}
 
 
+def test_lines_of_two_robots_have_no_gaps():
+    for chart in (rate_chart, factor_chart):
+        assert {path.d.count("M") for path in chart([one for one in records(20) for _ in range(2)]).paths} == {1}
+
+
 def test_clock_times_or_minutes_on_the_time_axis():
     _, ticks, label = time_axis([1.6e9, 1.6e9 + 7000])
     assert ticks[0][1] == "12:30"
