@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated field as a real process: time, devices on TCP, virtual_navigation.py."""
+"""The simulated field as a real process: time, devices on TCP, action servers."""
 
 from __future__ import annotations
 
