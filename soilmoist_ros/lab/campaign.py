@@ -15,7 +15,7 @@ from soilmoist_ros.foundation import InputError, SoilmoistError, cores, duration
 from soilmoist_ros.lab.campaign_file import Campaign, CampaignMission, load_campaign, mission_key, missions
 from soilmoist_ros.lab.computing import Failure, Flow, Simulate, WorkersLostError, in_processes, in_this_process
 from soilmoist_ros.lab.mission_store import DamagedMissionError, MissionStore, StaleMissionError
-from soilmoist_ros.lab.table import MissionRow, mission_row, require_pandas, write_tables
+from soilmoist_ros.lab.table import MissionRow, mission_row, write_tables
 from soilmoist_ros.mapping import require_covariates
 from soilmoist_ros.simulation import surrogate_field
 
@@ -90,7 +90,8 @@ def run_campaign(
     """
     if workers is not None and workers < 0:
         raise InputError(f"the number of processes cannot be {workers}", "give 0 or more")
-    require_pandas()
+    for needed in ("pandas", "pyarrow"):  # pandas imports pyarrow only when it writes
+        optional_module(needed, "campaign")
     wanted = missions(campaign)
     fields = map(surrogate_field, dict.fromkeys(mission.settings.field_name for mission in wanted))
     require_covariates(source for field in fields for source in field.field.covariates)

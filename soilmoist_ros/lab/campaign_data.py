@@ -78,13 +78,10 @@ class CampaignData:
         self._by_key = {mission.key: mission for mission, _ in finished}
         self.missions = missions_table(finished)
         self.results = results_table(finished)
-        by_key = self._cases_by_key()
+        number = self.missions.groupby(list(CASE), sort=False, dropna=False).ngroup()
+        by_key = dict(zip(self.missions["key"], number.astype(int).tolist(), strict=True))
         self.missions["case"] = self.missions["key"].map(by_key)
         self.results["case"] = self.results["key"].map(by_key)
-
-    def _cases_by_key(self) -> dict[str, int]:
-        number = self.missions.groupby(list(CASE), sort=False, dropna=False).ngroup()
-        return dict(zip(self.missions["key"], number.astype(int).tolist(), strict=True))
 
     @cached_property
     def cases(self) -> list[Case]:

@@ -236,7 +236,8 @@ def _differences(data: CampaignData, case: Case) -> list[Row]:
 
 
 def _share_of_other(one: PairedDifference) -> str:
-    return _signed_percent(one.difference / one.other_mean if one.other_mean else float("nan"))
+    share = 100 * one.difference / one.other_mean if one.other_mean else float("nan")
+    return f"{share:+.0f} %".replace("-", "−") if np.isfinite(share) else "–"
 
 
 def _interval(one: PairedDifference, max_decimals: int = 6) -> str:
@@ -291,7 +292,3 @@ def mean_sd_text(values: pd.Series, max_decimals: int = 6) -> str:
         return number(mean)
     decimals = int(np.clip(1 - np.floor(np.log10(sd)), 0, max_decimals))
     return f"{mean:.{decimals}f} ± {sd:.{decimals}f}".replace("-", "−")
-
-
-def _signed_percent(share: float) -> str:
-    return f"{100 * share:+.0f} %".replace("-", "−") if np.isfinite(share) else "–"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import InputError, csv_text, install
+from soilmoist_ros.foundation import InputError, csv_text, optional_module
 from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.lab.comparisons import QUARTER, hindsight_table, paired_table
 from soilmoist_ros.lab.mission_store import CampaignRun
@@ -34,19 +34,6 @@ CASE = tuple(name for name in SETTINGS if name not in COMPARED)
 
 _NUMBERS = {name: "float64" for name, setting in SETTINGS.items() if setting.kind is float}
 """Types of columns that would not be numbers where a setting is left to the field or the robot."""
-
-
-def require_pandas() -> Any:
-    """The pandas module.
-
-    :raises InputError: if pandas, or pyarrow for Parquet, is not installed
-    """
-    try:
-        import pandas
-        import pyarrow  # noqa: F401 - pandas imports pyarrow only when it writes
-    except ImportError as error:
-        raise InputError(f"campaigns need {error.name}, which is not installed", install("campaign")) from None
-    return pandas
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +90,7 @@ def results_table(finished: Finished) -> pd.DataFrame:
     The time grid of a mission reaches from 0 to its planned end. A row has the last entered state; after an early
     end, it has the final state. ``counting_share`` is the share of the elapsed time spent counting at stops.
     """
-    pandas = require_pandas()
+    pandas = optional_module("pandas", "campaign")
     rows = [row for _, row in finished]
     heads = [{"key": mission.key, **mission.settings.as_texts()} for mission, _ in finished]
     head = pandas.DataFrame(heads, columns=["key", *SETTINGS]).astype(_NUMBERS)
@@ -142,7 +129,7 @@ def missions_table(finished: Finished) -> pd.DataFrame:
     columns = ["key", "experiments", *SETTINGS, "field_title", "end_s"]
     columns += [*_metric_names(row.final for _, row in finished)]
     columns += ["mse_quarter", "border_share", "ended", "efficiency"]
-    return require_pandas().DataFrame(rows, columns=columns).astype(_NUMBERS)
+    return optional_module("pandas", "campaign").DataFrame(rows, columns=columns).astype(_NUMBERS)
 
 
 def write_tables(out: Path, finished: Finished) -> list[Path]:

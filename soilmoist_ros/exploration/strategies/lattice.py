@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +47,6 @@ class Lattice:
 
     plan: tuple[Stop, ...] | None = None
     size: int = 0
-    _numbers: dict[str, int] = field(default_factory=dict, repr=False)
-    _numbered: tuple[Stop, ...] = field(default=(), repr=False)
 
     def choose(self, situation: Situation, rng: np.random.Generator) -> Choice | None:
         """See :class:`Strategy`."""
@@ -56,10 +54,7 @@ class Lattice:
         if self.plan is None:
             self.plan = plan_lattice(situation, rng) if planned else fit_lattice(situation, rng)
             self.size = len(self.plan)
-        if situation.candidates is not self._numbered:
-            self._numbered = situation.candidates
-            self._numbers = {stop.name: number for number, stop in enumerate(self._numbered)}
-        number, possible = self._numbers, reachable(situation)
+        number, possible = {stop.name: n for n, stop in enumerate(situation.candidates)}, reachable(situation)
         ahead = [stop for stop in self.plan if stop.name in number and possible[number[stop.name]]]
         if not ahead:
             return None
