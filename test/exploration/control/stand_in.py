@@ -5,6 +5,29 @@
 import math
 from concurrent.futures import Executor, Future
 
+import numpy as np
+
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings
+from soilmoist_ros.exploration.control.mission_control import MissionSetup
+from soilmoist_ros.exploration.mission.types import MissionRules
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+
+
+def square_setup(side_m, cell_m, strategy="random", no_go=(), settings=None, more=None, **rules):
+    """A mission of a square field; further settings of the explorer and the setup, and rules."""
+    corners = np.array([[0, 0], [side_m, 0], [side_m, side_m], [0, side_m]], float)
+    chosen = {"strategy": strategy, "preset": "paper", "seed": 1, "motion": RobotMotion(1.0), **(settings or {})}
+    given = {"budget_s": 7200.0, "dwell": parse_dwell("fmi:60"), "warm_up_stops": 0, "speed_mps": 1.0, **rules}
+    return MissionSetup(
+        field=Field("square", LocalFrame(53.0, 0.0), corners, no_go, cell_m),
+        settings=ExplorerSettings(**chosen),
+        rules=MissionRules(**given),
+        **(more or {}),
+    )
+
 
 class AtOnce(Executor):
     """Plans in the thread that asks."""

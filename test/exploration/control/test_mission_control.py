@@ -7,77 +7,42 @@ import time
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
-from stand_in import StandIn
+from stand_in import StandIn, square_setup
 
-from soilmoist_ros.exploration.control.explorer import ExplorerSettings
-from soilmoist_ros.exploration.control.mission_control import MissionControl, MissionSetup
+from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.guard.failsafes import WatchLimits
 from soilmoist_ros.exploration.guard.watch import Watch
-from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb
+from soilmoist_ros.exploration.mission.types import MissionEnd, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome, in_frame
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Way
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.foundation.geodesy import PlaneMove
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.position.place_judge import PlaceLimits
 from soilmoist_ros.sensing.records import CountRecord
 
 
-def one_fix():
-    """A watch for which one fix makes a place."""
-    return Watch(WatchLimits(place=PlaceLimits(first_fixes=1)))
-
-
 class Around(StandIn):
     """Robot, navigation, sensor, mapper and displays in one."""
 
     def __init__(
-        self,
-        home="",
-        dwell="fmi:30",
-        strategy="greedy",
-        properties=(),
-        factor=1.0,
-        steady=None,
-        surveys=None,
-        frames=None,
-        **rules,
+        self, home="", dwell="fmi:30", strategy="greedy", steady=None, surveys=None, frames=None, **rules
     ):
         self.time_s, self.goals, self.shown, self.saved = 0.0, [], [], []
         self.visits, self.measured = [], []
-        square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
-        dwell, motion = parse_dwell(dwell), RobotMotion()
-        settings = ExplorerSettings(strategy=strategy, preset="paper", seed=0, motion=motion)
-        given = MissionRules(
-            **{
-                "budget_s": 900.0,
-                "dwell": dwell,
-                "warm_up_stops": 1,
-                "min_last_dwell_s": 60.0,
-                "standstill_s": 0.0,
-                "backoff_s": 0.0,
-                **rules,
-            }
-        )
-        field = Field("square", LocalFrame(53.0, 0.0), square, (), 2.0)
-        self.factor = factor
-        setup = MissionSetup(
-            field=field,
-            settings=settings,
-            rules=given,
-            home=home,
-            properties=dict(properties),
-            open_survey=surveys and (lambda changes: surveys(changes, settings)),
-        )
+        given = {"budget_s": 900.0, "warm_up_stops": 1, "min_last_dwell_s": 60.0, "standstill_s": 0.0, **rules}
+        opening = surveys and (lambda changes: surveys(changes, setup.settings))
+        setup = square_setup(
+            20, 2.0, strategy, settings={"seed": 0, "motion": RobotMotion()}, speed_mps=0.6, backoff_s=0.0,
+            more={"home": home, "open_survey": opening}, dwell=parse_dwell(dwell), **given,
+        )  # fmt: skip
         clock = MissionClock(self.now_s, steady, "boot")
-        watch = one_fix()
+        watch = Watch(WatchLimits(place=PlaceLimits(first_fixes=1)))  # one fix makes a place
         self.control = MissionControl(setup, self.navigator, self, clock=clock, watch=watch, frames=frames)
 
     # the navigator
@@ -129,7 +94,7 @@ class Around(StandIn):
             self.time_s += 10.0
             record = CountRecord(
                 stamp_s=self.time_s, x_m=stop.x_m, y_m=stop.y_m, z_m=0.0, raw_counts=40, exposure_s=10.0,
-                effective_exposure_s=10.0 / self.factor, f_pressure=self.factor, f_humidity=1.0, f_intensity=1.0,
+                effective_exposure_s=10.0, f_pressure=1.0, f_humidity=1.0, f_intensity=1.0,
             )  # fmt: skip
             self.control.records([record])
 

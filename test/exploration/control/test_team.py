@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stand_in import AtOnce, StandIn
+from stand_in import AtOnce, StandIn, square_setup
 
-from soilmoist_ros.exploration.control.explorer import Explorer, ExplorerSettings
+from soilmoist_ros.exploration.control.explorer import Explorer
 from soilmoist_ros.exploration.control.field_access import AccessRules, cell_stops
-from soilmoist_ros.exploration.control.mission_control import MissionControl, MissionSetup
+from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.control.team import PendingMeasurement, Team, foreseen, pending_measurement
@@ -29,10 +29,8 @@ from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import Level
-from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import PoissonKriging
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.samples import as_samples
@@ -152,21 +150,10 @@ class Robot(StandIn):
     def __init__(self, name, place, graph=None):
         self.name, self.place, self.way, self.goal_id = name, place, [], None
         self.heard, self.time_s, self.visits = True, BEGIN_S, []
-        square = np.array([[0, 0], [60, 0], [60, 60], [0, 60]], float)
-        dwell = parse_dwell("fmi:60")
-        settings = ExplorerSettings(
-            strategy="random", preset="paper", seed=1, motion=RobotMotion(1.0),
-            access=AccessRules(robot_radius_m=0.5),
-        )  # fmt: skip
-        rules = MissionRules(budget_s=7200.0, dwell=dwell, warm_up_stops=0, speed_mps=1.0)
-        field, clock = (
-            Field("square", LocalFrame(53.0, 0.0), square, (), 5.0),
-            MissionClock(self.now_s, self.now_s, "boot"),
-        )
-        setup = MissionSetup(field=field, settings=settings, rules=rules, map_wait_s=0.0)
-        self.control = MissionControl(
-            setup, self.navigator, self, clock=clock, team=Team(APART_M), executor=AtOnce()
-        )
+        access, clock = AccessRules(robot_radius_m=0.5), MissionClock(self.now_s, self.now_s, "boot")
+        setup = square_setup(60, 5.0, settings={"access": access}, more={"map_wait_s": 0.0})
+        team = Team(APART_M)
+        self.control = MissionControl(setup, self.navigator, self, clock=clock, team=team, executor=AtOnce())
         self.control.use_graph(graph)
 
     def go(self, goal_id, stop, way):

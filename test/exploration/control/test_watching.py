@@ -7,23 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stand_in import AtOnce, StandIn
+from stand_in import AtOnce, StandIn, square_setup
 
-from soilmoist_ros.exploration.control.explorer import ExplorerSettings
-from soilmoist_ros.exploration.control.mission_control import MissionControl, MissionSetup
+from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.events import ANYBODYS
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Response, Verb
+from soilmoist_ros.exploration.mission.types import MissionEnd, Phase, Response, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import Level
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, Position
 from soilmoist_ros.sensing.records import CountRecord
@@ -46,17 +41,8 @@ class Farm(StandIn):
         self.quarantine = ""
         self.charge = math.nan
         self.moves, self.counted = [], []
-        square = np.array([[0, 0], [100, 0], [100, 100], [0, 100]], float)
-        dwell = parse_dwell("fmi:60")
-        settings = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion(1.0))
-        given = {"budget_s": 7200.0, "dwell": dwell, "warm_up_stops": 0, "speed_mps": 1.0, **rules}
         self.control = MissionControl(
-            MissionSetup(
-                field=Field("square", LocalFrame(53.0, 0.0), square, no_go, 5.0),
-                settings=settings,
-                rules=MissionRules(**given),
-                home="r0c0",
-            ),
+            square_setup(100, 5.0, no_go=no_go, more={"home": "r0c0"}, **rules),
             self.navigator,
             self,
             executor=AtOnce(),
@@ -183,16 +169,6 @@ def goes_on(farm):
     assert farm.health.level is Level.OK
 
 
-@pytest.mark.slow
-def test_a_mission_in_which_nothing_happens_has_no_alarm(farm):
-    seen = set()
-    while farm.finished is None:
-        farm.second()
-        seen |= set(farm.alarms)
-    assert seen == set()
-    assert farm.finished.code is MissionEnd.TIME_UP
-
-
 def test_a_fix_far_outside_that_runs_away_stops_the_robot_and_is_not_its_place(farm):
     """2 km outside, at 200 m/s: the mission must not travel on."""
     place, distance_m, began_s = farm.place, farm.status.distance_m, farm.steady_s
@@ -287,15 +263,6 @@ def test_a_place_of_a_counting_robot_that_jumps_is_doubted_until_it_is_back_or_p
     assert math.isinf(lasts_s) or math.dist((last.x_m, last.y_m), stood) < 0.1
 
 
-def test_without_records_it_warns(farm):
-    farm.sensor = False
-    farm.run(lambda: farm.alarms, 80)
-    assert farm.alarms == {"records_old": Response.WARN}
-    assert farm.health.level is Level.WARN
-    farm.sensor = True
-    goes_on(farm)
-
-
 @pytest.mark.parametrize("phase", [Phase.TRAVELLING, Phase.COUNTING])
 def test_while_another_client_drives_the_planner_waits_for_people(farm, phase):
     farm.run(lambda: farm.status.phase is phase)
@@ -321,16 +288,6 @@ def test_a_low_battery_sends_the_robot_home(farm):
     assert farm.finished.code is MissionEnd.FAILSAFE
     assert math.dist(farm.place, (2.5, 2.5)) < 3
     assert "20%" in farm.control.command(Verb.START).message
-
-
-def test_an_empty_battery_ends_the_mission_where_the_robot_is(farm):
-    place = farm.place
-    farm.charge = 0.05
-    farm.run(lambda: farm.finished is not None, 60)
-    assert farm.finished.code is MissionEnd.FAILSAFE
-    assert math.dist(farm.place, place) < 10
-    assert farm.alarms["battery_empty"] is Response.ABORT
-    assert not farm.control.command(Verb.START).accepted
 
 
 @pytest.mark.slow

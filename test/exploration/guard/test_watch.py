@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause, WatchLimits
+from soilmoist_ros.exploration.guard.failsafes import Cause, WatchLimits
 from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, RobotSurroundings, Watch
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
@@ -67,13 +67,6 @@ def test_what_was_never_there_is_not_missed():
     observed.fixes = observed.records = False
     observed.run(1000)
     assert observed.events == []
-
-
-def test_each_cause_has_a_row():
-    assert set(FAILSAFES) == set(Cause)
-    for row in FAILSAFES.values():
-        assert row.about
-        assert row.remedy
 
 
 @pytest.mark.parametrize("away_m", [16.0, 30.0, 60.0, 2000.0])
@@ -411,12 +404,6 @@ def test_reserve_of_charge():
     drain(observed, 0.3)
     assert observed.alarms == ["reserve"]
     assert "the charge is 30%, and" in observed.events[0].reason
-
-
-def test_an_ignored_cause_is_no_alarm():
-    observed = Observed(responses={Cause.OUTSIDE: Response.IGNORE}).run(1)
-    observed.watch.report(Cause.OUTSIDE, "wrong")
-    assert observed.watch.check(observed.now_s, IDLE) == ()
 
 
 @pytest.mark.parametrize(("charge", "volts", "last"), [(0.43, 48.0, "43%"), (math.nan, 46.5, "46.5 V")])
