@@ -192,10 +192,9 @@ _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
 class MissionClock:
-    """Mission time begins as ROS time, and runs with steady time from then on.
+    """Mission time begins as ROS time, and runs with steady time from then on. Durations and limits use it.
 
-    Durations and limits use it. Records, messages and visits keep stamps in ROS time; the mission knows the
-    difference. With simulated time, mission time is ROS time.
+    Records, messages and visits keep stamps in ROS time; the mission knows the difference.
 
     :param ros_s: ROS time [s]; 0 while it does not run
     :param steady_s: steady time of the computer [s]; ``None`` where time is simulated
@@ -222,10 +221,9 @@ class MissionClock:
         return self._steady_s() + self._offset_s
 
     def go_on_from(self, state: MissionState) -> None:
-        """Continue the time of a mission of an earlier process.
+        """Continue the time of a mission of an earlier process; it never runs backwards.
 
-        Since the same start of the computer, steady time has gone on. Otherwise ROS time decides, but mission time
-        never runs backwards.
+        Since the same start of the computer, steady time has gone on. Otherwise ROS time decides.
         """
         if self._steady_s is None or state.now_s is None:
             return

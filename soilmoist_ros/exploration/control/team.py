@@ -228,9 +228,8 @@ class Team:
             status, lost = robot.status, self.is_lost(robot)
             if place is None or status is None:
                 continue
-            stop = None if status.target is None else status.target.xy
             drives = status.phase in _DRIVES and not lost
-            for number, there in enumerate((status.place, stop)):
+            for number, there in enumerate((status.place, status.target.xy if status.target else None)):
                 if there is None:
                     continue
                 moves, age_s = drives and number == 0, now_s - robot.heard_s
@@ -242,8 +241,8 @@ class Team:
                     velocity = np.zeros(2)
                 away = away + velocity * age_s
                 away_m, closing = float(np.hypot(*away)), velocity - self._velocity
-                key = (name, number)
-                farthest_m = self._farthest_m[key] = max(self._farthest_m.get(key, 0.0), away_m)
+                farthest_m = max(self._farthest_m.get((name, number), 0.0), away_m)
+                self._farthest_m[name, number] = farthest_m
                 if number and not lost:
                     continue
                 if driving:

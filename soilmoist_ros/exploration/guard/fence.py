@@ -90,11 +90,7 @@ class Fence:
         )
 
     def avoids_no_go(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:
-        """True for each straight line that stays out of the no-go areas, in the field or not, shape (k,).
-
-        :param start_xy: shape (k, 2) [m]
-        :param end_xy: likewise [m]
-        """
+        """True for each straight line that stays out of the no-go areas, in the field or not, shape (k,)."""
         import shapely
 
         start, end = np.asarray(start_xy, float).reshape(-1, 2), np.asarray(end_xy, float).reshape(-1, 2)
@@ -104,10 +100,7 @@ class Fence:
         return ~np.asarray(shapely.intersects(entered, lines), bool)
 
     def contains(self, xy: ArrayLike) -> Flags:
-        """True for each place that is inside, shape (k,); a place that is not finite is not.
-
-        :param xy: places, shape (k, 2) or (2,) [m]
-        """
+        """True for each place that is inside, shape (k,); a place that is not finite is not."""
         return self.area.contains(xy)
 
     def allows(self, polyline: ArrayLike) -> bool:
@@ -169,10 +162,7 @@ class Fence:
         return self._text(what, line, left if not left.is_empty else line, "outside")
 
     def may_enter(self, place: ArrayLike, xy: ArrayLike, entry_m: float) -> Flags:
-        """True for each place to which a robot may drive straight, shape (k,); from outside only for the nearest.
-
-        :param xy: where it may drive to, shape (k, 2) [m]
-        """
+        """Flags of places to which a robot may drive straight; from outside only for the nearest, shape (k,)."""
         here, there = np.asarray(place, float), np.asarray(xy, float).reshape(-1, 2)
         if self.contains(here)[0]:
             return np.asarray(self.area.allows(here, there), bool)

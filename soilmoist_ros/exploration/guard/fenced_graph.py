@@ -90,10 +90,8 @@ class FencedGraph:
             self.fence = Fence(fence.field, fence.margin_m, fence.beyond_m, corridors, corridor_m)
         self._forbidden = ~(within | used)
         self._known: dict[int, tuple[Array, Array]] = {}
-        self.warning = self._lost(inside, within | used)
-        if self._beyond:
-            home_text = f"the home {home} lies {self._beyond}: the robot drives there and back outside"
-            self.warning = ". ".join(filter(None, (self.warning, home_text)))
+        beyond_text = f"the home {home} lies {self._beyond}: the robot drives there and back outside"
+        self.warning = ". ".join(filter(None, (self._lost(inside, within | used), self._beyond and beyond_text)))
 
     def serves(self, place: tuple[float, float]) -> bool:
         """True if the part that is used is the one where the robot stands."""
@@ -333,9 +331,10 @@ def _home_outside(graph: TravelGraph, fence: Fence, home: str) -> str:
 
 
 _METRES = "the map's places must be metres east and north of the field's datum, or of the one that the map names"
+_DEGREES = "the places of its nodes are degrees: write metres east and north of the field's datum"
 _REMEDIES = {
-    Misplaced.LONLAT: "the places of its nodes are degrees: write metres east and north of the field's datum",
-    Misplaced.LATLON: "the places of its nodes are degrees: write metres east and north of the field's datum",
+    Misplaced.LONLAT: _DEGREES,
+    Misplaced.LATLON: _DEGREES,
     Misplaced.PROJECTED: "its places are those of a map projection, such as UTM, or its datum is wrong: write "
     "metres from the datum",
     Misplaced.SWAPPED: "with x and y swapped nodes are in the field: x is east, y north",

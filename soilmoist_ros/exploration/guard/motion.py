@@ -212,12 +212,7 @@ class Motion:
         self._scatter = median(self._squares) / _MEDIAN
 
 
-def _middle(means: list[_Mean]) -> tuple[float, float, float, float]:
+def _middle(means: list[_Mean]) -> tuple[float, ...]:
     """Time, place and standard deviation in the middle of some means."""
-    count = len(means)
-    return (
-        sum(mean.at_s for mean in means) / count,
-        sum(mean.x_m for mean in means) / count,
-        sum(mean.y_m for mean in means) / count,
-        sum(mean.sd_m for mean in means) / count,
-    )
+    rows = ((mean.at_s, mean.x_m, mean.y_m, mean.sd_m) for mean in means)
+    return tuple(sum(column) / len(means) for column in zip(*rows, strict=True))

@@ -95,19 +95,16 @@ class MissionJournal:
             self._try(lambda journal: journal.sync())
 
     def keep(self, mission: Mission) -> None:
-        """Write the state down, so that nothing before needs to be replayed.
-
-        The number of records at a stop alone is not worth it: they are replayed.
-        """
+        """Write the state down if more has changed than the records at a stop, which are replayed."""
         worth = shown(replace(mission.state, counting=None))
         if worth != self._kept and self._write(mission):
             self._kept = worth
 
     def _write(self, mission: Mission) -> bool:
-        written = self._try(lambda journal: journal.snapshot(mission.snapshot()))
-        if written:
-            self._pending = self._doubtful = False
-        return written
+        if not self._try(lambda journal: journal.snapshot(mission.snapshot())):
+            return False
+        self._pending = self._doubtful = False
+        return True
 
     def _append(self, payload: Mapping[str, Any], kind: str = EVENT) -> None:
         if self._try(lambda journal: journal.append(kind, payload, durable=False)):
@@ -166,13 +163,12 @@ def _with_open_goal(state: MissionState) -> MissionState:
 def interrupted_records(
     snapshot: str | None, events: Iterable[Mapping[str, Any]], name: str = ""
 ) -> list[CountRecord]:
-    """What the mission that was under way when its process ended had counted, so that its map can be continued.
+    """Records of the mission that was under way when its process ended, so that its map can be continued.
 
     :param snapshot: the last state written down, if any. Without one it is what came after the last start, unless
         that was aborted
     :param events: all events written down, those before the snapshot too
     :param name: of the further property whose records are wanted; empty for those of the first
-    :returns: its records in their order, none if no mission was under way
     :raises InputError: if something was not written by a mission
     """
     read = _starts_and_records(events, name)
