@@ -239,7 +239,13 @@ class ActionNavigator:
 
     @property
     def other_client(self) -> str:
-        return "another client drives the robot" if self._server.others else ""
+        return "another client drives the robot" if self._server.others or self._before else ""
+
+    @property
+    def _before(self) -> bool:
+        """True while the server works on a goal of a killed planner that nobody cancels: it lists whose it is."""
+        ours = any(map(self._server.lists, self._goals.values()))
+        return self._server.active and not (self._server.others or ours or self._client.cancels_before)
 
     @property
     def feedback_age_s(self) -> float:
@@ -267,7 +273,7 @@ class ActionNavigator:
         server = self._server
         lives = frozenset((str(server.lives).encode(),)) if server.present(self._time_s()) else frozenset[bytes]()
         active = frozenset(goal_id for goal_id, number in self._goals.items() if server.lists(number))
-        listed = Listed(lives, active, others=server.others)
+        listed = Listed(lives, active, others=server.others or self._before)
         self._do(self._client.tick(server.present(self._time_s()), self._time_s(), listed))
 
     def heard(self, reply: Reply) -> None:
