@@ -24,7 +24,6 @@ error changed by at most 1 %.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -44,7 +43,7 @@ from soilmoist_ros.mapping.variogram.model import (
     spline_matrix,
 )
 from soilmoist_ros.mapping.variogram.reml import ONE_BLOCK_PLACES, Expansion, Prior, minimise
-from soilmoist_ros.mapping.variogram.support import SupportCorrelation
+from soilmoist_ros.mapping.variogram.support import correlation_by_range
 
 Array = NDArray[np.float64]
 
@@ -231,7 +230,9 @@ class _Likelihood:
         self._mode, self._box = mode, box
         self._rate = places.rate_cps
         self._noise = noise_rates(rate, places.xy) / places.exposure_s
-        self._correlation_by_range = _correlation_by_range(places, mode)
+        plane = None if mode.anisotropy == 1 else isotropic_plane(mode.anisotropy, mode.angle_deg)
+        model = correlation_model(mode.model)
+        self._correlation_by_range = correlation_by_range(model, places.xy, places.spread, 4, plane)
         of_mode = np.log([mode.structured_sill, mode.range_m, mode.nugget])
         self._median, self._sd = prior.log_median.copy(), prior.log_sd.copy()
         self._median[1], self._sd[1] = of_mode[1], RANGE_LOG_SD
@@ -298,17 +299,6 @@ class _Likelihood:
             sill=(structured + nugget) * mean_square,
             amplitude=amplitude(coefficients - 0.5 * np.log(mean_square)),
         )
-
-
-def _correlation_by_range(places: Samples, mode: Variogram) -> Callable[[float], tuple[Array, Array]]:
-    """Correlation between all samples and its slope, as a function of the range."""
-    model = correlation_model(mode.model)
-    plane = None if mode.anisotropy == 1 else isotropic_plane(mode.anisotropy, mode.angle_deg)
-    if places.spread.any():
-        return SupportCorrelation(model, places.xy, places.spread, 4, plane).at
-    xy = places.xy if plane is None else places.xy @ plane
-    square = squared_distances(xy, xy)
-    return lambda range_m: model.with_slope(square / range_m**2)
 
 
 def _table_shape(box: Box, mode: Variogram) -> tuple[int, int]:

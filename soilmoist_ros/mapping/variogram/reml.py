@@ -16,10 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import squared_distances
 from soilmoist_ros.mapping.samples import Samples, Surveys, noise_rate, spatial_blocks
 from soilmoist_ros.mapping.variogram.model import ModelName, Variogram, correlation_model, isotropic_plane
-from soilmoist_ros.mapping.variogram.support import SupportCorrelation
+from soilmoist_ros.mapping.variogram.support import correlation_by_range
 
 Array = NDArray[np.float64]
 
@@ -289,21 +288,17 @@ class RestrictedLikelihood:
         effects: Array | None = None,
     ) -> None:
         noise = noise_rate(places) / places.exposure_s if noise is None else noise
-        self._model = correlation_model(model)
-        self._plane = plane
         blocks = [np.arange(len(places))] if blocks is None else blocks
         kept = 8 if len(blocks) == 1 else 2  # many blocks fill the memory
-        sizes = {len(block): Packed(len(block)) for block in blocks}
-        self._blocks = [
-            _Block(
-                sizes[len(b)],
-                self._correlation(places.xy[b], places.spread[b], kept, sizes[len(b)]),
-                places.rate_cps[b],
-                noise[b],
-                None if effects is None else sizes[len(b)].pack(effects[b] @ effects[b].T),
-            )
-            for b in blocks
-        ]
+        packed = {len(block): Packed(len(block)) for block in blocks}
+
+        def block_of(some: NDArray[np.intp]) -> _Block:
+            one, xy, spread = packed[len(some)], places.xy[some], places.spread[some]
+            correlation = correlation_by_range(correlation_model(model), xy, spread, kept, plane, one.pack)
+            structure = None if effects is None else one.pack(effects[some] @ effects[some].T)
+            return _Block(one, correlation, places.rate_cps[some], noise[some], structure)
+
+        self._blocks = list(map(block_of, blocks))
 
     @classmethod
     def of_surveys(
@@ -339,26 +334,14 @@ class RestrictedLikelihood:
             information += average
         return total, gradient, information
 
-    def _correlation(self, xy: Array, spread: Array, kept: int, packed: Packed) -> Array | SupportCorrelation:
-        """Packed squared distances of points, or a :class:`SupportCorrelation` of areas."""
-        if spread.any():
-            return SupportCorrelation(self._model, xy, spread, kept, self._plane, packed.pack)
-        scaled = xy if self._plane is None else xy @ self._plane
-        return packed.pack(squared_distances(scaled, scaled))
-
     def _block(self, block: _Block, parameters: Array, slope: bool) -> tuple[float, Array, Array]:
         from scipy.linalg.blas import dsyr
         from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
-        packed, distances, rate, noise, effects = block
+        packed, correlation, rate, noise, effects = block
         structured, range_m, nugget = parameters
         n, nothing = len(rate), (np.zeros(3), np.zeros((3, 3)))
-        if isinstance(distances, SupportCorrelation):
-            R, dR = distances.at(range_m)
-        elif slope:
-            R, dR = self._model.with_slope(distances / range_m**2)
-        else:
-            R = dR = self._model.correlation(distances / range_m**2)
+        R, dR = correlation(range_m)
         K = structured * R
         K[packed.diagonal] += nugget + noise
         if effects is not None:
@@ -394,10 +377,10 @@ class RestrictedLikelihood:
 
 
 class _Block(NamedTuple):
-    """Packing of the matrices, squared distances or correlations, rates, noise variances and E E' of a block."""
+    """Packing of the matrices, correlations by range, rates, noise variances and E E' of a block."""
 
     packed: Packed
-    correlation: Array | SupportCorrelation
+    correlation: Callable[[float], tuple[Array, Array]]
     rate: Array
     noise: Array
     effects: Array | None

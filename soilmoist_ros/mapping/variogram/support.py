@@ -237,6 +237,22 @@ class SupportCorrelation:
         return value, slope
 
 
+def correlation_by_range(
+    model: CorrelationModel,
+    xy: Array,
+    spread: Array,
+    kept: int,
+    plane: Array | None = None,
+    pack: Callable[[Array], Array] = lambda matrix: matrix,
+) -> Callable[[float], tuple[Array, Array]]:
+    """Correlation between samples and its slope as a function of the range; see :class:`SupportCorrelation`."""
+    if spread.any():
+        return SupportCorrelation(model, xy, spread, kept, plane, pack).at
+    scaled = xy if plane is None else xy @ plane
+    square = pack(squared_distances(scaled, scaled))
+    return lambda range_m: model.with_slope(square / range_m**2)
+
+
 def _index(rows: Indices, columns: Indices) -> tuple[slice, slice] | tuple[Indices, Indices]:
     """Index of the elements in these rows and columns; slices if rows and columns are consecutive."""
     if rows[-1] - rows[0] == len(rows) - 1 and columns[-1] - columns[0] == len(columns) - 1:
