@@ -172,24 +172,8 @@ def estimate_variogram(
         fit = _fit_soft_l1(places, model, classes)
         return replace(fit, local_rate=LocalRate.of(places, fit.variogram)) if local_noise else fit
     surveys = Surveys((places, *others), None if effects is None else tuple(effects))
-    return _fit_reml(surveys, model, classes, extent_m, anisotropy, local_noise, box, like)
-
-
-def _fit_reml(
-    surveys: Surveys,
-    model: ModelName,
-    classes: _Classes,
-    extent_m: float | None,
-    anisotropy: bool,
-    local_noise: bool,
-    box: Box | None,
-    like: VariogramFit | None,
-) -> VariogramFit:
-    """Restricted maximum likelihood."""
-    places = surveys.samples[0]
-    extent = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
-    begin = None if like is None else like.mode
-    estimate = maximise_reml(surveys, model, extent, anisotropy, begin)
+    extent_m = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
+    estimate = maximise_reml(surveys, model, extent_m, anisotropy, None if like is None else like.mode)
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
     fit = VariogramFit(
         estimate.variogram,
@@ -208,7 +192,7 @@ def _fit_reml(
         stays = None if like.local is None else replace(like.local, stationary=estimate.variogram)
         return replace(fit, local=stays)
     rate = local_rate or noise_rate(places)
-    found = None if box is None else fit_amplitude(places, estimate.variogram, estimate.mode, rate, box, extent)
+    found = None if box is None else fit_amplitude(places, estimate.variogram, estimate.mode, rate, box, extent_m)
     return fit if found is None else replace(fit, variogram=found[0], local=found[1])
 
 
