@@ -299,14 +299,8 @@ def count_notes(problems: Sequence[Problem], records: int) -> list[Note]:
     if unread:
         message = f"The positions of {len(unread)} lines cannot be read, the first: {unread[0].mistake}."
         notes.append(Note(NoteCode.DOUBTFUL_LOG, message))
-    codes = {
-        Kind.OVERDISPERSED: NoteCode.OVERDISPERSED,
-        Kind.OVERLAP: NoteCode.DOUBTFUL_LOG,
-        Kind.LIVE_TIME_UNIT: NoteCode.DOUBTFUL_LOG,
-        Kind.NOT_COUNTS: NoteCode.DOUBTFUL_LOG,
-        Kind.MONTHS_APART: NoteCode.DOUBTFUL_LOG,
-        Kind.OTHER_TUBE: NoteCode.DOUBTFUL_LOG,
-    }
+    doubts = (Kind.OVERLAP, Kind.LIVE_TIME_UNIT, Kind.NOT_COUNTS, Kind.MONTHS_APART, Kind.OTHER_TUBE)
+    codes = {Kind.OVERDISPERSED: NoteCode.OVERDISPERSED, **dict.fromkeys(doubts, NoteCode.DOUBTFUL_LOG)}
     for problem in problems:
         if problem.kind in codes:
             message, remedy = problem.mistake.message, problem.mistake.remedy

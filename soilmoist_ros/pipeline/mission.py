@@ -11,13 +11,11 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
-import numpy as np
-from numpy.typing import NDArray
-
 from soilmoist_ros.exploration import Visit, forecast_from_text
 from soilmoist_ros.mapping import MappingSettings
 from soilmoist_ros.pipeline.bag_lines import STATUS, RunTopics
 from soilmoist_ros.pipeline.properties import ReplayedProperty
+from soilmoist_ros.pipeline.run import track_xy
 from soilmoist_ros.recording import VISIT, read_parameters
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation import (
@@ -186,12 +184,6 @@ class RobotMission:
         return first.stamp_s - first.time_used_s
 
     @property
-    def track(self) -> NDArray[np.float64]:
-        """Places of the records, shape (n, 2) [m]."""
-        placed = [(r.x_m, r.y_m) for r in self.records if math.isfinite(r.x_m) and math.isfinite(r.y_m)]
-        return np.array(placed).reshape(-1, 2)
-
-    @property
     def ended(self) -> str:
         """Reason why the mission ended."""
         last = self.statuses[-1]
@@ -238,7 +230,7 @@ def replay_mission(
         settings=replace(settings, robots=len(robots)),
         series=rows,
         visits=[visit for _, visit in visits],
-        tracks=tuple(robot.track for robot in robots),
+        tracks=tuple(track_xy(robot.records) for robot in robots),
         properties=[
             MappedProperty(one.name, title, one.records, None, truth, one.weight)
             for one, title, truth in zip(properties, titles, rasters, strict=True)

@@ -29,7 +29,7 @@ from soilmoist_ros.pipeline.bag_lines import (
 )
 from soilmoist_ros.pipeline.field_survey import FieldSurvey
 from soilmoist_ros.recording import BagReader, points, read_parameters
-from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt, Doubts, Heard
+from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt, Doubts, Heard, stamp_of
 from soilmoist_ros.simulation import MapErrors, SurrogateField, map_errors
 
 _OF_RATE = ("rate", "rate_sd")
@@ -195,9 +195,9 @@ def read_published_map(topics: RunTopics) -> PublishedMap | None:
     if last is None:
         return None
     try:
-        samples = _last_cloud(topics, "samples", _stamp_s(last))
+        samples = _last_cloud(topics, "samples", stamp_of(last))
         raw_counts = None if samples is None else float(points(samples)["raw_counts"].sum())
-        return PublishedMap(_stamp_s(last), points(last), raw_counts)
+        return PublishedMap(stamp_of(last), points(last), raw_counts)
     except (KeyError, ValueError) as error:
         name = topics.find("soil_map", CLOUD)
         raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", topics.reader.path) from None
@@ -208,7 +208,7 @@ def _last_cloud(topics: RunTopics, named: str, stamp_s: float | None = None) -> 
     name, last = topics.find(named, CLOUD), None
     for message in topics.reader.messages([name]) if name else ():
         cloud = topics.reader.decode(message)
-        if stamp_s in (None, _stamp_s(cloud)):
+        if stamp_s in (None, stamp_of(cloud)):
             last = cloud
     return last
 
@@ -259,10 +259,6 @@ def compare(
     elif several:
         why = ": records of several robots reach mapper and recorder in different orders"
     return PropertyComparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}", largest)
-
-
-def _stamp_s(cloud: Any) -> float:
-    return float(cloud.header.stamp.sec + cloud.header.stamp.nanosec * 1e-9)
 
 
 @dataclass(frozen=True)

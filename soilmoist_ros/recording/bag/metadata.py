@@ -8,6 +8,7 @@ import json
 import os
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -201,13 +202,17 @@ class Content:
     """Topics of a file, the number of messages of each by name, and all its messages."""
 
     topics: list[Topic] = field(default_factory=list)
-    counts: dict[str, int] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
     extent: Extent = field(default_factory=Extent)
 
-    def take(self, name: str, time_ns: int) -> None:
-        """Count a message."""
-        self.counts[name] = self.counts.get(name, 0) + 1
-        self.extent = self.extent.with_message(time_ns)
+
+class BagMessage(NamedTuple):
+    """A message in CDR, with topic, type as in ROS 2, and the time of its receipt [ns since 1970-01-01 UTC]."""
+
+    topic: str
+    type_name: str
+    log_ns: int
+    data: bytes
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.metadata import Qos
-from soilmoist_ros.recording.bag.reader import BagMessage, BagReader
+from soilmoist_ros.recording.bag.metadata import BagMessage, Qos
+from soilmoist_ros.recording.bag.reader import BagReader
 
 _ACTION_STATUS = "/_action/status"
 INPUTS: Final = (

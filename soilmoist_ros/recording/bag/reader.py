@@ -7,11 +7,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from heapq import merge
-from operator import itemgetter
+from operator import attrgetter
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Self
 
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -19,8 +17,8 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.messages import count_records, quarantined_topic, visit_of
-from soilmoist_ros.recording.bag.metadata import Definition, Qos, joined, require_small
-from soilmoist_ros.recording.bag.ros1 import ROS1, Message
+from soilmoist_ros.recording.bag.metadata import BagMessage, Definition, Qos, joined, require_small
+from soilmoist_ros.recording.bag.ros1 import ROS1
 from soilmoist_ros.recording.bag.storage import FAULTS, Storage, listed_files, open_file, remedy_of
 from soilmoist_ros.recording.run_folder import BAG_FILES
 from soilmoist_ros.sensing import CountRecord
@@ -29,16 +27,6 @@ VISIT = "soilmoist_msgs/msg/Visit"
 """Type of the topic ``visits``."""
 _SENTENCE: Final = "std_msgs/Header header\nstring sentence"
 GIVE: Final = "give the folder of a bag, or an MCAP, db3 or ROS 1 .bag file"
-
-
-@dataclass(frozen=True, slots=True)
-class BagMessage:
-    """A message of a bag in CDR, with its topic, type, and the time of its receipt [ns since 1970-01-01 UTC]."""
-
-    topic: str
-    type_name: str
-    log_ns: int
-    data: bytes
 
 
 class BagReader:
@@ -102,13 +90,12 @@ class BagReader:
         if not wanted & set(self.topics):
             return
 
-        def of_bag(storages: list[Storage]) -> Iterator[Message]:
+        def of_bag(storages: list[Storage]) -> Iterator[BagMessage]:
             for storage in storages:
                 yield from storage.messages(wanted, by_time)
 
         try:
-            for message in merge(*map(of_bag, self._bags), key=itemgetter(2)):
-                yield BagMessage(*message)
+            yield from merge(*map(of_bag, self._bags), key=attrgetter("log_ns"))
         except FAULTS as error:
             raise _damaged(self.path, error) from None
 
@@ -207,9 +194,7 @@ class BagReader:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -19,15 +19,12 @@ from rosbags.rosbag1.reader import Header, RecordType
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.metadata import Content, Definition, Extent, Topic, require_small
+from soilmoist_ros.recording.bag.metadata import BagMessage, Content, Definition, Extent, Topic, require_small
 from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
 ROS1: Final = "ros1msg"
 """Encoding of definitions of ROS 1."""
-
-Message = tuple[str, str, int, bytes]
-"""Topic, type as in ROS 2, time at which it was received [ns since 1970-01-01 UTC], and data in CDR."""
 
 
 class Ros1File:
@@ -55,12 +52,12 @@ class Ros1File:
             counts[name] += sum(info.connection_counts.get(one.id, 0) for info in self._reader.chunk_infos)
         total = counts.total()
         extent = Extent(total, self._reader.start_time, self._reader.end_time - 1) if total else Extent()
-        self.content = Content(list(topics.values()), dict(counts), extent)
+        self.content = Content(list(topics.values()), counts, extent)
         self._read: Counter[str] = Counter()
 
     def messages(
         self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True
-    ) -> Iterator[Message]:
+    ) -> Iterator[BagMessage]:
         """Messages of topics, or of all, in the order of time: no recorder of this package has written the file.
 
         :param convert: whether to convert them; otherwise they are as in ROS 1, of any type
@@ -76,7 +73,7 @@ class Ros1File:
                 self._read[name] += 1
                 if convert:
                     data = converted(name, one.msgtype, one.msgdef.data, data)
-                yield name, one.msgtype, time_ns, data
+                yield BagMessage(name, one.msgtype, time_ns, data)
 
     def problems(self) -> list[str]:
         """Numbers of messages that differ from those of the index."""

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import sqlite3
+from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -16,9 +17,17 @@ from typing import Any, Final, Protocol
 import zstandard
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.metadata import Content, Definition, Extent, Topic, joined, qos_from_yaml
+from soilmoist_ros.recording.bag.metadata import (
+    BagMessage,
+    Content,
+    Definition,
+    Extent,
+    Topic,
+    joined,
+    qos_from_yaml,
+)
 from soilmoist_ros.recording.bag.recorder import NUMBER
-from soilmoist_ros.recording.bag.ros1 import ROS1, Message, Ros1File, converted
+from soilmoist_ros.recording.bag.ros1 import ROS1, Ros1File, converted
 from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES, McapScan
 from soilmoist_ros.recording.bag.writer import is_being_written
 
@@ -59,7 +68,7 @@ class Storage(Protocol):
 
     def messages(
         self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True
-    ) -> Iterator[Message]:
+    ) -> Iterator[BagMessage]:
         """Messages of topics, or of all.
 
         :param by_time: in the order of time, or else in the order in which they were written
@@ -189,22 +198,23 @@ class _McapFile:
         scan = McapScan(self._scan.path)
         if scan.read_summary() and scan.statistics is not None:
             numbers, topics = scan.statistics, {key: _as_ros2(one) for key, one in scan.topics().items()}
-            counts = dict.fromkeys((one.name for one in topics.values()), 0)
+            counts = Counter(dict.fromkeys((one.name for one in topics.values()), 0))
             for number, topic in topics.items():
                 counts[topic.name] += numbers.channel_message_counts.get(number, 0)
-            total = sum(counts.values())
+            total = counts.total()
             extent = Extent(total, numbers.message_start_time, numbers.message_end_time) if total else Extent()
             return Content(list(topics.values()), counts, extent)
         content = Content()
         for message in scan.messages():
-            content.take(message.topic.name, message.log_ns)
+            content.counts[message.topic.name] += 1
+            content.extent = content.extent.with_message(message.log_ns)
         content.topics = list(map(_as_ros2, scan.topics().values()))
         _require_whole(scan)
         return content
 
     def messages(
         self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True
-    ) -> Iterator[Message]:
+    ) -> Iterator[BagMessage]:
         scan = self._scan = McapScan(self._scan.path)
         for message in scan.sorted_messages(topics) if by_time else scan.messages(topics):
             topic, data = _as_ros2(message.topic), message.data
@@ -213,7 +223,7 @@ class _McapFile:
                 data = plain_message(data)
             elif convert:
                 data = converted(topic.name, kind, topic.definition.text, data)
-            yield topic.name, kind, message.log_ns, data
+            yield BagMessage(topic.name, kind, message.log_ns, data)
         if convert:
             _require_whole(scan)
 
@@ -286,7 +296,7 @@ class _SqliteFile:
 
     def messages(
         self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True
-    ) -> Iterator[Message]:
+    ) -> Iterator[BagMessage]:
         wanted = {n: topic for n, topic in self._topics.items() if topics is None or topic.name in topics}
         marks = ", ".join("?" * len(wanted))
         where = f"WHERE topic_id IN ({marks}) ORDER BY {'timestamp, ' if by_time else ''}id"
@@ -294,7 +304,8 @@ class _SqliteFile:
         for number, time_ns, data in rows:
             if not isinstance(data, bytes):
                 raise ValueError("a message has no data")
-            yield wanted[number].name, wanted[number].definition.type_name, _time_ns(time_ns), plain_message(data)
+            topic = wanted[number]
+            yield BagMessage(topic.name, topic.definition.type_name, _time_ns(time_ns), plain_message(data))
 
     def problems(self) -> list[str]:
         """A problem if the file is shorter than its header says: SQLite reads zeros there."""
