@@ -132,7 +132,7 @@ class Campaign(Section):
             return content
         experiments = content.get("experiments")
         for part in (content.get("defaults"), *(experiments if isinstance(experiments, list) else ())):
-            for name in _RENAMED.keys() & _mapping(part).keys():
+            for name in sorted(_RENAMED.keys() & _mapping(part).keys()):
                 raise ValueError(f"the key {name!r} is {_RENAMED[name]!r} now (a property is FIELD:WEIGHT)")
         if "published" in content:
             _log.warning("'published' is not read any more: the report shows differences, without verdicts")

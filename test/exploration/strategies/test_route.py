@@ -86,6 +86,8 @@ def test_a_missing_solver_is_named_with_the_way_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvrp", None)
     with pytest.raises(InputError, match=r"pip install 'soilmoist_ros\[campaign\]'"):
         require_solver()
+    few = open_route([1, 2, 9], np.ones((3, 3)), np.random.default_rng(0))
+    assert few.order == (0, 1, 2), "a few targets are visited without it"
 
 
 @pytest.mark.slow
