@@ -47,13 +47,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import results
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 import soilmoist_ros
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.lab.comparisons import LATTICE_DWELLS, QUARTER, Against, LatticeOutcome, against_best_lattice
+from soilmoist_ros.lab.comparisons import LATTICE_DWELLS, QUARTER, hindsight_table
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.formulas import formula
@@ -272,7 +273,7 @@ class Line:
     """One line of the table: a strategy on a field, and how it compares with the best lattices."""
 
     field: str
-    against: Against
+    against: Any  # a row of the table of hindsight
     coverage: float
     quarters: tuple[float, ...]
     stops: float
@@ -285,14 +286,15 @@ def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[Line]:
 
     :param rows: outcomes by strategy, all with the same seeds
     """
-    outcomes = {
-        combination(strategy): dict(
-            enumerate(
-                map(LatticeOutcome, column(mine, "mse", QUARTER), column(mine, "mse"), column(mine, "distance_m"))
-            )
-        )
+    missions = pd.concat([
+        pd.DataFrame({
+            "field": field, **dict(zip(("strategy", "dwell"), combination(strategy), strict=True)),
+            "seed": range(len(mine)), "mse_quarter": column(mine, "mse", QUARTER),
+            "mse": column(mine, "mse"), "distance_m": column(mine, "distance_m"),
+        })
         for strategy, mine in rows.items()
-    }
+    ])  # fmt: skip
+    compared = hindsight_table(missions, ["field"]).itertuples(index=False)
     return [
         Line(
             field=Path(field).stem,
@@ -303,7 +305,7 @@ def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[Line]:
             again=float(np.mean([row["again"] for row in mine])),
             ended=float(np.mean([row["ended_s"] / row["time_s"][-1] for row in mine])),
         )
-        for against, mine in zip(against_best_lattice(outcomes), rows.values(), strict=True)
+        for against, mine in zip(compared, rows.values(), strict=True)
     ]
 
 
