@@ -218,11 +218,8 @@ class PlannerCommands:
     def _on_parameters(self, values: Mapping[str, Value]) -> str:
         """Make a command of new values; why they are refused, empty if they are used."""
         now = self._control.settings
-        new: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in values.items()
-            if value != now.get(name)
-        }
+        given = {name: tuple(one) if isinstance(one, list) else one for name, one in values.items()}
+        new: dict[str, Any] = {name: value for name, value in given.items() if value != now.get(name)}
         if not new:
             return ""  # they are shown after a command
         empty = [name for name, value in new.items() if not value and value != ()]
@@ -232,7 +229,8 @@ class PlannerCommands:
         return "" if reply.accepted else reply.message
 
     def _show_settings(self) -> None:
-        self._parameters.show(self._control.settings)
+        now = self._control.settings
+        self._parameters.show({name: list(one) if isinstance(one, tuple) else one for name, one in now.items()})
 
     def _on_emergency(self, message: Bool) -> None:
         publishers = self._node.count_publishers("emergency_stop")
