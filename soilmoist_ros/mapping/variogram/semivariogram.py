@@ -24,6 +24,11 @@ from soilmoist_ros.mapping.variogram.model import CorrelationModel, ModelName, c
 
 Array = NDArray[np.float64]
 
+CLASSES, FEW_CLASSES = 15, 6
+"""Largest number of distance classes, and their number while pairs are few."""
+MIN_PAIRS = 30
+"""Pairs that a distance class should have."""
+_PAIRS_AT_ONCE = 1_000_000
 OUTLIER = 0.25
 """Residuals above this share of the unit count as outliers."""
 RANGES = 0.01, 3.0
@@ -82,24 +87,26 @@ def semivariogram_of(samples: Samples, edges: ArrayLike) -> tuple[Array, Array, 
     if not (np.isfinite(limits).all() and limits[0] >= 0 and (np.diff(limits) > 0).all()):
         raise ValueError("edges must be finite, >= 0 and strictly increasing")
     sums = np.zeros((4, len(limits) - 1))
-    for rows in _pair_blocks(len(samples)):
-        sums += _block_sums(samples, rows, limits)
+    step = max(1, _PAIRS_AT_ONCE // max(len(samples), 1))
+    for start in range(0, len(samples), step):
+        sums += _block_sums(samples, slice(start, min(start + step, len(samples))), limits)
     weight, distance, squares, pairs = sums
     with np.errstate(invalid="ignore"):
         gamma = (squares - samples.mean_rate_cps * pairs) / (2 * weight)
         return distance / weight, gamma, weight
 
 
-def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30, few_classes: int = 6) -> Array:
+def default_edges(xy: ArrayLike) -> Array:
     """Edges of distance classes that suit these places [m].
 
-    Classes of equal width up to half the largest distance (where pairs stop being plentiful); a class with
-    fewer than ``min_pairs`` pairs is widened until it has them. Where that leaves fewer than ``few_classes``,
-    as with the first twenty samples or so of a mission, there are ``few_classes`` of equal width over all
-    distances instead, as PyKrige has them: three parameters cannot be fitted to one or two classes. Beyond
-    2000 places every k-th one is looked at.
+    :data:`CLASSES` of equal width up to half the largest distance (where pairs stop being plentiful); a class with
+    too few pairs is widened until it has :data:`MIN_PAIRS`. Where that leaves too few classes, as with the first
+    twenty samples or so of a mission, there are :data:`FEW_CLASSES` of equal width over all distances instead, as
+    PyKrige has them: three parameters cannot be fitted to one or two classes. Beyond 2000 places every k-th one is
+    looked at.
 
-    :param classes: largest number of classes
+    :param xy: places, shape (n, 2), at least two distinct [m]
+    :raises ValueError: with fewer than two distinct places
     """
     from scipy.spatial.distance import pdist
 
@@ -110,26 +117,20 @@ def default_edges(xy: ArrayLike, classes: int = 15, min_pairs: int = 30, few_cla
         raise ValueError("distance classes need samples at two or more distinct places")
     distances = pdist(places[:: -(-len(places) // 2000)])
     reach = distances.max() * (1 + 1e-9)
-    if len(distances) < few_classes * min_pairs:
-        return np.linspace(0, reach, few_classes + 1)
-    limits = np.linspace(0, reach / 2, classes + 1)
+    if len(distances) < FEW_CLASSES * MIN_PAIRS:
+        return np.linspace(0, reach, FEW_CLASSES + 1)
+    limits = np.linspace(0, reach / 2, CLASSES + 1)
     per_class = np.histogram(distances, limits)[0]
     edges, pairs = [0.0], 0
     for upper, found in zip(limits[1:], per_class, strict=True):
         pairs += found
-        if pairs >= min_pairs:
+        if pairs >= MIN_PAIRS:
             edges.append(upper)
             pairs = 0
-    if len(edges) - 1 < few_classes:
-        return np.linspace(0, reach, few_classes + 1)
+    if len(edges) - 1 < FEW_CLASSES:
+        return np.linspace(0, reach, FEW_CLASSES + 1)
     edges[-1] = limits[-1]  # the remainder joins the last class
     return np.array(edges)
-
-
-def _pair_blocks(n: int, elements: int = 1_000_000) -> list[slice]:
-    """Row blocks of the n x n pairs, each of about this number of elements."""
-    step = max(1, elements // max(n, 1))
-    return [slice(start, min(start + step, n)) for start in range(0, n, step)]
 
 
 def _block_sums(samples: Samples, rows: slice, limits: Array) -> Array:

@@ -84,6 +84,15 @@ LOWER = np.array([0.0, RANGES[0]])
 UPPER = np.array([MAX_NUGGET, RANGES[1]])
 
 
+def test_default_edges_of_few_places_are_six_over_all_distances():
+    xy = np.random.default_rng(3).uniform(0, 60, (11, 2))
+    edges = default_edges(xy)
+    distances = cdist(xy, xy)[np.triu_indices(11, 1)]
+    assert len(edges) == 7
+    np.testing.assert_allclose(np.diff(edges), distances.max() / 6)
+    assert np.histogram(distances, edges)[0].sum() == 55
+
+
 def cost(parameters, lag, gamma, model):
     nugget, range_, structured = parameters
     residual = nugget + structured * (1 - MODELS[model].correlation((lag / range_) ** 2)) - gamma
