@@ -290,9 +290,9 @@ def shifted_track(fixes: Sequence[Fix], shift_s: float, path: Path) -> tuple[Che
 
     :raises InputError: if it has several positions of one time, far apart
     """
-    known = sorted((fix for fix in fixes if fix.no_place is None), key=attrgetter("stamp_s"))
+    known = [fix for fix in fixes if fix.no_place is None and not math.isnan(fix.stamp_s)]
     apart_m = []
-    for _, (first, *others) in groupby(known, key=attrgetter("stamp_s")):
+    for _, (first, *others) in groupby(sorted(known, key=attrgetter("stamp_s")), attrgetter("stamp_s")):
         apart_m += [distance_m(first.position, fix.position) for fix in others]
     if len(apart_m) >= MIN_COMMON and (median_m := float(np.median(apart_m))) > MAX_APART_AT_ONCE_M:
         message = f"has {len(apart_m)} times with several positions, {distance_text(median_m)} apart (median)"

@@ -309,6 +309,8 @@ def property_topics(topics: RunTopics, configuration: Path | None) -> list[Prope
         if path in clouds:
             whole = name.strip("/")
             own = whole.replace("/", "_") if Path(whole).name in found else Path(whole).name
+            while own in found:  # "a_b" next to "a/b"
+                own += "_2"
             found[own] = PropertyTopic(own, (path,), f"{whole}/mapper", planned.get(name, 0.0))
     return list(found.values())
 

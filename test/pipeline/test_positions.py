@@ -278,6 +278,8 @@ def test_files_of_two_receivers_are_not_mixed(tmp_path, log):
     )
     code, said = run("check", "--log", both)
     assert (code, "has 60 times with several positions, 111 km apart (median)" in said) == (2, True)
+    some = bag(tmp_path / "b.mcap", types, {"/fix": lambda n: types.fix(n, T0 + n if n > 60 else 0.0)})
+    assert run("check", "--log", some)[0] == 0, "without a stamp they are not of one time"
 
 
 def test_positions_of_a_type_that_cannot_be_read_are_named(tmp_path):

@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,8 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
-from soilmoist_ros.pipeline.properties import RecordedPlaces
+from soilmoist_ros.pipeline.bag_lines import CLOUD, RunTopics
+from soilmoist_ros.pipeline.properties import RecordedPlaces, property_topics
 from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters, write_parameters
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden" / "drive_and_stop"
@@ -142,6 +144,14 @@ def test_a_field_with_another_datum_is_mapped_where_the_robot_was(tmp_path):
     for one, other in zip(moved.track, there.track, strict=True):
         known = FIELD.frame.to_geographic([(other.x_m, other.y_m)])
         np.testing.assert_allclose(frame.to_geographic([(one.x_m, one.y_m)]), known, atol=1e-9)
+
+
+def test_each_topic_is_a_property_with_a_name_of_its_own():
+    spaces = ("", "/b", "/moisture", "/x/b", "/x_b")
+    reader = SimpleNamespace(topics={f"{space}/counts": CLOUD for space in spaces})
+    found = property_topics(RunTopics(reader, "/counts", True), None)
+    assert [one.counts for one in found] == [(f"{space}/counts",) for space in spaces]
+    assert [one.name for one in found] == ["moisture", "b", "moisture_2", "x_b", "x_b_2"]
 
 
 def test_visits_are_converted_with_their_stops():
