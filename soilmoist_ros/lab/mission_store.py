@@ -206,7 +206,7 @@ class MissionStore:
                 raise InputError(
                     message, "wait for it or stop it, or choose another folder", self.folder
                 ) from None
-            for path in (*self.folder.glob(".*.writing"), *self.folder.glob("*.tmp")):
+            for path in (*self.folder.glob(".*.writing"), *self.folder.glob(f"*{SUFFIX}.tmp")):
                 path.unlink(missing_ok=True)
             yield
 

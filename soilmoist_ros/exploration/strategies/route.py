@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from soilmoist_ros.foundation import InputError, install, is_installed, squared_
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-DRAWN_FROM = 9  # number of targets from which the search takes a seed from the generator
+EXACT_UP_TO = 8  # maximum number of targets of which all orders are compared
 ITERATIONS = 50  # iterations of the search for more targets; a number, not a time, to make runs repeatable
 
 
@@ -38,10 +40,9 @@ def open_route(
 ) -> Route:
     """Shortest route that starts at the robot, visits every target and does not return.
 
-    PyVRP begins with the nearest-neighbour route or the given order, which may be that of an earlier tour,
-    :func:`shortened`, and improves it for a fixed number of iterations. The result is never worse than the
-    nearest-neighbour route, and equal seeds give equal routes. Of 480 routes to 2 to 8 targets, each was the
-    shortest. So few are visited without PyVRP, too, in an order that it would have shortened.
+    Exact for up to :data:`EXACT_UP_TO` targets. For more, the nearest-neighbour route or the given order, which
+    may be that of an earlier tour, is :func:`shortened`, and PyVRP, if it is installed, improves it for a fixed
+    number of iterations. The result is never worse than the nearest-neighbour route; equal seeds, equal routes.
 
     Times [s] from the robot, shape (k,), and from row to column, shape (k, k), may be inf, and need not be
     symmetric. The service time at each target changes the arrivals, but not the shortest order.
@@ -56,6 +57,10 @@ def open_route(
     if not count:
         return Route((), 0.0, np.empty(0), 0.0)
     cost = _finite(np.vstack([start, np.where(np.eye(count, dtype=bool), 0.0, between)]))
+    if count <= EXACT_UP_TO:
+        orders = _orders(count)
+        lengths = cost[0][orders[:, 0]] + cost[1:][orders[:, :-1], orders[:, 1:]].sum(axis=1)
+        return timed_route(orders[lengths.argmin()], start, between, service_s)
     nearest = nearest_neighbour(cost[0], cost[1:])
 
     def length(order: Indices) -> float:
@@ -63,10 +68,8 @@ def open_route(
 
     first = min(nearest, np.arange(count), key=length)
     found = first = first[shortened(cost[0][first], cost[1:][np.ix_(first, first)])]
-    if count >= DRAWN_FROM:
+    if is_installed("pyvrp"):  # without it, a mission that has begun goes on
         found = _search(cost[0], cost[1:], first, int(rng.integers(2**31)), iterations)
-    elif count > 1 and is_installed("pyvrp"):  # a robot without PyVRP ends its mission with a few stops, too
-        found = _search(cost[0], cost[1:], first, 0, iterations)
     return timed_route(min(nearest, found, key=length), start, between, service_s)
 
 
@@ -95,7 +98,7 @@ def nearest_neighbour(from_start_s: Array, between_s: Array) -> Indices:
 
 
 def can_be_shortened(from_start_s: Array, between_s: Array) -> bool:
-    """True if :func:`shortened` can do something for these times."""
+    """True if :func:`shortened` is about as good as a search: times are finite, and symmetric."""
     finite = np.isfinite(from_start_s).all() and np.isfinite(between_s).all()
     return bool(finite and (np.abs(between_s - between_s.T) <= 1e-8 + 1e-5 * np.abs(between_s)).all())
 
@@ -104,7 +107,7 @@ def shortened(from_start_s: Array, between_s: Array) -> Indices:
     """The order 0, 1, 2 ... of an open route, improved until no 2-opt move and no move of one target helps.
 
     Croes (1958), Operations Research 6:791-812. Quick for a route that is nearly the shortest already. Times must
-    be symmetric and finite; otherwise the order stays. Arguments as of :func:`open_route`.
+    be finite; otherwise the order stays. Arguments as of :func:`open_route`.
     """
     count = len(from_start_s)
     order = np.arange(count)
@@ -112,17 +115,18 @@ def shortened(from_start_s: Array, between_s: Array) -> Indices:
     times = np.zeros((count + 2, count + 2))
     times[0, 1:-1] = times[1:-1, 0] = from_start_s
     times[1:-1, 1:-1] = between_s
-    if count < 2 or not can_be_shortened(from_start_s, between_s):
+    if count < 2 or not np.isfinite(times).all():
         return order
     path = np.arange(count + 2)
     for _ in range(4 * count):
         d = times[np.ix_(path, path)]
         legs = d.diagonal(1)
-        # reverse the targets i + 1 to j
-        turn = np.triu(d[:-1, :-1] + d[1:, 1:] - legs[:, None] - legs, 2)
+        # reverse the targets i + 1 to j; the way back between them may be longer
+        back = np.concatenate([[0.0], np.cumsum(d.diagonal(-1) - legs)])
+        turn = np.triu(d[:-1, :-1] + d[1:, 1:] - legs[:, None] - legs + back[:-1] - back[1:, None], 2)
         # move target i + 1 between j and j + 1
         freed = d.diagonal(2) - legs[:-1] - legs[1:]
-        move = freed[:, None] + d[1:-1, :-1] + d[1:-1, 1:] - legs
+        move = freed[:, None] + d[:-1, 1:-1].T + d[1:-1, 1:] - legs
         rows = np.arange(count)
         move[rows, rows] = move[rows, rows + 1] = 0.0
         if min(turn.min(), move.min()) > -1e-6:
@@ -158,9 +162,13 @@ def _finite(times: Array) -> Array:
     return np.where(possible, times, price)
 
 
+@cache
+def _orders(count: int) -> Indices:
+    return np.array(list(permutations(range(count))), np.intp)
+
+
 def _search(start: Array, between: Array, first: Indices, seed: int, iterations: int) -> Indices:
     """Route by PyVRP's iterated local search: one vehicle, and a way home that costs nothing."""
-    require_solver()
     import pyvrp
     from pyvrp.stop import MaxIterations
 
