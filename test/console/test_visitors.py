@@ -1,14 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Who may see the page and who may steer (access.py)."""
+"""Who may see the page and who may steer, and the port of a page."""
 
 from __future__ import annotations
 
+import socket
 import sys
 
 import pytest
 
-from soilmoist_ros.console.visitors import ABSENT_S, Access, Controls, Visitor, invitation
+from soilmoist_ros.console.visitors import ABSENT_S, Access, Controls, Visitor, free_port, invitation
 from soilmoist_ros.foundation.errors import InputError
 
 HERE = {"Host": "127.0.0.1:8050"}
@@ -160,3 +161,10 @@ def test_the_address_comes_with_a_code_for_phones(monkeypatch):
     assert len([line for line in code if line.strip()]) > 10
     monkeypatch.setitem(sys.modules, "segno", None)
     assert invitation("http://192.168.1.5:8050", "abc").splitlines() == [text]
+
+
+def test_a_page_takes_another_port_if_the_wanted_one_is_in_use():
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        taken = other.getsockname()[1]
+        with socket.create_server(("127.0.0.1", free_port(taken))) as mine:
+            assert mine.getsockname()[1] != taken

@@ -15,7 +15,14 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes import process_group
-from soilmoist_ros.nodes.process_group import DOMAINS, LAST_PORT, PORTS_EACH, ProcessGroup, free_domain
+from soilmoist_ros.nodes.process_group import (
+    DOMAINS,
+    LAST_PORT,
+    PORTS_EACH,
+    ProcessGroup,
+    free_domain,
+    loopback_environment,
+)
 
 LIMIT_S = 20.0
 NODES = {
@@ -279,3 +286,8 @@ def test_ports_lie_below_those_that_linux_hands_out():
     lowest = 32768
     assert LAST_PORT + PORTS_EACH * max(DOMAINS) < lowest
     assert 0 not in DOMAINS, "which is that of everybody else"
+
+
+def test_the_shell_of_a_robot_neither_joins_nor_parts_the_nodes_of_a_simulation():
+    discovery = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "", "ROS_DISCOVERY_SERVER": ""}
+    assert loopback_environment(3).items() >= {"ROS_DOMAIN_ID": "3", **discovery}.items()
