@@ -404,7 +404,7 @@ def _require_plausible(
         longitude, latitude = lonlat[0].tolist()
         distance_m, _ = distance_and_bearing((frame.latitude_deg, frame.longitude_deg), (latitude, longitude))
     if distance_m > MAX_DATUM_DISTANCE_M:
-        hint = "longitude comes first in corners, west is negative: check them and 'datum', or leave 'datum' out"
+        hint = "longitude comes first in corners, west is negative: check them and 'datum'"
         if lonlat is None:
             hint = "give the corners in metres from the datum, not as coordinates of a map projection"
         raise InputError(f"the boundary lies {distance_text(distance_m)} from the datum", hint, path)

@@ -80,8 +80,10 @@ class FieldMapSettings:
     Those not named here are of :class:`MappingSettings`, with its defaults.
 
     :param margin_m: records up to this far outside the field count [m], >= 0; they inform its edge
+    :param curve: calibration that turns the rate into soil moisture; without one the map is of the rate only
     :param footprint_radius_m: radius of the footprint over which the records were counted [m], >= 0; 0 if it is
         not known, and for a sensor that sees its own place only
+    :param max_exact_samples: number of samples beyond which :class:`TiledKriging` makes the map
     :param for_planning: keep every map exact, however many samples it has: planning needs their kriging
     :param deconvolve: whether the map is of the rate at each place (true), or of its mean over the footprint
         around the place (false); ``None`` for each place unless the counts object (:func:`fits_footprint`). With
@@ -444,6 +446,7 @@ class FieldMap:
         """Compute the map of the state now, and keep it as :attr:`soil_map`.
 
         :returns: the map; ``None`` while there are too few samples, then the last map stays as it was
+        :raises IllConditionedError: as :meth:`compute`; the last map stays as it was
         """
         state = self.state if state is None else state
         if state is self._mapped:
@@ -463,6 +466,8 @@ class FieldMap:
         """The map of a state, ``None`` while its samples are too few: one place for REML, two for soft-L1.
 
         It depends on nothing but the state and the settings.
+
+        :raises IllConditionedError: if the samples and the variogram contradict each other numerically
         """
         state = self._as_seen(state)
         fit, settings = self.fit(state), self.settings

@@ -396,7 +396,8 @@ class JointModel:
         view = view_of(places, features, unit, local_rate or noise_rate(places))
         probabilities, _ = state.loading_of(view)
         loading = float(probabilities @ LOADINGS)
-        effects, own = self._effects(state.after(view, probabilities), unit)
+        now = state.after(view, probabilities) if self._covariates else state
+        effects, own = self._effects(now, unit)
         relations = self._relations(state, loading, stamp_s)
         scale = state.scale(loading) * unit
         prior = FieldPrior(features, scale, state.excess, state.mean, effects, relations, own)

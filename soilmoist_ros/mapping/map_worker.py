@@ -50,7 +50,7 @@ class MapWorker:
                 self._wake.notify()
 
     def close(self, timeout_s: float = 10.0) -> None:
-        """Stop after the map that is being computed, if any; may be called twice."""
+        """Stop after the map being computed, or abandon it (no ``done``) after this time; may be called twice."""
         with self._wake:
             self._closing = True
             self._wake.notify()

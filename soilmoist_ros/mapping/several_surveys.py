@@ -155,9 +155,10 @@ class _Stack(NamedTuple):
 
 
 class JointKriging:
-    """The rates of several surveys, given the counts of all of them.
+    """The rates of several surveys, given the counts of all of them; an amplitude of the variogram is left out.
 
     :param correlation: T, shape (s, s)
+    :raises IllConditionedError: if the matrix cannot be factored
     """
 
     def __init__(self, variogram: Variogram, surveys: Sequence[Samples], correlation: Array) -> None:
@@ -175,7 +176,7 @@ class JointKriging:
         return self._solved.means
 
     def predict(self, xy: Array, survey: int, other: int | None = None) -> tuple[Array, Array]:
-        """Rate of a survey, or its difference from that of another survey, and the variance.
+        """Rate of a survey, or its difference from that of another, [counts/s] and the variance [(counts/s)^2].
 
         The variance is that of the smooth rate, without its nugget and without counting noise.
         """

@@ -57,6 +57,8 @@ class Bands(NamedTuple):
     Each band of moisture lies within the limits of the soil (:func:`soil_limits`). A rate below the pole of the
     curve means saturated soil.
 
+    :param rate: corrected count rate [counts/s]
+    :param rate_sd: its kriging standard deviation [counts/s]
     :param vwc: volumetric water content of the rate [m^3/m^3]: near the median of its distribution, since the
         curve keeps medians; the mean would be larger
     :param vwc_sd: its standard deviation, third order (Jakobi et al. 2020), of the part that differs between
@@ -146,7 +148,8 @@ def common_rate_sd(curve: MoistureCurve, rate: Array) -> Array | None:
 class SoilMap:
     """A map of one field; rasters have shape (ny, nx) and are NaN outside the field.
 
-    :param grid: the field's grid
+    :param rate: corrected count rate [counts/s]
+    :param variance: its kriging variance [(counts/s)^2]
     :param samples: the samples behind the map, as given; with a drift those by place and time, merged at each
         place, and their exposures make the rates those at the time of the map
     :param variogram: the variogram used

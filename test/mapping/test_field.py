@@ -116,7 +116,7 @@ def test_a_cell_size_that_makes_no_grid_is_named(tmp_path):
         ),
         (
             "polygon_lonlat: [[0.52,53.27],[0.521,53.27],[0.521,53.271]]\n",
-            "69 km from the datum -> .* check them and 'datum'",
+            "69 km from the datum -> .* check them and 'datum'$",
         ),
         ("polygon_lonlat: [[53.27,-100.5],[53.3,-100.5],[53.3,-100.6]]\n", "longitude comes first"),
     ],

@@ -136,7 +136,7 @@ class PoissonKriging:
     def add(
         self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
     ) -> PoissonKriging:
-        """Add samples, as if all had been given to :meth:`fit`.
+        """Add samples, or one place (x, y) and two numbers, as if all had been given to :meth:`fit`.
 
         :returns: itself; errors that earlier samples share are not in these
         :raises ValueError: as :meth:`fit`; earlier samples stay as they were

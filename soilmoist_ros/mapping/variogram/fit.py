@@ -158,6 +158,7 @@ def estimate_variogram(
     :param effects: known further structure of each survey, as in :class:`Surveys`, where ``xy`` has no place twice
     :param like: fit to fewer of the samples, for a quick one: the search begins at it, its direction is used, and
         the variance differs from place to place only if it does there; soft_l1 ignores it
+    :raises ValueError: if there are too few samples, for an unknown model or method, for bad input
     """
     correlation_model(model)
     if method not in ("reml", "soft_l1"):

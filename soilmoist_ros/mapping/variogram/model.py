@@ -40,6 +40,7 @@ class CorrelationModel:
         (spherical: all of it, as is usual)
     :param is_product: whether it is analytic and a product of one factor for each axis, as only a Gaussian is:
         rasters are then interpolated from few points
+    :param has_edge: whether it is not smooth at the range
     :param has_one_peak: whether the likelihood of many samples has one maximum, so that one search finds it
     """
 
