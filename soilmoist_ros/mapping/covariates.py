@@ -34,7 +34,7 @@ from soilmoist_ros.mapping.samples import check_xy
 
 Derived = Literal["elevation", "slope", "aspect", "northness", "eastness", "curvature", "wetness"]
 DERIVED: tuple[Derived, ...] = get_args(Derived)
-"""What can be made of elevations; ``elevation`` is the band itself, ``aspect`` northness and eastness."""
+"""Covariates derived from elevations; ``elevation`` is the band itself, ``aspect`` northness and eastness."""
 EXTENDED_M = 15.0
 """Distance up to which a missing cell has the value of the nearest known one, the less certain the farther [m]."""
 MAX_TERRAIN_CELLS = 100_000
@@ -125,7 +125,7 @@ class CovariateSection(Section):
     band: str | int = ""
     """Number or name of the band, or attribute of the polygons; by default the first, or the only one."""
     derive: tuple[Derived, ...] = ()
-    """What is made of elevations in metres; ``elevation`` for themselves."""
+    """Covariates derived from a band of elevations [m]; ``elevation`` is the band itself."""
     name: str = ""
     """Name in reports; by default that of the file."""
 
@@ -270,7 +270,7 @@ def read_covariates(sources: Sequence[CovariateSource], frame: LocalFrame, grid:
     """Read the covariates of a field.
 
     :raises InputError: with every file that cannot be used: missing, without reference system, band or attribute,
-        off the field, the same everywhere, or of a name that another one has
+        off the field, constant over the field, or of a name that another covariate has
     """
     names, rasters, mistakes = list[str](), list[Array](), list[Mistake]()
     for source in sources:
@@ -345,7 +345,7 @@ def _of_raster(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> d
 
 
 def _terrain(bands: RasterBands, number: int, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:
-    """What is derived from elevations, on the cells of the field.
+    """Covariates derived from elevations, on the cells of the field.
 
     The elevations are evaluated at their own resolution, if it is not finer than the map, and with their
     surroundings, from which water runs into the field.

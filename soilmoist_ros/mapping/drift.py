@@ -101,7 +101,7 @@ class TimedSamples:
         return np.asarray(cKDTree(places.xy).query(self.samples.xy)[1], np.intp)
 
     def at(self, places: Samples) -> TimedSamples:
-        """The same as if counted at the nearest places and over their areas.
+        """Copy of these samples, as if counted at the nearest places and over their areas.
 
         So all records of a stop are of one place, at whatever time, and however their positions jitter.
         """
@@ -187,7 +187,7 @@ class Drift:
         return abs(self.change) > QUANTILE_95_SD * self.change_sd
 
     def factor(self, time_s: Array) -> Array:
-        """What the exposures of samples of some times are to be multiplied by, shape (n,)."""
+        """Factor by which the exposures of samples of some times are multiplied, shape (n,)."""
         return self._factor(np.interp(time_s, self.times_s, self.shares))
 
     def uncertain(self, time_s: Array) -> Array:
@@ -213,11 +213,11 @@ class Change:
 
     @property
     def parts(self) -> tuple[Drift, ...]:
-        """What the map allows for."""
+        """Drifts that the map allows for: of the mean rate, and of the error of the reference sensor."""
         return tuple(one for one in (self.drift, self.error) if one is not None)
 
     def factor(self, time_s: Array) -> Array:
-        """What the exposures of samples of some times are to be multiplied by, shape (n,)."""
+        """Factor by which the exposures of samples of some times are multiplied, shape (n,)."""
         return np.ones(len(time_s)) if self.drift is None else self.drift.factor(time_s)
 
     def uncertain(self, time_s: Array) -> Array:
@@ -259,14 +259,14 @@ NO_CHANGE = Change()
 
 @dataclass(frozen=True, eq=False)
 class Changing:
-    """What a map is made of in addition, if the mean rate may change."""
+    """Drift model of a map whose mean rate may change: samples by place and time, change, and the time now [s]."""
 
     timed: TimedSamples
     change: Change
     now_s: float
 
     def joined(self, samples: Samples) -> Changing:
-        """The same with further samples, of now."""
+        """Copy of this drift model with further samples, of now."""
         return replace(self, timed=self.timed.joined(samples, self.now_s))
 
 
@@ -283,8 +283,8 @@ def find_change(
     The variogram stays as it was fitted without a drift: a common fit lowered the error of simulated maps by less
     than 1 %.
 
-    :param places: samples of all times; those by time that are nearest to the same one share what is of no other
-        place. By default those of exactly one place do
+    :param places: samples of all times; timed samples nearest to one of them share the variation at this place
+        alone. By default, timed samples of exactly one place share it
     """
     timed = timed.thinned(MAX_SAMPLES)
     samples, time_s = timed.samples, timed.time_s

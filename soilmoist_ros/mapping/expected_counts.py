@@ -53,13 +53,13 @@ MAX_HELD: Final = 200
 
 @dataclass(frozen=True)
 class Expectation:
-    """What the map expects at a place."""
+    """Rate that the map expects at a place, with its variance."""
 
     rate_cps: float  # corrected count rate [counts/s]
     variance: float  # variance of the rate, micro-scale variation included [(counts/s)^2]
 
     def tails(self, raw_counts: int, exposure_s: float) -> tuple[float, float]:
-        """Probabilities of counts that low, and of counts that high.
+        """Probabilities of counts this low or lower, and of counts this high or higher.
 
         The rate is gamma-distributed, so the counts have a negative binomial distribution (Gelman et al. 2013,
         Bayesian Data Analysis, section 2.6), and the probabilities are exact.
@@ -86,7 +86,7 @@ class Expectation:
         return min(self.tails(record.raw_counts, record.effective_exposure_s)) < MAX_PROBABILITY
 
     def text(self, record: CountRecord) -> str:
-        """What was counted and what was expected."""
+        """Counts of a record and counts that the map expects, in words."""
         exposure_s = record.effective_exposure_s
         expected = self.rate_cps * exposure_s
         sd = math.sqrt(expected + self.variance * exposure_s**2)
@@ -110,7 +110,7 @@ def stands_out(record: CountRecord, samples: Samples) -> bool:
 
 
 def expectation(samples: Samples, variogram: Variogram, x_m: float, y_m: float) -> Expectation | None:
-    """What the samples around a place let expect there; ``None`` if they expect nothing."""
+    """Rate expected at a place from the samples around it; ``None`` if it is not positive."""
     near = nearest(samples, x_m, y_m)
     kriging = PoissonKriging(variogram).fit(
         samples.xy[near], samples.counts[near], samples.exposure_s[near], samples.spread[near]
@@ -143,7 +143,7 @@ class Held:
 
 @dataclass(frozen=True)
 class CountVerdict:
-    """What becomes of a record, and of those held back before."""
+    """Verdict on a record, and on the records held back before it."""
 
     unexpected: str = ""  # what is wrong with the record, empty if it can be used
     confirmed: tuple[Held, ...] = ()  # earlier records that this one confirms: they can be used

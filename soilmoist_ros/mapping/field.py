@@ -74,7 +74,7 @@ class BorderSection(Section):
 
 
 class FieldFile(Section):
-    """What a field file may hold."""
+    """Sections and keys of a field file."""
 
     name: str = "unnamed field"
     """Name shown in reports."""
@@ -95,7 +95,7 @@ class FieldFile(Section):
     cell_m: Annotated[float, Setting(gt=0)] | None = None
     """Cell size of the map [m]; chosen from the footprint and the extent if left out."""
     covariates: tuple[str | CovariateSection, ...] = ()
-    """What else is known at every place: FILE, FILE:BAND, or a section with ``file``, from the field file."""
+    """Covariates known at every place: FILE, FILE:BAND, or a section with ``file``, relative to the field file."""
     truth: Any = None
     """Truth of a surrogate field, for simulations; a field is mapped the same with or without it."""
 

@@ -60,13 +60,13 @@ OBJECTION = 2.0
 _WEIGHED_PLACES = 200
 """Number of samples by which a footprint is weighed; of more, every k-th is used."""
 REFIT_GROWTH = 0.1
-"""The variogram is fitted anew when samples or exposure have grown by this share: always while they are few."""
+"""Relative growth of samples or exposure after which the variogram is refitted: always while they are few."""
 LATER_REFIT_GROWTH, MANY_SAMPLES = 0.2, 40
-"""The same from this number of samples on."""
+"""Relative growth after which the variogram is refitted, from this number of samples on."""
 SEARCH_GROWTH = 0.5
-"""The same for its direction, the start of its search, and whether the variance differs from place to place."""
+"""Relative growth after which direction, start values and local variance of the variogram are searched again."""
 CHANGE_GROWTH = 0.05
-"""The same for a drift of the mean rate, which costs less, and until when the map is."""
+"""Relative growth after which the drift of the mean rate, and with it the time of the map, is refitted."""
 RECENT_GROWTH = 1.3
 """Growth of the number of samples up to which a variogram is good enough to judge single records."""
 RECENT = 30
@@ -121,9 +121,9 @@ _DEFAULTS = FieldMapSettings()
 
 @dataclass(frozen=True, eq=False)
 class MapState:
-    """What a map is computed from; it never changes.
+    """Input from which a map is computed; it never changes.
 
-    :param stamp_s: end of the last of them [s since 1970-01-01 UTC], 0 before the first
+    :param stamp_s: end of the last record [s since 1970-01-01 UTC], 0 before the first
     :param fit_samples: the samples that the variogram is fitted to: as they were when it was last due
     :param search_samples: the samples by which its direction was found, and whether the variance differs from
         place to place: as they were when that was last due; ``None`` for ``fit_samples``
@@ -435,7 +435,7 @@ class FieldMap:
 
     @property
     def variance(self) -> Array:
-        """Kriging variance of the last map in the cells inside, shape (g,) [(counts/s)^2]; NaN likewise."""
+        """Kriging variance of the last map in the cells inside, shape (g,) [(counts/s)^2]; NaN before any map."""
         return self._inside(None if self.soil_map is None else self.soil_map.variance)
 
     def _inside(self, raster: Array | None) -> Array:
@@ -517,7 +517,7 @@ class FieldMap:
         return alone if joint is None else joint.fit(samples, samples, state.began_s, alone=alone)
 
     def _once(self, what: str, key: object, make: Callable[[], _Made]) -> _Made:
-        """What was made of this very key before, if that was the last one; else what is made now."""
+        """Cached result of this very key, if the key is the last one; otherwise the newly made result."""
         known = self._made.get(what)
         if known is None or known[0] is not key:
             known = self._made[what] = key, make()

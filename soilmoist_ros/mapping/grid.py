@@ -34,7 +34,7 @@ class FieldGrid:
     Made by :meth:`from_polygon` or :meth:`from_track`.
 
     :param polygons: outlines of the field, each of shape (k, 2), not closed [m]
-    :param holes: outlines of the no-go areas cut out of them, likewise
+    :param holes: outlines of the no-go areas cut out of the field, each of shape (k, 2), not closed [m]
 
     >>> grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 40)], cell_m=5.0)
     >>> grid

@@ -118,7 +118,7 @@ class PatternFeatures:
         return len(self.factor)
 
     def unit(self, effects: Array) -> Array:
-        """Prior standard deviation of each coefficient, those of the effects given, shape (r + k,) [counts/s]."""
+        """Prior standard deviation of each coefficient, given that of the effects, shape (r + k,) [counts/s]."""
         return np.concatenate([np.full(self.rank, math.sqrt(self.variogram.structured_sill)), effects])
 
     def __call__(self, xy: Array) -> Array:
@@ -162,7 +162,7 @@ class SurveyView:
 
 @dataclass(frozen=True, eq=False)
 class PatternState:
-    """What is known of the coefficients: the pattern's r, and then the effects of k covariates."""
+    """Knowledge of the coefficients: r of the pattern, then the effects of k covariates."""
 
     rank: int  # r
     mean: Array  # shape (r + k,)
@@ -309,7 +309,7 @@ def log_marginal(information: Array, score: Array, variances: Array) -> float:
 # -- Joint model ---------------------------------------------------------------------------------------------
 
 Estimate = Callable[[Samples, Sequence[Samples], Sequence[Array] | None], VariogramFit]
-"""Fits the variogram to the samples of the survey, those of others, and their known further structure."""
+"""Fits the variogram to the samples of the survey, samples of other surveys, and their known structure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,7 +342,7 @@ class _History:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """What does not depend on the last few samples of the survey."""
+    """Parts of a fit that do not depend on the last few samples of the survey."""
 
     fit: VariogramFit
     features: PatternFeatures
@@ -477,7 +477,7 @@ class JointModel:
         return Supports(places.xy, places.spread).average_rows(self._covariates.at)
 
     def _conditioned(self, features: PatternFeatures, unit: Array, stamp_s: float) -> PatternState:
-        """What earlier surveys say of the coefficients at a time."""
+        """Distribution of the coefficients at a time, given the earlier surveys."""
         history, begin = self._history, PatternState.before(features.rank, len(unit) - features.rank)
         views = (self._view(one, features, unit) for one in history.past)
         return _passed(begin, history.past, views, history.decay_days).later(history.share(stamp_s))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a field besides the counts of the survey: earlier surveys (their counts), covariates, drift."""
+"""Knowledge of a field besides the counts of the survey: earlier surveys (their counts), covariates, drift."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def samples_at_end(
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """What is known of a field besides the counts of the survey.
+    """Knowledge of a field besides the counts of the survey.
 
     :param earlier: earlier surveys of the field, in any order
     :param covariates: covariates over the field; ``None`` for none

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a user chooses for a map. Command line, logs, replay and mapper take their settings from this declaration.
+"""Settings of a map. Command line, logs, replay and mapper take their settings from this declaration.
 
 To add a setting, add a field to :class:`MappingSettings` and use it.
 """

@@ -33,7 +33,7 @@ PLANE_M = 100_000.0
 
 @dataclass(frozen=True)
 class PositionSource:
-    """Where the positions of records come from, for the advice.
+    """Source of the positions of records, for the advice to users.
 
     :param longitude: side of Greenwich that the site file gives to a log without signs; ``signed`` if the log or
         receiver has signs
@@ -55,7 +55,7 @@ _ANY = PositionSource()
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where records lie with respect to a field."""
+    """Placement of records with respect to a field."""
 
     field: Field  # the field
     latlon: Array  # latitude and longitude of the records, shape (n, 2), n >= 1 [deg]

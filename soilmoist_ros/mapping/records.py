@@ -54,7 +54,7 @@ class Skip(enum.Enum):
 
     @property
     def remedy(self) -> str:
-        """What the user can do about it."""
+        """Remedy for the user against skipped records."""
         return {
             Skip.NO_POSITION: "check the GNSS receiver and its view of the sky",
             Skip.OUTSIDE: "check that the driver and the mapper have the same field file",

@@ -65,7 +65,7 @@ class Bands(NamedTuple):
         places [m^3/m^3]; at most half of the distance of the limits (Popoviciu 1935)
     :param vwc_p05: quantile 0.05 of the moisture, the uncertainty of the calibration included where it is known
         [m^3/m^3]
-    :param vwc_p95: quantile 0.95 likewise [m^3/m^3]
+    :param vwc_p95: quantile 0.95 of the moisture, with the uncertainty included in ``vwc_p05`` [m^3/m^3]
     """
 
     rate: Array
@@ -213,12 +213,12 @@ class SoilMap:
 
     @property
     def vwc_p95(self) -> Array:
-        """Quantile 0.95 of the water content likewise [m^3/m^3]."""
+        """Quantile 0.95 of the water content, the known uncertainty of the calibration included [m^3/m^3]."""
         return self.bands.vwc_p95
 
     @property
     def limits(self) -> SoilLimits | None:
-        """What the soil can hold [m^3/m^3]; ``None`` without a curve."""
+        """Lower and upper limit of the water that the soil can hold [m^3/m^3]; ``None`` without a curve."""
         return None if self.curve is None else soil_limits(self.curve.bulk_density_gcm3)
 
     @cached_property

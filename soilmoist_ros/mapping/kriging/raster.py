@@ -243,7 +243,7 @@ class _TileShape(NamedTuple):
         return cls((half_x_m, half_y_m), sides, lengths, abs(float(np.linalg.det(sides))), float(margin))
 
     def are_near(self, samples: SamplePoints, x: Array, y: Array) -> Mask:
-        """Which samples have a point near which tiles, shape (samples, tiles)."""
+        """Mask of the samples that have a point near a tile, shape (samples, tiles)."""
         near = np.zeros((len(samples.layers[0][1]), len(x)), bool)
         for which, east, north, _ in samples.layers:
             way = east[:, None] - x, north[:, None] - y
@@ -267,7 +267,7 @@ def _cells_at(xy: Array, x_m: Array, y_m: Array) -> tuple[tuple[Indices, Indices
 
 
 class _Inverse(NamedTuple):
-    """What the forms need of a factored system."""
+    """Inverse of a kriging system, and products that the quadratic forms need."""
 
     factor: Array  # L^-1, lower triangle, shape (n, n), columns contiguous
     matrix: Array  # K^-1, shape (n, n)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a field before the survey, as prior mean and covariance of its rate.
+"""Knowledge of a field before the survey, as prior mean and covariance of its rate.
 
 Without knowledge, the structured rate has the covariance ``K(x, x')`` of the variogram and the mean of its survey.
 What is known adds features F(x): patterns that earlier surveys have measured, and covariates. With c the mean of

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What differs from place to place: the rate in the Poisson noise, and how much the rate varies.
+"""Parameters that differ from place to place: the rate in the Poisson noise, and the amplitude of the variation.
 
 **Noise.** The noise variance of a sample is ``rate / exposure`` with the rate at its place. With the mean rate m*
 instead, it is a quarter too small on concrete of 5 counts/s and a half too large on grass of 2.5 counts/s.

@@ -56,7 +56,7 @@ _LARGEST_STEP = 5.0
 _TOLERANCE = 1e-4
 """Distance from the mode at which the optimiser stops, in posterior standard deviations."""
 _ROUGH = 0.3
-"""Likewise of searches from further starts; a peak that is higher by less than half its square may be missed."""
+"""Tolerance of searches from further starts [posterior sd]; misses peaks higher by less than half its square."""
 
 
 class Minimum(NamedTuple):
@@ -124,7 +124,7 @@ def _within(place: Array, bound: float) -> Array:
 
 
 def _free(at: Array, gradient: Array, bound: float) -> NDArray[np.bool_]:
-    """Which parameters are not held at a bound."""
+    """Mask of the parameters that are not held at a bound."""
     return ~(((at <= -bound) & (gradient > 0)) | ((at >= bound) & (gradient < 0)))
 
 
