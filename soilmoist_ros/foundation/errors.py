@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What people are told: mistakes with place and remedy, states of health, and suggestions for names."""
+"""Messages to users: mistakes with place and remedy, states of health, and suggestions for names."""
 
 from __future__ import annotations
 

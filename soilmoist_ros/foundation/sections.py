@@ -106,7 +106,7 @@ def _explained(detail: Any, location: Location, model: type[BaseModel]) -> tuple
 
 
 def _notation(kind: str, value: str, limits: Mapping[str, Any], key: str) -> str:
-    """What to do with a value in another notation or unit; empty if it is not clear."""
+    """Remedy for a value in another notation or unit; empty if it is not clear."""
     end = key.rpartition("_")[2]
     unit = _UNITS.get(end, "")
     if key == "latitude_deg" and kind in ("greater_than_equal", "less_than_equal"):

@@ -120,7 +120,7 @@ class Problem:
 
     @property
     def consequence(self) -> Consequence:
-        """What became of the record."""
+        """Consequence of the problem for its record."""
         return "lost" if self.lost else "quarantined" if self.quarantined else "kept"
 
     def __str__(self) -> str:

@@ -186,7 +186,7 @@ class TotalChecks:
 
     def __init__(self, n0_cps: float = math.nan, typical_cps: float = math.nan) -> None:
         self.recorded, self.used = Dispersion(), Dispersion()
-        """Dispersion of the records as they came, and of those in use."""
+        """Dispersion of all records as they came, and of the records in use."""
         self._n0_cps, self.typical_cps = n0_cps, typical_cps
         self._recent: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._stop: deque[_Counted] = deque(maxlen=LAST_RECORDS)

@@ -328,7 +328,7 @@ def read_neutron_monitor(
 def _column(
     names: list[str], stations: list[str], rows: list[list[str]], station: str, path: Path
 ) -> tuple[int, str, tuple[str, ...]]:
-    """Number and name of the column of rates, and the names of the other ones."""
+    """Number and name of the column of rates, and the names of the other columns."""
     width = max(map(len, rows), default=1)
     names = [*names, *(f"column {number}" for number in range(len(names) + 1, width + 1))]
     known = (any(at < len(cells) and math.isfinite(_rate(cells[at])) for cells in rows) for at in range(width))

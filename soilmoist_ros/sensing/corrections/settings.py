@@ -68,7 +68,7 @@ class HumidityCorrection(Section):
     """Factor ``1 + c (Q - Q0)``, or the response of the universal transport solution."""
 
     method: Literal["linear", "universal"] | None = None
-    """Which of the two; by default the one that belongs to the curve of the calibration."""
+    """Form of the humidity correction; by default the one that belongs to the curve of the calibration."""
     coefficient_m3g: Annotated[float, Field(ge=0, lt=0.1)] = 0.0054
     """Coefficient c [m^3/g] (Rosolem et al. 2013)."""
     reference_gm3: Annotated[float, Field(ge=0, lt=60)] = 0.0

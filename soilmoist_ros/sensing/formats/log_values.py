@@ -309,7 +309,7 @@ def to_seconds(unit: str) -> Converter:
 
 
 def remedy_of_unit(quantity: Quantity, value: float, low: float, high: float, otherwise: str) -> str:
-    """What to do with an impossible value: units in which it would be possible come first.
+    """Remedy for an impossible value: units in which it would be possible come first.
 
     >>> remedy_of_unit("pressure", 99000.0, 300.0, 1085.0, "check the sensor")
     "if it is in Pa, write 'unit: Pa' into the logger format; else check the sensor"

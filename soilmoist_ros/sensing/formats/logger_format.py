@@ -111,7 +111,7 @@ class Header(Section):
     lines_after_names: int = Field(default=0, ge=0, le=10)
     """Number of lines after the names that are not records, such as units and processing."""
     units_line: bool = False
-    """True if the first of these lines has the units; they replace those of this file, with a note."""
+    """True if the first line after the names has the units; they replace the units of this format, with a note."""
 
 
 class Time(Section):
@@ -158,7 +158,7 @@ class Time(Section):
 
     @property
     def used_formats(self) -> tuple[str, ...]:
-        """Formats without those of the other order of day and month."""
+        """Formats of times in use, without formats in the unused order of day and month."""
         if self.date_order == "auto":
             return self.formats
         return tuple(name for name in self.formats if name not in self.rivals or order_of(name) == self.date_order)
@@ -184,7 +184,7 @@ class Counts(Section):
     left_out: tuple[int, ...] = ()
     """Numbers of unused tubes: dead tubes, or a bare (thermal) detector next to a moderated one."""
     note: str = ""
-    """Which tubes are taken as moderated and mapped, for the user to check: it is shown with each log."""
+    """Tubes taken as moderated and mapped, in words, for the user to check: shown with each log."""
     rounding_tolerance: float = Field(default=0.1, gt=0, le=0.5)
     """With a rate as unit: rounding error above which rate times live time is reported [counts].
     The product is rounded because counting statistics need whole counts."""

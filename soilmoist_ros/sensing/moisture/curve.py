@@ -114,7 +114,7 @@ class MoistureCurve(ABC):
 
     @abstractmethod
     def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
-        """Where a rate [counts/s] has a soil moisture: above :attr:`lowest_rate_cps`."""
+        """Mask of rates [counts/s] that have a soil moisture: above :attr:`lowest_rate_cps`."""
 
     @abstractmethod
     def vwc(self, rate_cps: ArrayLike) -> Array:
@@ -163,7 +163,7 @@ class CalibrationCurve(MoistureCurve):
         return A1 * self.n0_cps
 
     def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
-        """Where a rate is above ``A1 * N0``."""
+        """Mask of rates [counts/s] that have a soil moisture: above ``A1 * N0``."""
         return floats(rate_cps) / self.n0_cps > A1
 
     def vwc(self, rate_cps: ArrayLike) -> Array:
@@ -263,7 +263,7 @@ class UniversalCurve(MoistureCurve):
         return self.n0_cps * self._set.p2 * self._amplitude
 
     def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
-        """Where a rate is above that over endless water."""
+        """Mask of rates [counts/s] that have a soil moisture: above the rate over endless water."""
         return floats(rate_cps) > self.lowest_rate_cps
 
     def vwc(self, rate_cps: ArrayLike) -> Array:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where the counts come from, and so the mean moisture of soil cores as a probe sees it.
+"""Weights of the soil by distance and depth in the counts, and the mean moisture of soil cores as a probe sees it.
 
 Köhli et al. (2015), Water Resources Research 51:5772-5790. Parameters, rescaling and depth: Schrön et al. (2017),
 Hydrology and Earth System Sciences 21:5009-5030, appendix A. The weights are sums of exponentials of the distance,
@@ -217,7 +217,7 @@ def sensed_soil(vwc: ArrayLike, bulk_density_gcm3: float, bound_water: float, ai
 
 @dataclass(frozen=True)
 class CoreMean:
-    """What a probe sees of the cores.
+    """Weighted means of soil cores, as a probe sees them.
 
     :param vwc: weighted mean volumetric water content [m^3/m^3]
     :param vwc_sd: standard error of ``vwc`` from the differences of the profiles [m^3/m^3]; NaN for a single one

@@ -33,7 +33,7 @@ WANDER_SDS: Final = 7.25
 """Places of a standing robot may lie so many standard deviations apart: two independent errors of 2.5 m each are
 farther apart once in 500,000 pairs, which is more than 200 h have."""
 WANDER_S: Final = 60.0
-"""Time after which errors of a receiver are independent [s]; before, they differ as those of a random walk."""
+"""Time after which errors of a receiver are independent [s]; at shorter times they differ as in a random walk."""
 UNKNOWN_SD_M: Final = 2.5  # standard deviation of a receiver that states none, or 0, until its wander is known [m]
 ANCHOR_S: Final = 10.0  # time over which the place of a standing robot is averaged [s]
 STAYS_S: Final = 60.0  # time after which another place of a standing robot is believed for driving [s]
@@ -55,7 +55,7 @@ class Expected(Enum):
 
 
 class Verdict(StrEnum):
-    """What a measured place is worth."""
+    """Verdict on a measured place."""
 
     PLAUSIBLE = "plausible"  # the robot is there
     UNCONFIRMED = "unconfirmed"  # it may be the first place; others must agree with it
@@ -68,7 +68,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceLimits:
-    """What a place must satisfy.
+    """Limits that a measured place must satisfy.
 
     :param max_jump_m: largest distance of a plausible place from where the robot can have driven [m], > 0;
         whatever error the receiver states
@@ -480,7 +480,7 @@ class PlaceJudge:
 
 
 class _Stand:
-    """Where a robot stands: the mean of its first places there."""
+    """Place where a robot stands: the mean of its first measured places there."""
 
     def __init__(self, fix: PlaceFix) -> None:
         self._begin(fix)

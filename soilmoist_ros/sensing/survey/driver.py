@@ -98,7 +98,7 @@ class Driver:
         self._readers: dict[str, LineReader] = {}
         self._awake = threading.Event()
         self.doubts = Doubts()
-        """What a planner doubts about the place; records of that time are quarantined."""
+        """Doubts of a planner about the place; records of that time are quarantined."""
         self._heard_s = math.inf  # monotonic time at which bytes of the logger were seen first
 
     def start(self, wake: Callable[[], None]) -> None:
@@ -293,7 +293,7 @@ def _masked(stream: SensorStream) -> str:
 
 
 def _doubt(stream: SensorStream) -> tuple[Level, str] | None:
-    """What speaks against the counts of the last records, ``None`` if nothing does."""
+    """Level and reason of a doubt about the counts of the last records; ``None`` without one."""
     bad, recent = stream.recent_bad.count(True), len(stream.recent_bad)
     masked, last = _masked(stream), stream.logger_problems.last_quarantined
     if not bad:
@@ -318,7 +318,7 @@ def _header_fault(stream: SensorStream) -> str:
 
 
 def _intensity_fault(stream: SensorStream) -> str:
-    """What is wrong with an intensity from outside, and what to do; empty if nothing is."""
+    """Fault of an incoming intensity and its remedy; empty without a fault."""
     age_s, limit_s = stream.survey.intensity_age_s, stream.survey.max_intensity_age_s
     if stream.survey.latest_intensity is None or age_s <= OLD_INTENSITY * limit_s:
         return stream.survey.intensity_doubt
@@ -333,7 +333,7 @@ def _intensity_fault(stream: SensorStream) -> str:
 
 
 def _faults(stream: SensorStream) -> str:
-    """What is wrong with the lines since the last record, and what to do; empty if no line was dropped."""
+    """Faults of the lines since the last record and their remedy; empty if no line was dropped."""
     faulty = stream.faulty
     if not faulty.lost:
         return ""

@@ -185,7 +185,7 @@ def _require_clock(logs: Sequence[LogFile], clock: float | str | None) -> None:
 
 @dataclass(frozen=True)
 class CalibrationCounts:
-    """What a probe counted during a calibration.
+    """Counts of a probe during a calibration, with the mean weather.
 
     :param raw_counts: raw counts of the good records
     :param left_out: number of records that were quarantined or cannot be corrected

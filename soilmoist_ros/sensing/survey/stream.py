@@ -207,7 +207,7 @@ class FaultyLines:
 
     @property
     def reasons(self) -> str:
-        """What is wrong and how often, the most frequent first; empty if nothing is."""
+        """Reasons for dropped lines with their numbers, the most frequent first; empty without dropped lines."""
         return ", ".join(f"{kind.text} ({count})" for kind, count in self.lost.most_common(3))
 
     @property
@@ -216,7 +216,7 @@ class FaultyLines:
         return {f"last line with: {kind.text}": _printable(line) for kind, line in sorted(self._examples.items())}
 
     def remedy(self, logger: LoggerFormat) -> str:
-        """What the operator can do."""
+        """Remedy for the dropped lines, for the operator."""
         if not self.lines:
             return f"no line has an end: {_BAUD}"
         if sum(line.startswith(b"$G") for line in self._first) > len(self._first) / 2:

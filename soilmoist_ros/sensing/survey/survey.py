@@ -109,7 +109,7 @@ class Survey:
         """True if the latest intensity was too old for the last record, but the site had none."""
         self._grows = ahead is None
         self.places = SurveyPlaces(site, track, arms, self._grows)
-        """Where the records were counted."""
+        """Places at which the records were counted."""
         self._weather = WeatherSeries(max_values=MAX_WEATHER_VALUES if self._grows else None)
         n0_cps = site.calibration.n0_cps if site.calibration else NAN
         self.checks = RecordChecks(n0_cps, self.places.altitude_m)
@@ -138,7 +138,7 @@ class Survey:
 
     @property
     def heard(self) -> Heard:
-        """What has come of a separate receiver."""
+        """Messages received so far from a separate GNSS receiver."""
         return self.places.track.heard
 
     def take_record(
