@@ -139,7 +139,7 @@ class Explorer:
     def situation(
         self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()
     ) -> Situation:
-        """What the strategy is shown: no stops that are ruled out or taken; pending measurements seem counted."""
+        """Situation for the strategy, without stops ruled out or taken; pending measurements appear as counted."""
         maps = self._maps(others)
         counted = maps[0].field_map
         free = ~taken(self._xy, others, self.grid.cell_m)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where a robot may go and measure in a field, and how it travels there.
+"""Region in which a robot may travel and measure in a field, and its travel model.
 
 The map of the navigation, the cells, the home and the robot's part of the map can change: :class:`CurrentAccess`.
 """
@@ -30,7 +30,7 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class AccessRules:
-    """Where a robot may drive.
+    """Rules for the region in which a robot may drive.
 
     :param beyond_m: nodes and edges of a travel graph this far outside the field belong to it [m], >= 0; allows
         for errors of the survey
@@ -52,7 +52,7 @@ MOVED_M = 2.0
 
 
 class FieldAccess:
-    """Where the robot may go and measure in a field, and how it travels there; all of it inside the fence.
+    """Stops and travel model of a robot in a field, all inside its fence.
 
     :param graph: travel graph; straight lines around no-go areas without. Nodes and edges that the fence refuses,
         and those of other parts than the robot's, are not used; :attr:`warning` names them

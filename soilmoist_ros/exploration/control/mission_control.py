@@ -71,7 +71,7 @@ _log = logging.getLogger(__name__)
 
 
 class Outputs(Protocol):
-    """Where a mission's actions go. No method waits."""
+    """Interface that carries out a mission's actions. No method waits."""
 
     def now_s(self) -> float:
         """Time on the clock that stamps the records [s]; 0 while it does not run yet."""
@@ -180,7 +180,7 @@ class MissionControl:
     # What comes in -------------------------------------------------------------------------------------------
 
     def use_graph(self, graph: TravelGraph | None) -> None:
-        """Where the robot may go: along a graph, or straight where nothing is in the way.
+        """Use a travel graph; without one, the robot drives straight where nothing is in the way.
 
         :raises InputError: if it does not fit the field, or does not know the home
         """
@@ -201,7 +201,7 @@ class MissionControl:
 
     @property
     def fence(self) -> Fence | None:
-        """Where the robot may be; ``None`` while that is not known."""
+        """Region in which the robot's centre may be; ``None`` while it is unknown."""
         return None if self._access is None else self._access.fence
 
     @property
@@ -220,7 +220,7 @@ class MissionControl:
         return self._access is None or not self.under_way or self._mission.state.phase is Phase.PAUSED
 
     def missing(self) -> tuple[str, ...]:
-        """What is missing before a mission can start."""
+        """Reasons why a mission cannot start: what is missing; empty if it can."""
         missing = {
             "the time (is /clock published?)": self._clock.now_s() <= 0,
             self._current.waiting_for: self._access is None,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What an operator asks for, checked against the field and the mission, as a command of the state machine."""
+"""Requests of operators, checked against the field and the mission, as commands of the state machine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TARGETS = ("rate", "vwc")  # which map is to be good
 
 
 class ReplyCode(StrEnum):
-    """What became of a request, for programs."""
+    """Result of a request, as a code for programs."""
 
     ACCEPTED = "accepted"
     REFUSED = "refused"  # not in this state of the mission
@@ -43,7 +43,7 @@ class ReplyCode(StrEnum):
 
 @dataclass(frozen=True)
 class OperatorRequest:
-    """What an operator asks for, as it came; what a verb does not use is ignored."""
+    """Request of an operator, unchecked; values that its verb does not use are ignored."""
 
     verb: str  # one of Verb
     who: str = ""  # who asks; empty: the operator

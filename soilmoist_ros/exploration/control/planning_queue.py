@@ -120,7 +120,7 @@ class PlanningQueue:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with the maps of properties that are not required, in words."""
+        """Faults of the maps of properties that are not required, in words."""
         optional = [each for each in self._maps.values() if not each.required]
         missing = ", ".join(each.name for each in optional if not each.is_complete)
         late = ", ".join(each.name for each in optional if each.is_complete and each.late)
@@ -203,7 +203,7 @@ def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:
 
 
 class Terms(NamedTuple):
-    """What a stop is chosen under."""
+    """Terms under which a stop is chosen: start of the mission, access to the field, settings and rules."""
 
     started_s: float | None  # start of the mission [s]
     access: FieldAccess  # where the robot may go

@@ -33,7 +33,7 @@ SAME_CELLS = 0.5  # stops nearer than this to that of another robot count as the
 NEARER_M: Final = 0.5
 """A robot that sets off next to another one may come this much nearer, by the noise of both fixes [m]."""
 AHEAD_S: Final = 3.0
-"""Time that a robot needs to stop, with a second for the status of the other one and one for its velocity [s]."""
+"""Time that a robot needs to stop, with a second for the other robot's status and one for its velocity [s]."""
 WAITS_M: Final = 8.0
 """Distance, in addition to that which robots keep, from which one that waits lets the other pass [m]."""
 SOON_S: Final = 0.2  # time after which two places give a velocity [s]
@@ -110,7 +110,7 @@ def taken(stops_xy: Array, pending_measurements: Sequence[PendingMeasurement], c
 
 
 def places(pending_measurements: Sequence[PendingMeasurement]) -> Array:
-    """Where the pending measurements are, shape (n, 2) [m]."""
+    """Places of the pending measurements, shape (n, 2) [m]."""
     return np.array([(each.x_m, each.y_m) for each in pending_measurements], float).reshape(-1, 2)
 
 
@@ -289,7 +289,7 @@ def _velocity(before: Place | None, before_s: float, place: Place | None, now_s:
 
 
 class Passing:
-    """Ways of a robot past those of its team that stand."""
+    """Ways of a robot past robots of its team that stand."""
 
     def __init__(self, team: Team) -> None:
         self._team = team
@@ -316,7 +316,7 @@ class Passing:
             raise InputError(f"{names} stands in the way: {refusal}", "choose another stop") from None
 
     def plan(self, access: FieldAccess, place: Place, rules: MissionRules, request: RequestPlan) -> set[str]:
-        """A stop is chosen; names of those that another robot is too near to, or in the way to."""
+        """Start the choice of a stop; names of the stops that another robot is too near to, or in the way to."""
         self._planned_for, self._shut_in = request, None
         return self._not_free(access, place, rules, request)
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a watch needs to know of a mission: where the robot is, what it does, and how long its way home takes."""
+"""State of a mission for its watch: place and activity of the robot, and travel time of its way home."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Watching:
         self._way_home: tuple[tuple[float, float], float] | None = None  # from where, and how long [s]
 
     def use(self, access: FieldAccess) -> None:
-        """Where the robot may go from now on."""
+        """Use another access to the field from now on."""
         self._access, self._way_home = access, None
 
     def sent(self, way: Way) -> None:

@@ -20,7 +20,7 @@ from soilmoist_ros.sensing import PlaceLimits
 
 
 class Cause(StrEnum):
-    """What may be wrong."""
+    """Cause of an alarm of the guard."""
 
     IN_NO_GO = "in_no_go"
     OUTSIDE = "outside"
@@ -61,7 +61,7 @@ class Failsafe:
 
 @dataclass(frozen=True, kw_only=True)
 class WatchLimits:
-    """Limits of the causes; those of :data:`LIMITS` are parameters of the planner, the others have no use as such.
+    """Limits of the causes; limits in :data:`LIMITS` are parameters of the planner, the others are not.
 
     :raises ValueError: if a value is out of its range
     """

@@ -31,7 +31,7 @@ _STUCK_M = 0.5  # a place that seems to be this deep in a no-go area may be an e
 
 
 class Fence:
-    """Where the robot's centre may be: in the field, and not in a no-go area.
+    """Region in which the robot's centre may be: in the field, and not in a no-go area.
 
     :param field: outline and no-go areas
     :param margin_m: distance to keep from the border and the no-go areas, such as the robot's radius [m], >= 0

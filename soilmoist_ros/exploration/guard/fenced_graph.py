@@ -35,7 +35,7 @@ _TIE_M = 1e-3  # routes whose lengths differ by less count as equally long [m]
 
 
 class Outside(StrEnum):
-    """What nodes and edges outside the field are used for; no-go areas are never entered."""
+    """Use of nodes and edges outside the field; no-go areas are never entered."""
 
     NEVER = "never"
     HOME = "home"
@@ -272,7 +272,7 @@ class FencedGraph:
         return bool(forbidden[end] > shortest[end] + _TIE_M)
 
     def _lengths_from(self, start: int) -> tuple[Array, Array]:
-        """Lengths of the shortest routes over all edges, and of those with at least one that is forbidden."""
+        """Lengths of the shortest routes over any edges, and of the shortest routes with a forbidden edge [m]."""
         if start not in self._known:
             whole, size, bad = self.whole, len(self.whole.names), self._forbidden
             # Two copies of the map; each forbidden edge also leads from the first to the second.

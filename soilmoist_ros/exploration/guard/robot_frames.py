@@ -341,7 +341,7 @@ class RobotFrames:
 
     @property
     def waiting_for(self) -> str:
-        """What is missing to know the frame of the navigation, and to trust it; empty if nothing is."""
+        """Reason why the frame of the navigation is not known, or not trusted yet; empty without one."""
         if self.move is not None:
             return self._unchecked
         if self._settings.datum == MAP:

@@ -102,7 +102,7 @@ class BatteryLimit:
 # Counts: how many of the last records were quarantined, and why -------------------------------------------------
 
 MIN_RECORDS: Final = 3
-"""Number of records from which they are judged; also of those that are looked at if a sensor sends fewer."""
+"""Minimum number of last records by which counts are judged, however few a sensor sends."""
 MAX_RECORDS: Final = 200  # number of records that are remembered
 FORGOTTEN: Final = 3.0  # multiple of the time after which records without a successor are no longer judged
 OF_PLACE: Final = frozenset((Kind.PLACE_JUMP.value, Kind.PLACE_DOUBT.value, Kind.CLOCK_DRIFT.value))

@@ -46,7 +46,7 @@ _LOST: Final = frozenset((Cause.IN_NO_GO, Cause.OUTSIDE, Cause.JUMP, Cause.RELOC
 
 @dataclass(frozen=True, kw_only=True)
 class Doing:
-    """What the mission does at the time of a check.
+    """State of the mission and its navigation at the time of a check.
 
     :param near_corner: whether it seems to be within the arrival radius of its goal, or of a bend of its route
     """
@@ -65,7 +65,7 @@ class Doing:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotSurroundings:
-    """Where the robot is in the field, and where it will be in three seconds if it drives on."""
+    """Place of the robot relative to field and route, now and in three seconds if it drives on."""
 
     outside_m: float = 0.0  # distance outside the field [m]
     no_go_m: float = 0.0  # depth in a no-go area, its margin included [m]
@@ -224,7 +224,7 @@ class Watch:
         self._trust.take(now_s, reason)
 
     def logger(self, fault: str) -> None:
-        """What the driver reports about its logger; empty if nothing is wrong."""
+        """Report the fault that the driver has found in its logger; empty without a fault."""
         self._logger_fault = fault
 
     def map(self, now_s: float, stamp_s: float) -> None:
@@ -242,7 +242,7 @@ class Watch:
             self.report(cause, limit.fault)
 
     def report(self, cause: Cause, text: str) -> None:
-        """What is wrong about a cause from now on, with its values; empty if nothing."""
+        """Report the fault of a cause from now on, with its values; empty without a fault."""
         state = self._states[cause]
         state.times += bool(text) and not state.text
         state.text, state.momentary = text, False

@@ -83,7 +83,7 @@ _RESUMES: Final = {
     Phase.COUNTING: Todo.COUNT,
     Phase.RETURNING: Todo.RETURN,
 }
-"""What to go on with after a pause."""
+"""Task that is resumed after a pause, by the phase that the pause interrupts."""
 _EARLY: Final = {
     MissionEnd.RETURNED: VisitEnd.RETURNED,
     MissionEnd.FAILSAFE: VisitEnd.FAILSAFE,
@@ -682,7 +682,7 @@ class _Step:
 
     @property
     def to_resume(self) -> Todo | None:
-        """What a pause would interrupt; ``None`` if nothing is under way or the mission is being ended."""
+        """Task to resume after a pause now; ``None`` if no task is under way or the mission is ending."""
         state = self.state
         if state.resume is not None:
             return state.resume
@@ -857,7 +857,7 @@ class _Step:
         self.do(events.StartCounting(self.target.stop))
 
     def counting_reason(self) -> str:
-        """What the status says while counting, with the mission's dwell rule: that of a stop is not readable."""
+        """Reason in the status while counting, with the mission's dwell rule: a stop's rule is not readable."""
         to_the_end = self.state.counting is not None and self.state.counting.to_the_end
         until = "until the time is used up" if to_the_end else str(self.rules.dwell)
         return f"counting at {self.target.stop.name} ({until})"
@@ -1114,7 +1114,7 @@ ALWAYS: Final[dict[type[events.Event], Callable[[_Step, Any], None]]] = {
     events.ClockStarted: lambda step, e: step.set(boot=e.boot, steady_offset_s=e.offset_s),
     events.ClockStepped: lambda step, e: step.set(stamp_offset_s=step.state.stamp_offset_s + e.step_s),
 }
-"""What events do in every phase; a :class:`Tick` only meets deadlines."""
+"""Handlers of events in every phase; a :class:`Tick` only meets deadlines."""
 
 IN_PHASE: Final[dict[tuple[type[events.Event], Phase], Callable[[_Step, Any], None]]] = {
     (events.Planned, Phase.PLANNING): _Step.planned,
@@ -1126,7 +1126,7 @@ IN_PHASE: Final[dict[tuple[type[events.Event], Phase], Callable[[_Step, Any], No
     (events.GoalFailed, Phase.RETURNING): _Step.goal_failed,
     (events.GoalFailed, Phase.CANCELLING): _Step.goal_over,
 }
-"""What answers to plan requests and goals do in addition, in the phase that waits for them."""
+"""Further handlers of answers to plan requests and goals, in the phase that waits for them."""
 
 COMMANDS: Final[dict[Verb, Callable[[_Step, events.Command], Done]]] = {
     Verb.START: _Step.start,
@@ -1140,7 +1140,7 @@ COMMANDS: Final[dict[Verb, Callable[[_Step, events.Command], Done]]] = {
     Verb.CHANGE: _Step.change,
     Verb.RETURN: _Step.return_home,
 }
-"""What operators may ask for."""
+"""Handlers of operators' commands, by their verb."""
 
 _Deadline = tuple[Callable[[_Step], float], Callable[[_Step], None]]
 """A time when a mission acts without an event [s], and what it does then."""
@@ -1182,7 +1182,7 @@ _KEPT: Final = (
     "stamp_offset_s", "boot", "steady_offset_s", "alarms", "ruled_out", "changes", "plans", "goals",
     "last_stamp_s",
 )  # fmt: skip
-"""What a new mission takes over from the state before."""
+"""Fields of the state that a new mission takes over from the mission before."""
 
 
 def satisfied(rules: MissionRules, forecast: Forecast) -> tuple[MissionEnd, str] | None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a mission remembers, its status, and both as plain data for a journal."""
+"""State and status of a mission, and both as plain data for a journal."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from soilmoist_ros.foundation import InputError, nan_as_text, read_json
 
 
 class Todo(StrEnum):
-    """What follows once the robot has stopped (``CANCELLING``) or the operator resumes (``PAUSED``)."""
+    """Task that follows once the robot has stopped (``CANCELLING``) or the operator resumes (``PAUSED``)."""
 
     PLAN = "plan"
     TRAVEL = "travel"
@@ -79,7 +79,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class OpenVisit:
-    """What has been counted at the stop where the robot stands."""
+    """Visit in progress at the stop where the robot stands."""
 
     x_m: float  # where the robot stands [m]
     y_m: float  # where the robot stands [m]
@@ -328,7 +328,7 @@ def dwell_rule(rules: MissionRules, state: MissionState) -> DwellRule:
 
 
 def shown(state: MissionState) -> tuple[object, ...]:
-    """What is worth publishing a status for when it changes."""
+    """Part of a mission's state whose changes are published as a new status."""
     counted = state.counting and state.counting.records
     guarded = state.alarms, state.emergency, state.queue, state.ruled_out, state.changes, state.stamp_offset_s
     return state.phase, state.reason, state.target, state.samples, counted, state.forecast, *guarded

@@ -26,7 +26,7 @@ MAX_UNTIL_SD = 0.5
 
 
 class Phase(StrEnum):
-    """What the mission is doing."""
+    """Phase of a mission."""
 
     IDLE = "idle"
     PLANNING = "planning"
@@ -59,7 +59,7 @@ TRIGGERS = (Verb.START, Verb.PAUSE, Verb.RESUME, Verb.ABORT, Verb.SKIP)
 
 
 class Response(StrEnum):
-    """What the mission does while the guard reports a cause of danger."""
+    """Response of the mission while the guard reports a cause of danger."""
 
     IGNORE = "ignore"
     WARN = "warn"  # show it
@@ -97,7 +97,7 @@ class MissionEnd(StrEnum):
 
 
 class OnSilence(StrEnum):
-    """What to do when no record arrives while counting."""
+    """Response of the mission when no record arrives while counting."""
 
     WAIT = "wait"
     PAUSE = "pause"
@@ -222,12 +222,12 @@ class Changes:
 
     @property
     def given(self) -> dict[str, Any]:
-        """What is changed, by the names of the fields."""
+        """Settings that are changed, by the names of their fields."""
         return {one.name: value for one in fields(self) if (value := getattr(self, one.name)) is not None}
 
     @property
     def of_survey(self) -> dict[str, Any]:
-        """What is changed between missions only."""
+        """Changed settings that take effect only between missions, by the names of their fields."""
         return {name: value for name, value in self.given.items() if name in ("field", "earlier", "covariates")}
 
 

@@ -26,7 +26,7 @@ class VisitEnd(StrEnum):
 
 @dataclass(frozen=True)
 class Visit:
-    """What was counted at a stop, from arrival to the end of counting.
+    """Visit of a stop: place, times and counts, from arrival to the end of counting.
 
     Only records that were counted wholly after the arrival, outside pauses, and near the stop belong to it. Its
     counts are those that the mission decided on; nothing is added afterwards.

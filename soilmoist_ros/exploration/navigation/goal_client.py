@@ -247,7 +247,7 @@ class GoalClient:
 
     @property
     def unended(self) -> str:
-        """Where a goal leads that was cancelled long ago, and whose end is not known; empty without one."""
+        """Goal that was cancelled long ago and whose end is not known, in words; empty without one."""
         for goal in self._goals.values():
             if self._now_s - goal.cancelled_s >= UNENDED_S:
                 return f"the goal to {goal.ahead[0].stop.name}" if goal.ahead else "a goal of before"
@@ -405,7 +405,7 @@ class ActionStatus:
         self.known = True
 
     def serve(self, servers: frozenset[bytes]) -> bool:
-        """Which servers are there now; whether to fetch their lists anew, as one has gone and others are there."""
+        """Set the servers that are there now; true if one has gone, so that lists must be fetched again."""
         lost, self.servers = self.servers - servers, servers
         if lost:
             self._goals, self.known = {}, False
@@ -454,7 +454,7 @@ _CAUSES: Final[Mapping[int, str]] = MappingProxyType({
 
 
 def failure(code: int, text: str = "") -> str:
-    """What the result of a goal says about a failure, for operators.
+    """Failure that the result of a goal reports, in words for operators.
 
     :param code: error code of the result; 0 if it has none
     """

@@ -35,7 +35,7 @@ class Navigator(Protocol):
 
     @property
     def waiting_for(self) -> str:
-        """What is missing before goals can be sent; empty if nothing is."""
+        """Reason why goals cannot be sent: what is missing; empty without one."""
 
     @property
     def other_client(self) -> str:
@@ -43,11 +43,11 @@ class Navigator(Protocol):
 
     @property
     def on_the_way(self) -> str:
-        """What the navigation reports about the way, for displays; empty if nothing."""
+        """Report of the navigation about the way, for displays; empty without one."""
 
     @property
     def caution(self) -> str:
-        """What the navigation cannot do now although the mission relies on it; empty if nothing."""
+        """Function of the navigation that the mission relies on and that is unavailable now; empty without one."""
 
     @property
     def feedback_age_s(self) -> float:

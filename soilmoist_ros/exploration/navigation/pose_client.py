@@ -180,7 +180,7 @@ class PoseClient:
 
     @property
     def _place_to_stop(self) -> Place | None:
-        """Where the robot is [m]; ``None`` if it seems to have leaped there, since the pose would drive it there.
+        """Place of the robot [m]; ``None`` after an apparent leap, since a pose there would make it drive there.
 
         After a pose that lets it stay, any other place after a gap of positions is a leap.
         """
@@ -292,7 +292,7 @@ class RobotTrack:
 
     @property
     def place(self) -> Place | None:
-        """Where the robot is [m], if several recent positions agree."""
+        """Place of the robot [m]; ``None`` unless several recent positions agree."""
         newest = list(self._places)[-MIN_AGREEING:]
         if sum(self._verdicts) < MIN_AGREEING or self.now_s - newest[-1][0] > MAX_AGE_S:
             return None

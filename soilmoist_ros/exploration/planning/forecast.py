@@ -48,7 +48,7 @@ SOON_S = 600.0  # time ahead for which a gain is stated [s]
 class Forecast:
     """Standard deviation of the map now and later: the root of its mean variance over the field, nugget included.
 
-    Standard deviations of a rate map are shares of the mean rate [-], those of a moisture map are [m^3/m^3].
+    Standard deviations of a rate map are shares of the mean rate [-], of a moisture map water contents [m^3/m^3].
 
     :param factors: bands about them: in four of five missions the standard deviation ends up between
         ``sd / factor`` and ``sd * factor``
@@ -88,7 +88,7 @@ class Forecast:
 
     @property
     def unit(self) -> str:
-        """What a hundredth of the standard deviations is."""
+        """Unit of a hundredth of the standard deviations, in words."""
         return "% by volume" if self.moisture else "% of the rate"
 
     @property
@@ -107,7 +107,7 @@ class Forecast:
 
     @property
     def uniform(self) -> str:
-        """What is known of a field whose counts show no differences, in words."""
+        """Upper limit of the variation in a field whose counts show no differences, in words."""
         assert self.hidden is not None
         return f"the counts show no differences, and the rate varies by less than ±{100 * self.hidden:.0f} %"
 

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which stop is next."""
+"""Strategies that choose the next stop."""

@@ -29,17 +29,17 @@ class Situation:
     """The data from which a strategy chooses.
 
     :param map_variance: kriging variance of each cell inside the polygon [(counts/s)^2], shape (g,); in a
-        simulation, of those that represent the field, if the strategy's kind has ``whole_map`` false
+        simulation, of cells that represent the field, if the strategy's kind has ``whole_map`` false
     :param travel_s: travel time from the robot to each candidate, stop overhead included [s], shape (k,);
         inf if unreachable
     :param travel_between_s: travel times between candidates: ``travel_between_s(indices)`` gives shape (m, m) [s]
     :param travel_cost_s: ``travel_s`` with the costs that an operator adds for a stop and a metre, for comparisons
-        of trips [s], shape (k,); the clock runs by ``travel_s``. ``None``: the same
+        of trips [s], shape (k,); the clock runs by ``travel_s``. ``None``: no added costs
     :param staying: index of the candidate at which the robot stands and may count on without a trip: its travel
         time is 0, and no goal is sent when it is chosen; ``None`` if there is none
     :param prospect: computes the look-ahead, which is slow; ``None`` while there is no map
     :param legs_s: travel times from candidate to candidate of a route: ``legs_s(indices)``, shape (m - 1,) [s];
-        those of ``travel_between_s`` if ``None``, which takes longer
+        ``None``: from ``travel_between_s``, which takes longer
     """
 
     candidates: tuple[Stop, ...]  # stops that may be chosen, without the blacklisted ones

@@ -149,7 +149,7 @@ class DrivableArea:
     """Outlines of the field minus the no-go areas.
 
     :param polygons: outlines of the field, each of shape (k, 2) [m], at least one
-    :param no_go: outlines of areas that must not be entered, likewise
+    :param no_go: outlines of areas that must not be entered, each of shape (k, 2) [m]
     :param margin_m: distance to keep from the border and the no-go areas [m], >= 0
     :param beyond_m: if positive, the border lies this far outside the outlines and keeps no margin [m]
     """

@@ -101,7 +101,7 @@ class TopologicalMap:
         return f"the navigation may refuse to drive: {text}; {remedy}" if refused else ""
 
     def restrictions(self) -> str:
-        """Which nodes and edges keep robots away, by a restriction or as ``no_go``; empty if there are none."""
+        """Nodes and edges that keep robots away, by a restriction or as ``no_go``; empty if there are none."""
         found: dict[str, list[str]] = {}
         for entry in self.document["nodes"]:
             node, meta = entry["node"], entry.get("meta")

@@ -56,7 +56,7 @@ class RobotMotion:
         return np.asarray(way + np.asarray(turn_rad, float) * self.turn_s_per_rad + self.stop_overhead_s)
 
     def cost_s(self, length_m: ArrayLike, turn_rad: ArrayLike = 0.0) -> Array:
-        """What routes cost in a comparison: their time and what an operator adds to it [s]."""
+        """Cost of routes in a comparison: their time and the costs that an operator adds [s]."""
         length = np.asarray(length_m, float)
         added = self.stop_cost_s + self.metre_cost_s * np.where(np.isfinite(length), length, 0.0)
         return np.asarray(self.travel_s(length_m, turn_rad) + added)
