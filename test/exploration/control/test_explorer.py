@@ -82,6 +82,11 @@ def test_the_correction_factor_shortens_the_dwell_at_low_pressure():
     assert (sooner.dwell_s[later.dwell_s > 10] < later.dwell_s[later.dwell_s > 10]).all()
 
 
+def test_a_dwell_by_counts_is_expected_shorter_where_more_neutrons_arrive():
+    usual, at_900_hpa = (explorer(factor, "ami:0.05").situation(REQUEST, PLACE) for factor in (1.0, 0.42))
+    assert at_900_hpa.expected_dwell_s == pytest.approx(0.42 * usual.expected_dwell_s)
+
+
 def test_before_the_first_map_the_dwell_follows_the_nominal_rate():
     planner = explorer(dwell="ami:0.05")
     planner.properties = [Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))]

@@ -271,6 +271,12 @@ def test_an_impossible_transform_is_ignored(bad):
     assert len(tree(bad)) == 0
 
 
+def test_what_is_not_connected_is_named():
+    grown = tree(link("odom", "base_link"), link("world", "map"))
+    assert grown.gap("base_link", "map") == "TF does not connect base_link with map"
+    assert grown.gap("base_link", "utm") == "TF has no frame utm"
+
+
 # Agreement of TF and fixes: what is recovered, what it says, and what it does not mind --------------------------
 
 PLANE = LocalFrame(52.4660, 12.9580)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.failsafes import Cause, WatchLimits
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause, WatchLimits
 from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, RobotSurroundings, Watch
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
@@ -67,6 +67,17 @@ def test_what_was_never_there_is_not_missed():
     observed.fixes = observed.records = False
     observed.run(1000)
     assert observed.events == []
+
+
+def test_each_cause_has_a_text_and_a_remedy():
+    assert set(FAILSAFES) == set(Cause)
+    assert all(row.about and row.remedy for row in FAILSAFES.values())
+
+
+def test_an_ignored_cause_is_no_alarm():
+    observed = Observed(responses={Cause.OUTSIDE: Response.IGNORE}).run(1)
+    observed.watch.report(Cause.OUTSIDE, "wrong")
+    assert observed.watch.check(observed.now_s, IDLE) == ()
 
 
 @pytest.mark.parametrize("away_m", [16.0, 30.0, 60.0, 2000.0])
