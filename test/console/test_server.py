@@ -107,7 +107,6 @@ def served(tmp_path):
     made.server.close()
 
 
-@pytest.mark.slow
 def test_a_connection_that_sends_no_request_is_ended(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "SILENT_S", 0.1)
     served = Served(Access(), tmp_path)

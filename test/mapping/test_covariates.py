@@ -283,7 +283,6 @@ def pipeline(path):
     return path
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("make", [virtual_raster, virtual_polygons, pipeline])
 @pytest.mark.parametrize("ending", ["tif", "geojson", "json", "gpkg", "shp", "fgb", "png", "vrt"])
 def test_no_file_leads_to_another_one(tmp_path, make, ending):

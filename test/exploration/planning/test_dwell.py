@@ -36,7 +36,6 @@ def test_a_rule_reads_back_from_its_text(text, rule, plain):
     assert parse_dwell(plain) == rule
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -95,7 +95,6 @@ def test_a_missing_solver_is_named_with_the_way_to_install_it(monkeypatch):
     assert open_route(start, between, rng()).travel_s < 0.9 * nearest_s, "many are visited, too"
 
 
-@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 1000), count=st.integers(0, 40), symmetric=st.booleans())
 def test_a_shortened_route_visits_all_and_is_never_longer(seed, count, symmetric):

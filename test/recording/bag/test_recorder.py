@@ -137,7 +137,6 @@ def fail_with(monkeypatch, code, meanwhile=lambda: None):
     return healed
 
 
-@pytest.mark.slow
 def test_a_disk_that_fills_up_within_a_batch_keeps_every_message_once_and_in_order(make, tmp_path, monkeypatch):
     """Large messages, so that the disk refuses the first of a batch while the others still wait."""
     large, all_wait, late = text_message(random.Random(1).randbytes(2_000_000).hex()), threading.Event(), [4]

@@ -105,7 +105,6 @@ STATION = b"""\
 """
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("logger", "lines", "limit_s"),
     [
