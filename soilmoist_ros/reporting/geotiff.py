@@ -34,17 +34,15 @@ BANDS: dict[str, tuple[str, str]] = {
 }
 """Unit and meaning of each band by its name, in the order of the file. A map without a curve has only the rate."""
 CHANGES: dict[str, tuple[str, str]] = {
-    "vwc_change": ("m3/m3", "change of the volumetric water content since the survey before"),
+    "vwc_change": ("m3/m3", "change of the volumetric water content"),
     "vwc_change_sd": ("m3/m3", "standard deviation of the change of the volumetric water content"),
-    "rate_change": ("counts/s", "change of the corrected neutron count rate since the survey before"),
+    "rate_change": ("counts/s", "change of the corrected neutron count rate"),
     "rate_change_sd": ("counts/s", "standard deviation of the change of the corrected neutron count rate"),
     "significant": (
-        "1",
-        "1 drier, -1 wetter than the survey before, 0 not significant "
-        f"(false discovery rate {FieldChange.FALSE_SHARE:g})",
+        "1", f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FieldChange.FALSE_SHARE:g}",
     ),
-}
-"""Unit and meaning of each band of a change by its name."""
+}  # fmt: skip
+"""Unit and meaning of each band of a change by its name; the survey that it compares with may be a later one."""
 CELLS_AT_ONCE = 2**20
 """Many, since tiles of a large map that lie in two parts are computed twice."""
 MAX_CELLS = 25_000_000

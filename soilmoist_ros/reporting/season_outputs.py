@@ -162,6 +162,7 @@ def write_stack(path: Path, season: Season) -> Path:
     for name, (unit, meaning) in {**BANDS, **CHANGES}.items():
         moist = name.startswith("vwc")
         if season.curve is not None or not moist:
+            meaning += ", since the survey before" if name in CHANGES else ""
             guessed = f", {ILLUSTRATIVE}" if season.illustrative and moist else ""
             variables[name] = raster(
                 stack(season, name), ("time", "y", "x"), UNITS.get(unit, unit), meaning + guessed,

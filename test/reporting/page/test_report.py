@@ -340,6 +340,7 @@ def test_files_have_the_change(changed, tmp_path):
     with rasterio.open(tmp_path / "change.tif") as file:
         bands = dict(zip(file.descriptions, file.read(), strict=True))
         assert file.tags()["SOILMOIST_CHANGE_SINCE"] == "may"
+        assert "before" not in str(list(map(file.tags, file.indexes))), "it may be a later survey"
     assert list(bands) == ["vwc_change", "vwc_change_sd", "rate_change", "rate_change_sd", "significant"]
     change = changed.change.change
     assert np.nanmean(bands["rate_change"]) == pytest.approx(np.nanmean(change.rate), abs=0.02)
