@@ -59,6 +59,15 @@ def test_only_the_newest_of_the_waiting_states_is_mapped(bench):
     assert bench.computed == [1, 5]
 
 
+def test_a_state_is_not_mapped_twice(bench):
+    bench.worker.submit(STATES[0])
+    assert bench.started.acquire(timeout=LIMIT_S)
+    bench.worker.submit(STATES[0])
+    bench.finish_one()
+    assert not bench.started.acquire(timeout=0.1)
+    assert bench.computed == [1]
+
+
 def test_a_map_that_is_finished_after_the_end_is_not_published(bench):
     """The map of a field that was left must not be taken for one of the next field."""
     bench.worker.submit(STATES[0])
