@@ -206,7 +206,8 @@ class TubeChecks:
             bad |= self._masked
         rate_cps = math.nan
         if good.any():
-            self._learn(record.stamp_s, np.where(good, counts, 0.0), np.where(good, live_s, 0.0))
+            if good.sum() > 1:  # one tube alone tells nothing about shares
+                self._learn(record.stamp_s, np.where(good, counts, 0.0), np.where(good, live_s, 0.0))
             rate_cps = counts[good].sum() / (self.shares * live_s)[good].sum()
             self._rates.append(rate_cps)
         expected = rate_cps * self.shares * live_s
@@ -251,6 +252,7 @@ class TubeChecks:
                 break
             self._seen[tube] -= _KEEP**age * counts[tube]
             self._expected[tube] -= _KEEP**age * expected[tube]
+            counts[tube] = expected[tube] = 0.0  # once: another check may find the same counts
 
     def _close(self, tube: int, kind: Kind, stamp_s: float) -> None:
         """End the open period of a tube before a record."""

@@ -161,6 +161,29 @@ def test_a_tube_that_is_left_out_on_purpose_has_no_share() -> None:
     assert checks.shares.tolist() == [0.5, 0.5, 0.0]
 
 
+def test_a_tube_alone_says_nothing_about_its_share() -> None:
+    counts = np.random.default_rng(1).poisson([160.0, 240.0], (80, 2)).astype(float)
+    counts[:50, 0] = NAN
+    checks = TubeChecks(2)
+    check(counts, checks=checks)
+    assert checks.shares == pytest.approx(counts[50:].sum(axis=0) / counts[50:].sum(), abs=0.002)
+
+
+def test_what_two_checks_find_is_taken_back_once() -> None:
+    counts = np.random.default_rng(2).poisson(40.0, (200, 3)).astype(float)
+    counts[10:, 1] = 20.0
+    checks = TubeChecks(3)
+    check(counts, checks=checks)
+    assert [(span.kind, span.begin_s) for span in checks.spans] == [
+        (Kind.DEAD_TUBE, T0 + 100),
+        (Kind.STUCK_TUBE, T0 + 100),
+    ]
+    good = np.where((np.arange(200) < 10)[:, None] | (np.arange(3) != 1), counts, NAN)
+    clean = TubeChecks(3)
+    check(good, checks=clean)
+    np.testing.assert_allclose(checks.shares, clean.shares, atol=0.01)
+
+
 def test_what_a_bad_tube_counted_before_it_was_found_is_taken_back() -> None:
     counts = draw(80, 3, rate_cps=8.0)
     clean, bad = TubeChecks(3), TubeChecks(3)
