@@ -426,11 +426,11 @@ def _with_clock(records: Sequence[LoggerRecord], offsets_s: Sequence[float]) -> 
     known = [(number, offset_s) for number, offset_s in enumerate(offsets_s) if not math.isnan(offset_s)]
     if not known:
         return tuple(records)
-    reach = CLOCK_COMPARISONS - 1
-    around = [
-        median_low([offset_s for _, offset_s in known[max(at - reach, 0) : at + reach + 1]])
-        for at in range(len(known))
-    ]
+    around, half = [], CLOCK_COMPARISONS // 2
+    for at in range(len(known)):  # as many on each side, so that a clock that was set near an end is seen, too
+        middle = max(min(at, len(known) - 1 - half), half)
+        reach = max(min(middle, len(known) - 1 - middle, CLOCK_COMPARISONS - 1), half)
+        around.append(median_low([offset_s for _, offset_s in known[middle - reach : middle + reach + 1]]))
     ahead_s, at = [], 0
     for number in range(len(records)):
         if at + 1 < len(known) and known[at + 1][0] <= number:

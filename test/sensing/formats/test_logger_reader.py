@@ -258,6 +258,15 @@ def test_the_offset_of_a_clock_that_drifts_and_is_set_is_known_for_each_record()
     assert [one.clock_ahead_s for one in live[22:]] == true[22:]
 
 
+@pytest.mark.parametrize("n", [3, 4, 17])
+@pytest.mark.parametrize(("before", "after"), [(0, 200), (200, 0)])
+def test_a_clock_that_was_set_near_an_end_of_the_log_is_taken_off_alike(n, before, after) -> None:
+    true = [before] * n + [after] * (20 - n)
+    lines = [*ROVER_HEADER.splitlines(), *minutes(true)]
+    log = parse_log(lines, "hydroinnova_rover", "east", Path("x"))
+    assert [one.clock_ahead_s for one in log.records] == true
+
+
 def test_a_first_comparison_that_is_wrong_is_no_clock_that_was_set() -> None:
     lines = [*ROVER_HEADER.splitlines(), *minutes([40] + [0] * 9)]
     log = parse_log(lines, "hydroinnova_rover", "east", Path("x"))
