@@ -228,10 +228,11 @@ class _Draft:
             )
             raise InputError("has no column that is by its name one of raw counts of neutrons", remedy, self.path)
         first, pattern = found[0], _pattern(found, self.free)
-        names = listing(one.name for one in (found if pattern else found[:1]))
+        read = found if pattern else found[:1]
+        names = listing(one.name for one in read)
         self.lines += ["counts:", f"  columns: [{_quoted(pattern or first.name)}]  # {names}"]
         unit = units.rate_of(first.unit) or units.rate_of(first.name)
-        if not unit and all(value == int(value) for one in found for value in one.numbers):
+        if not unit and all(value == int(value) for one in read for value in one.numbers):
             self.lines.append("  unit: counts")
         else:
             question = "QUESTION: the header says so, or it is no whole number; or raw counts?"
@@ -246,7 +247,7 @@ class _Draft:
             "  # QUESTION: raw counts of moderated detectors? Leave others out, such as: left_out: [2]",
             f"  # Means: {means}; a bare (thermal) tube counts about half of a moderated one.",
         ]
-        self._use(found if pattern else found[:1])
+        self._use(read)
 
     def take_live_time(self, step_s: float) -> None:
         """Write record number, live time and period."""

@@ -162,6 +162,13 @@ def test_a_unit_that_fits_nothing_is_a_question(tmp_path):
     assert log.records[0].pressure_hpa != log.records[0].pressure_hpa
 
 
+def test_the_unit_is_that_of_the_column_that_is_read(tmp_path):
+    path = tmp_path / "two.csv"
+    path.write_text("time,counts,pulses\n" + "".join(f"2024-05-13 10:{n}:00,{n},{n}.5\n" for n in range(10, 40)))
+    text = draft_format(path, counts=["counts", "pulses"])
+    assert "  unit: counts\n  # QUESTION: only counts is read, not pulses?" in text
+
+
 def test_names_in_two_comment_lines_are_one_header():
     path = Path(__file__).parents[3] / "examples" / "rover_gypsum_transect_2018-05-01.KSU"
     draft = yaml.safe_load(draft_format(path))
