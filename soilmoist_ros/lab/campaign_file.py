@@ -126,16 +126,11 @@ class Campaign(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _name_old_keys(cls, content: Any) -> Any:
-        """Refuse or ignore keys of earlier releases with a word."""
-        if not isinstance(content, Mapping):
+    def _leave_verdicts_out(cls, content: Any) -> Any:
+        """Ignore a key of earlier releases with a word."""
+        if not isinstance(content, Mapping) or "published" not in content:
             return content
-        experiments = content.get("experiments")
-        for part in (content.get("defaults"), *(experiments if isinstance(experiments, list) else ())):
-            for name in sorted(_RENAMED.keys() & _mapping(part).keys()):
-                raise ValueError(f"the key {name!r} is {_RENAMED[name]!r} now (a property is FIELD:WEIGHT)")
-        if "published" in content:
-            _log.warning("'published' is not read any more: the report shows differences, without verdicts")
+        _log.warning("'published' is not read any more: the report shows differences, without verdicts")
         return {name: value for name, value in content.items() if name != "published"}
 
 
@@ -290,7 +285,9 @@ def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
     experiments = [_mapping(item) for item in listed] if isinstance(listed, list) else []
     names: list[str] = []
     for number, part in enumerate([defaults, *experiments], -1):
+        rename = "rename it; a property is FIELD:WEIGHT"
         found = [
+            *((old, f"the key {old!r} is {_RENAMED[old]!r} now", rename) for old in _RENAMED if old in part),
             *_faults_of_fields("field", _texts(part.get("field")), path.parent),
             *_faults_of_fields("properties", map(_property_field, _texts(part.get("properties"))), path.parent),
         ]

@@ -386,8 +386,8 @@ def test_properties_are_a_list_and_lists_make_a_grid(tmp_path, given, expected):
 
 def test_old_keys_are_refused_with_their_new_names_and_verdicts_are_named(tmp_path, caplog):
     for key, today in (("also", "properties"), ("also_weight", "properties"), ("variogram", "model")):
-        with pytest.raises(InputError, match=f"{key}.* is '{today}' now"):
-            written(tmp_path / "old.yaml", f"title: t\nruns: 1\nexperiments: [{{name: a, {key}: x}}]\n")
+        with pytest.raises(InputError, match=f"yaml:4 .*experiments.0.{key}.*{key}.* is '{today}' now"):
+            written(tmp_path / "old.yaml", f"title: t\nruns: 1\nexperiments:\n- {{name: a, {key}: x}}\n")
     written(tmp_path / "c.yaml", "title: t\nruns: 1\nexperiments: [{name: a}]\npublished: {high_gradient: b}\n")
     assert "'published' is not read any more" in caplog.text
 
