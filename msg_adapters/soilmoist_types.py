@@ -91,7 +91,7 @@ def choice_to_message(chosen: Sequence[str] | None) -> list[str]:
 
 
 def choice_from_message(chosen: Sequence[str]) -> tuple[str, ...] | None:
-    """What :func:`choice_to_message` wrote."""
+    """List that :func:`choice_to_message` wrote; ``None`` for no choice."""
     return tuple(filter(None, map(foreign_text, chosen))) if chosen else None
 
 

@@ -96,7 +96,7 @@ def command(
 
 
 def _earlier(paths: tuple[Path, ...]) -> tuple[Path, ...] | None:
-    """Earlier runs: those of the run if none are given, and none for ``none``."""
+    """Earlier runs from the command line: ``None`` (as in the bag) without any, empty for ``none``."""
     return () if paths == (Path("none"),) else paths or None
 
 

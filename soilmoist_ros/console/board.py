@@ -68,7 +68,7 @@ class Board:
 
 
 def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    """What a reader of ``old`` needs to have ``new``, as JSON.
+    """Changes that turn ``old`` into ``new``, as JSON.
 
     >>> changes({"a": 1, "trail": (1, 2)}, {"a": 1, "trail": (1, 2, 3), "b": 0})
     {'set': {'b': 0}, 'extend': {'trail': [2, [3]]}}

@@ -82,7 +82,7 @@ class PlanRoutes:
 
 @dataclass(frozen=True)
 class SurveyFiles:
-    """What may be chosen: folders of fields (drawn ones are saved there), GeoTIFFs, runs; field of the start."""
+    """Folders of the files to choose from: fields (drawn ones are saved there), GeoTIFFs, runs; initial field."""
 
     fields: Path
     covariates: Path

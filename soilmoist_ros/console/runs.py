@@ -84,7 +84,7 @@ def _about(path: Path) -> dict[str, Any]:
 
 
 def _summary(path: Path) -> dict[str, Any]:
-    """What the summary of a run says for a list; nothing if there is none that can be read."""
+    """Values from the summary of a run for a list; empty if no summary can be read."""
     try:
         content = read_json(read_limited(path / SUMMARY).decode("utf-8"))
         stops = (content.get("mission") or {}).get("stops")

@@ -70,7 +70,7 @@ Handler = Callable[[Any], Awaitable[Any]]
 
 
 class Steering(Protocol):
-    """What the console asks of the robots; called in the thread of the server."""
+    """Commands from the console to the robots; called in the thread of the server."""
 
     def command(self, robot: str, request: OperatorRequest) -> Future[Reply]:
         """Pass a request to the planner of a robot."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What viewers see of a field, a mission, a visit, and of health: values that JSON can express."""
+"""Views of a field, a mission, a visit, and of health: values that JSON can express."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def field_view(field: Field) -> dict[str, Any]:
 
 
 def choices_view() -> dict[str, Any]:
-    """What an operator may choose from: the strategies, the recommended one first, each with a plain word."""
+    """Choices of an operator: the strategies, the recommended one first, each with a plain word."""
     names = sorted(
         STRATEGIES.names(), key=lambda name: (name != RECOMMENDED, STRATEGIES.get(name).is_baseline, name)
     )

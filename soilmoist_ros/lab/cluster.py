@@ -77,7 +77,7 @@ def _compute(mission: CampaignMission, simulate: Simulate, version: str) -> Fini
 
 
 def _finished(future: Any, mission: CampaignMission, scheduler: str) -> Finished | None:
-    """What a future has computed, or why it was lost.
+    """Result of a future, or the failure by which it was lost.
 
     :raises WorkersLostError: if it was cancelled, which happens when the scheduler is lost
     """

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 LEVEL = 0.95  # share of intervals that cover the true mean difference
 QUANTITIES = ("mse", "mse_quarter", "vwc_rmse", "distance_m")
-"""What is compared of missions: columns of ``missions``."""
+"""Quantities in which missions are compared: columns of ``missions``."""
 Combination = tuple[str, str]  # names of a strategy and a dwell rule
 LATTICE_DWELLS = ("fmi:10", "fmi:20", "fmi:30", "fmi:60")  # dwells from which hindsight chooses
 LATTICES: tuple[Combination, ...] = tuple(("lattice", dwell) for dwell in LATTICE_DWELLS)

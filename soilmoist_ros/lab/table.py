@@ -38,7 +38,7 @@ _NUMBERS = {name: "float64" for name, setting in SETTINGS.items() if setting.kin
 
 @dataclass(frozen=True, eq=False)
 class MissionRow:
-    """What the tables need of a mission; small, because a campaign keeps it of every mission."""
+    """Values of a mission that the tables need; few, because a campaign keeps them of every mission."""
 
     key: str  # digest of its settings
     field_title: str  # name of the field for reports

@@ -77,7 +77,7 @@ RECENT = 30
 class FieldMapSettings:
     """Choices of a :class:`FieldMap`.
 
-    Those not named here are of :class:`MappingSettings`, with its defaults.
+    Settings not named here are of :class:`MappingSettings`, with its defaults.
 
     :param margin_m: records up to this far outside the field count [m], >= 0; they inform its edge
     :param curve: calibration that turns the rate into soil moisture; without one the map is of the rate only

@@ -117,7 +117,7 @@ class ActionNavigator(ABC):
 
     @property
     def on_the_way(self) -> str:
-        """What the last feedback of the goal says."""
+        """Last feedback about the goal, in words."""
         return self._said
 
     @property
@@ -205,7 +205,7 @@ class ActionNavigator(ABC):
                     self._node.get_logger().warning(text, once=True)
 
     def _drivers(self) -> set[str]:
-        """Names of this action, and of the others of the same navigation, which drive the robot just as well.
+        """Names of this action and of all other actions of its navigation that drive the robot, too.
 
         The node that serves it may serve others, below it or in its namespace: policies, ways through poses.
         """
@@ -247,7 +247,7 @@ class ActionNavigator(ABC):
 
     @abstractmethod
     def heard(self, message: Any) -> str:
-        """What feedback of the action says, in words."""
+        """Feedback of the action, in words."""
 
     @abstractmethod
     def verdict(self, result: Any) -> tuple[bool, str]:

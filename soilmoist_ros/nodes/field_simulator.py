@@ -368,7 +368,7 @@ class NavigationServer(ABC):
 
     @abstractmethod
     def text(self, goal: Any) -> str:
-        """Where a goal leads, for the log."""
+        """Destination of a goal, in words for the log."""
 
     @abstractmethod
     def feedback(self, event: OnRoute | Remaining) -> Any:

@@ -323,7 +323,7 @@ class ChangeOutput:
 
     @property
     def health(self) -> list[Health]:
-        """What has changed, in words; nothing without an earlier survey."""
+        """Health of the change map, with the change in words; empty without an earlier survey."""
         return [self._said] if self._survey.earlier else []
 
     def use(self, survey: FieldSurvey) -> None:

@@ -287,7 +287,7 @@ class Parameters:
             node.declare_parameter(name, value, rows[name].descriptor(), ignore_override=True)
 
     def changed(self, values: Mapping[str, Value]) -> Parameters:
-        """The same with other values; what the node shows stays as it is."""
+        """Copy of these parameters with other values; the parameters that the node shows stay as they are."""
         other = copy(self)
         other._values = {**self._values, **values}
         return other

@@ -166,7 +166,7 @@ def chosen_survey(parameters: Parameters, changes: Changes | None) -> tuple[Fiel
 
 
 def _knowledge(parameters: Parameters, field: Field, calibration: MoistureCurve | None) -> Knowledge:
-    """What is known of the robot's own property: the earlier surveys and covariates that the mapper has, too."""
+    """Knowledge of the robot's own property: earlier surveys and covariates, as the mapper has them."""
     paths = parameters.texts("earlier")
     sources = (*field.covariates, *map(CovariateSource.parse, parameters.texts("covariates")))
     if not (paths or sources):

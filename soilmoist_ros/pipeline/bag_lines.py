@@ -263,7 +263,7 @@ def unread_positions(reader: BagReader) -> list[Problem]:
 
 
 def _choice_notes(reader: BagReader, topic: str) -> list[Problem]:
-    """Which topic has the positions, if there are others."""
+    """Note on the topic chosen for positions, if other topics have positions, too."""
     others = sorted({name for found in _candidates(reader) for name in found if name != topic})
     if not others:
         return []

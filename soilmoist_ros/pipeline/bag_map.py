@@ -95,7 +95,7 @@ _REPLAY = (
 
 @dataclass(frozen=True, kw_only=True)
 class ReplaySettings(MappingSettings):
-    """Choices of a replay; those of :class:`MappingSettings` are the mapper's if they are ``None``.
+    """Choices of a replay; settings of :class:`MappingSettings` that are ``None`` are taken from the mapper.
 
     :param site: site file, or name of a shipped one; other corrections need the source ``raw``
     :param properties: names of the properties to map; empty for all in the bag

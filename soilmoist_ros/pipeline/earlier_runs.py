@@ -344,7 +344,7 @@ def _named(runs: Sequence[EarlierRun]) -> list[EarlierRun]:
 
 
 def earlier_doubts(run: EarlierRun, rate_cps: float, now: datetime, end: datetime | None = None) -> Iterator[str]:
-    """What can hardly be right with an earlier survey; each doubt is a sentence that follows its name.
+    """Doubts about an earlier survey; each is a sentence that follows its name.
 
     :param rate_cps: mean rate of the survey that it is compared with, in counts of the same sensor [counts/s]
     :param end: end of the survey that it is compared with; ``None`` for any, or for a clock without a date

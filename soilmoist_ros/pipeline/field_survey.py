@@ -394,7 +394,7 @@ def _calibration(site: Site) -> CalibrationInfo | None:
 
 
 def loss_rows_of(snapshot: Snapshot) -> list[LossRow]:
-    """What a map has left out: a row for each reason, lost records first, then those that others quarantined."""
+    """Rows of records left out of a map, one a reason: lost records first, then records quarantined elsewhere."""
     last = {one.quarantine: one for one in snapshot.track if one.quarantine not in ("", Kind.UNEXPECTED_COUNT)}
     counts = Counter(record.quarantine for record in snapshot.track)
     rows = []

@@ -355,7 +355,7 @@ def position_findings(
 
 
 def position_notes(problems: Sequence[Problem], track: Track | None) -> list[str]:
-    """What was chosen or assumed for positions, and which of them are not of satellites."""
+    """Choices and assumptions about positions, and positions that are not from satellites, as sentences."""
     said = [str(one) for one in problems if not one.lost and one.kind in _NOTED]
     if track is not None and track.heard.odd:
         said.append(f"Of the positions, {track.heard.odd}")
@@ -449,7 +449,7 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[FileFind
 def contradictions(
     field: Field | None, site: Site | None, places: NDArray[np.float64], source: PositionSource
 ) -> Iterator[Mistake | FileFinding]:
-    """What files that are given together say about each other: mistakes, and lines for the user.
+    """Contradictions between files that are given together: mistakes, and findings for the user.
 
     :param places: latitude and longitude of the records, shape (n, 2) [deg]; empty without a log
     """

@@ -108,7 +108,7 @@ def read_visits(topics: RunTopics, robot: int = 1) -> list[Visit] | None:
 def mission_visits(
     statuses: Sequence[Status], visits: Sequence[Visit] | None, records: Sequence[CountRecord]
 ) -> list[Visit]:
-    """The visits of one mission, in order, out of those of all in the bag; estimated if the bag lacks them."""
+    """Visits of one mission, in order, from all visits in the bag; estimated if the bag has none."""
     if visits is None:
         return estimate_visits(statuses, records)
     # Where the clock was set, the mission has a start on each clock. Its time stands still before and after it.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where the records of a map are stored on this computer, and which of them belong to the map."""
+"""Stores of the records of a map on this computer, and the choice of records that belong to the map."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class RecordLog:
     """A log of records that is being written; one disk sync for each call.
 
     Records that the disk refuses wait in memory, and are written with the next ones. After a sync that failed
-    those of the last call are written again, with the same bytes: a reader that has them continues after them.
+    the records of the last call are written again, byte by byte: a reader that has them continues after them.
 
     :param folder: folder of the log; made if missing
     :param frame: frame of the records

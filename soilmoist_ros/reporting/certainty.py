@@ -42,7 +42,7 @@ def absolute(run: MapRun) -> bool:
 
 
 def calibration_of(run: MapRun) -> str:
-    """What the moisture of a map rests on, see :func:`calibration_state`."""
+    """Origin of the calibration of a map, see :func:`calibration_state`."""
     return calibration_state(run.calibrated, absolute(run), run.simulated)
 
 

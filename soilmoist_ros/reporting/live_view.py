@@ -210,7 +210,7 @@ class LiveRobot:
 
     @property
     def values(self) -> dict[str, Any]:
-        """Status of the mission for programs: texts, numbers and flags; those of a silent planner are ``None``."""
+        """Status of the mission for programs: texts, numbers and flags; ``None`` where the planner is silent."""
         status = self.status
         x_m, y_m = self.xy or (math.nan, math.nan)
         return {
@@ -248,7 +248,7 @@ class LiveMission:
         self.robots = tuple(map(LiveRobot, namespaces))
         self.samples_xy: Array = np.empty((0, 2))
         self.clock_waits_for = ""
-        """What simulated time waits for, if that has lasted long."""
+        """Event that simulated time has been awaiting for long, in words; empty without one."""
         self.rain = ""
         """Reason why rain is likely, and what to do; empty if it is not."""
 

@@ -175,7 +175,7 @@ def open_run(folder: Path | str) -> OpenedRun:
 
 
 def _rows(path: Path, read: Callable[[dict[str, str]], Row]) -> list[Row]:
-    """What is read of each row; nothing if there is no such file."""
+    """Values read from each row of a CSV file; empty if the file does not exist."""
     if not path.is_file():
         return []
     with path.open(encoding="utf-8", newline="") as stream:

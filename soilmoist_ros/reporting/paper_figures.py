@@ -71,11 +71,11 @@ _VECTOR: Final[dict[str, Any]] = {
     "font.size": SIZE,
 }
 _DATE: Final = {"svg": "Date", "pdf": "CreationDate"}
-"""Metadata that would make the same figures differ."""
+"""Metadata key of the creation date by format; left out, so that equal figures are equal files."""
 
 
 def write_figures(out: Path, figures: Iterable[tuple[str, Figure]], formats: Iterable[str]) -> list[Path]:
-    """Write figures to the folder ``figures``; those of an earlier run are removed.
+    """Write figures to the folder ``figures``, and remove figures of an earlier run.
 
     :param formats: of :data:`FORMATS`; none writes nothing
     :raises InputError: if the folder cannot be written, or matplotlib is missing
@@ -101,7 +101,7 @@ def write_figures(out: Path, figures: Iterable[tuple[str, Figure]], formats: Ite
 
 
 def run_figures(run: MapRun) -> Iterator[tuple[str, Figure]]:
-    """Names and figures of a run; those of further properties end with the property.
+    """Names and figures of a run; names for further properties end with the property.
 
     :raises InputError: without matplotlib
     """

@@ -229,7 +229,7 @@ def _map(run: MapRun) -> dict[str, Any]:
 
 
 def _moisture(soil_map: SoilMap) -> dict[str, Any]:
-    """What the moisture of the map is, and how far its intervals reach."""
+    """Moisture of the map and its uncertainty, for the summary."""
     mean, limits, common = statistics.mean_moisture(soil_map), soil_map.limits, calibration_sd(soil_map)
     return {
         "vwc_p05": band_statistics(soil_map.vwc_p05)._asdict(),
@@ -263,7 +263,7 @@ def _earlier(one: EarlierRun, related: Mapping[str, float]) -> dict[str, Any]:
 
 
 def _change(run: MapRun) -> dict[str, Any] | None:
-    """What the earlier surveys contributed, and the change since the latest of them."""
+    """Contribution of the earlier surveys, and the change since the latest of them, for the summary."""
     if run.change is None:
         return None
     found, change = run.change, run.change.change

@@ -58,7 +58,7 @@ Progress = Callable[[str, float], None]
 MAX_SAMPLES = 4000
 """Number of samples from which each survey is mapped with those nearest to it in time."""
 MAX_FITTED = 800
-"""Number of samples to which the variogram is fitted: those of the last surveys."""
+"""Maximum number of samples to which the variogram is fitted: samples of the last surveys."""
 MAX_CELLS = 100_000
 """Cells that a map of a season can have: all maps are in one page."""
 USUAL_CELLS = 2000
@@ -186,7 +186,7 @@ def make_season(
 
 
 def _notes(runs: Sequence[EarlierRun], now: datetime, illustrative: bool) -> Iterator[str]:
-    """What the user should know of the runs."""
+    """Remarks on the runs of a season, as sentences for the user."""
     if illustrative:
         yield "The calibration is illustrative: patterns and changes are real, the level of the moisture is not."
     typical = float(np.median([mean_rate(run.survey.samples) for run in runs]))
@@ -249,7 +249,7 @@ def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) ->
 
 
 def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
-    """Field and calibration: those of files, else those of the last run that has a folder, or of the last bag."""
+    """Field and calibration: from files, else from the last run that has a folder, or from the last bag."""
     summaries = [(path, read_summary(path)) for path in runs if (path / SUMMARY).is_file()]
     home, about = max(
         summaries, key=lambda one: one[1].get("last_stamp_s") or 0.0, default=(runs[-1], dict[str, Any]())

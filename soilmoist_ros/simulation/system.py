@@ -269,7 +269,7 @@ class SimulatedRobot:
 
     @property
     def _reported_place(self) -> tuple[float, float]:
-        """Where the receiver believes to be [m]."""
+        """Place that the receiver reports, errors included [m]."""
         x_m, y_m = self.body.at(self.now_s)
         wrong = [shift for shift in self._shifts if shift.covers(self.now_s)]
         return x_m + sum(shift.east_m for shift in wrong), y_m + sum(shift.north_m for shift in wrong)

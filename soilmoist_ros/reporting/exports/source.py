@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What exports are made of: maps, samples, records and shapes of a run, read from its folder."""
+"""Source of exports: maps, samples, records and shapes of a run, read from its folder."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def transformed(transform: Any, x: ArrayLike, y: ArrayLike) -> tuple[Array, Arra
 
 
 class Quantity(NamedTuple):
-    """What a map shows to readers: the band of ``map.tif`` times the scale, in the unit.
+    """Quantity that a map shows to readers: the band of ``map.tif`` times the scale, in the unit.
 
     :param column: name with unit for tables, at most ten ASCII characters
     :param colours: colour map; light for low, dark for high values
@@ -163,7 +163,7 @@ class ExportedProperty:
 
     @cached_property
     def cells(self) -> tuple[NDArray[np.bool_], Array]:
-        """Which cells are inside the field, (rows, columns), and their places (n, 2) [m]."""
+        """Mask of the cells inside the field, shape (rows, columns), and their places, shape (n, 2) [m]."""
         inside = np.isfinite(self.bands["rate"])
         row, column = np.nonzero(inside)
         return inside, self.to_local(np.column_stack([column, row]))

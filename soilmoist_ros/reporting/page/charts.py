@@ -100,7 +100,7 @@ class Chart:
     :param alt: description in words, for readers who cannot see it
     :param x: limits of the horizontal axis, ``y`` of the vertical one
     :param x_ticks: labels of the horizontal axis as (value, text), ``y_ticks`` of the vertical one, ``top_ticks``
-        above the plot; the former two are made from the limits by default
+        above the plot; ``x_ticks`` and ``y_ticks`` are made from the limits by default
     """
 
     key: str

@@ -73,7 +73,7 @@ class IrrigationZone:
 
 @dataclass(frozen=True, eq=False)
 class IrrigationAdvice:
-    """What the map means for irrigation.
+    """Irrigation advice from a map: zones, certainty and steps.
 
     :param zones: from dry to moist
     :param number: number of the zone of each cell, NaN outside the field, shape (ny, nx)
@@ -100,7 +100,7 @@ class IrrigationAdvice:
 
     @property
     def advice(self) -> str:
-        """What to do, in sentences."""
+        """Steps of the advice, as one text."""
         return " ".join(self.steps)
 
     @property
@@ -305,7 +305,7 @@ def _on_place(run: MapRun, found: IrrigationAdvice) -> str:
 
 
 def _on_dry(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
-    """Where to irrigate, where not to, and where the map cannot tell."""
+    """Advice on the driest zone: parts to irrigate, parts to leave, and parts that are uncertain."""
     dry, as_well = found.zones[0], ""
     if dry.share > 0:
         as_well = " as well"
@@ -333,7 +333,7 @@ def _on_dry(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
 
 
 def _remedy(run: MapRun, found: IrrigationAdvice, chosen: NDArray[np.bool_]) -> str:
-    """What makes cells certain: more counts, or a better calibration where the counts alone would do."""
+    """Remedy for uncertain cells: more counts, or a better calibration where the counts alone would do."""
     if 2 * np.count_nonzero(chosen & found.by_calibration) > np.count_nonzero(chosen):
         return "take more soil cores first, since the calibration, not the counts, leaves it open"
     return f"count longer there first{_where(run, chosen)}"
@@ -350,7 +350,7 @@ def _area(run: MapRun, chosen: NDArray[np.bool_]) -> str:
 
 
 def _on_wet(found: IrrigationAdvice) -> Iterator[str]:
-    """Where there is more water than wanted."""
+    """Advice on the wettest zone, which has more water than wanted."""
     wet = found.zones[2]
     if wet.certainty.certain:
         why = "more water would drain away unused" if wet.name == BY_PLANT[2] else "it needs no water"

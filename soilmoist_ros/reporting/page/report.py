@@ -174,7 +174,7 @@ def render_failed(failed: FailedRun) -> str:
 
 
 def failed_facts(failed: FailedRun) -> list[Fact]:
-    """What was counted, and how far the run came."""
+    """Facts about a run without a map: records, counts, stops, time and distance."""
     good, placed = failed.good, len(track_xy(failed.good))
     counts, seconds = sum(record.raw_counts for record in good), sum(record.exposure_s for record in good)
     found = [Fact(str(len(good)), "", "records" if len(good) != 1 else "record")]

@@ -363,10 +363,10 @@ class Interval(NamedTuple):
 
 
 class Importance(NamedTuple):
-    """What one covariate says of the map; zeros if it was left out, because the counts do not ask for it.
+    """Importance of one covariate for the map; zeros if it was left out, because the counts do not need it.
 
     :param rate_cps: change of the rate where the covariate is one standard deviation higher [counts/s]
-    :param vwc: change of the moisture at the mean rate, likewise [m^3/m^3]; ``None`` without a calibration
+    :param vwc: change of the moisture at the mean rate for this change of the rate [m^3/m^3], or ``None``
     :param variance_share: share of the variance of the rate over the field that follows the covariate [0..1];
         shares of covariates that resemble each other may add up to more than 1
     :param covered_share: share of the field where it is known [0..1]

@@ -174,7 +174,7 @@ def headline(run: MapRun) -> list[str]:
 
 
 def _support(run: MapRun) -> str:
-    """What each value is of, and how fine the map is."""
+    """Support of each value and resolution of the map, in words."""
     size_m = statistics.resolution_m(run.soil_map, run.footprint_radius_m or 0.0)
     of = "a " if run.support_text.startswith("mean") else "that of "
     return f"Each value is {of}{run.support_text}. Structures below {size_m:.0f} m are not resolved."

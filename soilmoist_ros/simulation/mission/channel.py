@@ -37,9 +37,9 @@ Array = NDArray[np.float64]
 class Channel:
     """Maps one property for all robots of a mission.
 
-    :param earlier: earlier surveys that inform the map, in addition to those that the settings ask for
-    :param covariates: covariates that inform it, likewise
-    :param whole: whether every map is of all cells; otherwise only the last one is, the others are of those that
+    :param earlier: earlier surveys that inform the map, in addition to the surveys of the settings
+    :param covariates: covariates that inform the map, in addition to the covariates of the settings
+    :param whole: whether every map is of all cells; otherwise only the last one is, the others are of cells that
         represent the field
     """
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where a simulated robot may go: everywhere in the field, or along a topological map."""
+"""Region that a simulated robot may travel: the whole field, or the ways of a topological map."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def achieved(forecasts: Sequence[TimedForecast]) -> TimedForecast | None:
 
 
 def forecast_text(forecasts: Sequence[TimedForecast], planned_s: float) -> str:
-    """What was forecast for the end and what was reached, in words; empty without a map."""
+    """Forecasts for the end and the standard deviation reached, in words; empty without a map."""
     end = achieved(forecasts)
     if end is None:
         return ""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a simulated field before the mission: surveys of earlier dates, and covariates.
+"""Knowledge of a simulated field before the mission: surveys of earlier dates, and covariates.
 
 In a series of surveys, the rate of survey s is ``mean_s + Z_s(x)``. All Z have the variance and the correlation
 R(h) of the field's pattern. Between surveys s and t their correlation at one place is

@@ -65,7 +65,7 @@ def read_start_time(text: str) -> float:
 
 
 class Awaited(StrEnum):
-    """What simulated time waits for."""
+    """Event that simulated time waits for."""
 
     PLAN = "the next plan"  # the planner chooses a stop, with a map of all its records
     RECORD = "the last record"  # the planner counts, and has not received the last record of the logger yet
@@ -107,7 +107,7 @@ def end_to_react_to(ended_s: float, now_s: float, fixed_s: float, epoch_s: float
 
 
 def awaited(progress: RobotProgress) -> Awaited | None:
-    """What simulated time waits for at a robot, ``None`` for nothing.
+    """Event that simulated time waits for at a robot; ``None`` without one.
 
     A mission that is paused or has not started, and a robot on its way do not stop the time.
     """
