@@ -42,7 +42,7 @@ _KNOWN: Final = frozenset(field.name for field in fields(OperatorRequest))
 
 @dataclass(frozen=True)
 class Visitor:
-    """Who sent a request: address of the other end, headers (names in any case), value of :data:`COOKIE`."""
+    """Sender of a request: address of the other end, headers (names in any case), value of :data:`COOKIE`."""
 
     address: str
     headers: Mapping[str, str]
@@ -160,7 +160,7 @@ def _loopback(name: str) -> bool:
 
 
 class Controls:
-    """Who has the controls. Only the thread of the server uses it."""
+    """Holder of the controls. Only the thread of the server uses it."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s

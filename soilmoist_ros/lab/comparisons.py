@@ -42,7 +42,7 @@ QUARTER = 0.25  # share of the mission time at which strategies are compared, in
 class PairedDifference:
     """The missions of one combination of strategy and dwell rule against those of another with the same seeds."""
 
-    quantity: str  # what is compared, of :data:`QUANTITIES`
+    quantity: str  # quantity that is compared, of :data:`QUANTITIES`
     strategy: str
     dwell: str
     other_strategy: str

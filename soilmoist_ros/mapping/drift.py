@@ -86,7 +86,7 @@ class TimedSamples:
 
     @cached_property
     def without_footprint(self) -> TimedSamples:
-        """These samples as if the sensor saw its own place only."""
+        """Copy of these samples, as if the sensor saw its own place only."""
         return TimedSamples(self.samples.without_footprint, self.time_s)
 
     def thinned(self, most: int) -> TimedSamples:
@@ -109,7 +109,7 @@ class TimedSamples:
         return TimedSamples(Samples(places.xy[near], one.counts, one.exposure_s, places.spread[near]), self.time_s)
 
     def joined(self, samples: Samples, time_s: float) -> TimedSamples:
-        """These samples, and others of one time [s]."""
+        """Copy of these samples with further samples of one time [s]."""
         return TimedSamples(self.samples.joined(samples), np.append(self.time_s, np.full(len(samples), time_s)))
 
 
@@ -117,7 +117,7 @@ class TimedSamples:
 class Jump:
     """A change of the mean rate at once, as rain causes."""
 
-    since_s: float  # when [s]
+    since_s: float  # time of the jump [s]
     change_cps: float  # the change; negative for a fall [counts/s]
     sd_cps: float  # its standard error, the pattern of the field and the noise of the counts included [counts/s]
     share: float  # the change as a share of the mean rate

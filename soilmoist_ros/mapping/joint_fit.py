@@ -55,7 +55,7 @@ _MIN_KEPT, _MAX_KEPT = 200, 6
 LOADINGS = np.array([0.0, 0.2, 0.4, 0.55, 0.7, 0.8, 0.88, 0.94, 0.98])
 """Values of a loading."""
 PRIOR_OF_LOADINGS = np.array([0.50, 0.03, 0.03, 0.03, 0.06, 0.08, 0.10, 0.10, 0.07])
-"""Their prior probabilities: a survey may be unrelated; with less for that, it harms maps of few samples."""
+"""Prior probabilities of the loadings: a survey may be unrelated; with less than 0.5, small maps suffer."""
 PRIOR_WORTH = 1.0
 """Number of earlier surveys that the prior of the loadings is worth."""
 SCALES = np.array([0.0, 0.1, 0.16, 0.25, 0.4, 0.63, 1.0])
@@ -347,7 +347,7 @@ class _Model:
     fit: VariogramFit
     features: PatternFeatures
     unit: Array  # standard deviation of each coefficient [counts/s]; empty if what is known tells nothing
-    state: PatternState  # what the earlier surveys say of the coefficients
+    state: PatternState  # distribution of the coefficients, given the earlier surveys
 
 
 class JointModel:

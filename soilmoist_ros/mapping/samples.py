@@ -129,11 +129,11 @@ class Samples:
 
     @cached_property
     def without_footprint(self) -> Samples:
-        """These samples as if the sensor saw its own place only."""
+        """Copy of these samples, as if the sensor saw its own place only."""
         return replace(self, spread=self.spread * [1, 1, 1, 0]) if self.spread[:, 3].any() else self
 
     def joined(self, more: Samples) -> Samples:
-        """These samples and, behind them, more."""
+        """Copy of these samples with more samples behind them."""
         return Samples(*(np.concatenate([getattr(self, name), getattr(more, name)]) for name in _COLUMNS))
 
     def some(self, numbers: NDArray[np.intp] | slice) -> Samples:

@@ -66,7 +66,7 @@ def _secured() -> bool:
 
 
 def _without_ros(error: Exception) -> int:
-    """Say why ROS does not start, and return the exit code: nothing may run without the security asked for."""
+    """Report why ROS does not start, and return the exit code: nothing may run without the security asked for."""
     text = " ".join(str(error).split())
     remedy = _SECURITY if "security" in text.lower() else _PERMISSIONS if _secured() else ""
     print(f"ROS cannot start the node: {text}{remedy and f' -> {remedy}'}", file=sys.stderr, flush=True)

@@ -48,7 +48,7 @@ SHOW_S: Final = 1.0
 LOOK_S: Final = 0.5
 """Time between two checks whether a release of the emergency stop counts [s]."""
 WHO: Final = "ros2 param"
-"""Who sets a parameter: ROS does not say."""
+"""Name for clients that set a parameter: ROS does not report them."""
 
 
 class Planner(Node):

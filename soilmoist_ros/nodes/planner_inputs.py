@@ -173,7 +173,7 @@ class PlannerInputs:
         self._control.other(name, mission_from_message(message), first, datum)
 
     def _release_lost(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Say that lost robots are no longer where they were heard last."""
+        """Release the places at which lost robots were heard last."""
         names = ", ".join(self._control.team.release_lost())
         response.success, response.message = bool(names), f"released: {names}" if names else "no robot is lost"
         self._node.get_logger().warning(f"planner/release_lost: {response.message}")

@@ -177,7 +177,7 @@ def _knowledge(parameters: Parameters, field: Field, calibration: MoistureCurve 
 
 
 def make_team(parameters: Parameters) -> Team:
-    """The other robots on the field.
+    """Team of the other robots on the field.
 
     Two robots touch when their centres are two radii apart. The places of both are known to some 0.3 m with
     corrections, so 1 m is three standard deviations of their distance, rounded up. 2 m is for robots whose radius

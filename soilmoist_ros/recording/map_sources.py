@@ -194,7 +194,7 @@ class MapSources:
         fault: Callable[[CountRecord, bool], str] = lambda record, stored: "",
     ) -> None:
         self.problem = ""
-        """Why records are not on the disk, or not read; empty without a problem."""
+        """Reason why records are not on the disk, or not read; empty without a problem."""
         self._records = records
         self._folder = folder
         self._frame = frame

@@ -349,14 +349,14 @@ class ExplorerSettings:
     strategy: str  # one of STRATEGIES
     preset: str  # one of PRESETS
     seed: int  # seed of the strategy's randomness
-    motion: RobotMotion  # how the robot moves
+    motion: RobotMotion  # motion of the robot
     curve: MoistureCurve | None = (
         None  # calibration, if the map of the moisture rather than of the rate is to be good
     )
-    access: AccessRules = NO_MARGIN  # where the robot may drive
+    access: AccessRules = NO_MARGIN  # rules for the region of the robot
     calibration: MoistureCurve | None = None  # for an operator who asks for the map of the moisture
     learn_travel: bool = True  # whether speed, turning time and stop overhead are learned from the legs driven
-    knowledge: Knowledge = field(default_factory=Knowledge)  # what is known of the field before the survey
+    knowledge: Knowledge = field(default_factory=Knowledge)  # knowledge of the field before the survey
 
     @property
     def needs_map(self) -> bool:

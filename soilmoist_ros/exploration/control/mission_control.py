@@ -97,8 +97,8 @@ class MissionSetup:
     """Field and mission that a control is made for."""
 
     field: Field
-    settings: ExplorerSettings  # how stops are chosen
-    rules: MissionRules  # what governs the mission, without its home
+    settings: ExplorerSettings  # settings of the choice of stops
+    rules: MissionRules  # rules of the mission, without its home
     home: str = ""  # name of the stop to return to; empty to stay at the last stop
     map_wait_s: float = 20.0  # longest wait for the map before a stop is chosen [s]
     properties: Mapping[str, float] | None = None  # namespaces of further properties, and their weights
@@ -420,7 +420,7 @@ class MissionControl:
         cell_m: float | None = None,
         changing: Changing | None = None,
     ) -> None:
-        """Their variogram has come.
+        """Use a new variogram of a property in plans.
 
         :param cell_m: cell size of the map [m]; the planner takes over that of the robot's own property
         :param changing: the drift that the map allows for; ``None`` without one

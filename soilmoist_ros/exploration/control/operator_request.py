@@ -46,15 +46,15 @@ class OperatorRequest:
     """Request of an operator, unchecked; values that its verb does not use are ignored."""
 
     verb: str  # one of Verb
-    who: str = ""  # who asks; empty: the operator
+    who: str = ""  # name of the client; empty: the operator
     place: tuple[float, ...] = ()  # east and north of the field's datum [m], or nothing
     geographic_place: tuple[float, ...] = ()  # latitude and longitude in WGS-84 [deg], or nothing
     dwell: str = ""  # seconds or a dwell rule; empty for that of the mission
     polygon: tuple[Place, ...] = ()  # corners of an area, east and north [m]
     stops: tuple[str, ...] = ()  # names of stops
     hours: float = 0.0  # time of the mission from its start [h]; 0: as it is
-    strategy: str = ""  # how stops are chosen; empty: as it is
-    target: str = ""  # which map is to be good; empty: as it is
+    strategy: str = ""  # strategy that chooses stops; empty: as it is
+    target: str = ""  # map that plans improve; empty: as it is
     home: str = ""  # name of the stop to return to; empty: as it is
     until_sd: float | None = None  # deviation of the map at which the mission ends; 0: never, ``None``: as it is
     until_gain: float | None = None  # gain in ten minutes below which it ends [%]; 0: never, ``None``: as it is
@@ -101,9 +101,9 @@ class Requests:
     """Turns requests into commands."""
 
     field: Field
-    access: FieldAccess | None  # where the robot may go; ``None`` while that is not known
-    settings: ExplorerSettings  # how stops are chosen
-    rules: MissionRules  # those of the mission
+    access: FieldAccess | None  # region for the robot; ``None`` while it is unknown
+    settings: ExplorerSettings  # settings of the choice of stops
+    rules: MissionRules  # rules of the mission
     state: MissionState
 
     def command(self, request: OperatorRequest, now_s: float) -> Command:

@@ -32,7 +32,7 @@ class PropertyMap:
     """The newest map of a property, as far as it has come."""
 
     name: str  # namespace of its mapper, empty for the robot's own
-    weight: float = 1.0  # what a share of its variation is worth, compared with the weights of the others
+    weight: float = 1.0  # worth of a share of its variation, relative to the weights of other properties
     required: bool = False  # whether its counts decide the mission: stops are not chosen by maps that lack them
     factor: float = 1.0  # product of the correction factors of its last record [-]
     samples: tuple[Samples, float] | None = None  # merged samples, with the time of the last record in them [s]
@@ -65,8 +65,8 @@ class PropertyMap:
 class PlanJob:
     """A request that can be answered now."""
 
-    request: RequestPlan  # what the mission asks for
-    place: tuple[float, float]  # where the robot is [m]
+    request: RequestPlan  # request of the mission
+    place: tuple[float, float]  # place of the robot [m]
     maps: tuple[PropertyMap, ...]  # the newest map of each property, in the order in which they were announced
     late: bool = False  # whether a required map lacks what was measured last, because it did not come in time
     others: tuple[PendingMeasurement, ...] = ()  # pending measurements of other robots on the field
@@ -206,8 +206,8 @@ class Terms(NamedTuple):
     """Terms under which a stop is chosen: start of the mission, access to the field, settings and rules."""
 
     started_s: float | None  # start of the mission [s]
-    access: FieldAccess  # where the robot may go
-    settings: ExplorerSettings  # how stops are chosen, with the changes of an operator
+    access: FieldAccess  # region for the robot, with its stops
+    settings: ExplorerSettings  # settings of the choice of stops, with the changes of an operator
     rules: MissionRules  # rules of the mission, with the changes of an operator
 
     def same_explorer(self, other: Terms) -> bool:

@@ -55,7 +55,7 @@ class PendingMeasurement:
 
     x_m: float  # east [m]
     y_m: float  # north [m]
-    exposure_s: float  # what is still expected to be counted there [s]; 0: nothing, but the stop is not free
+    exposure_s: float  # exposure still expected there [s]; 0: none, but the stop is not free
     apart_m: float = 0.0  # distance that other robots keep from it [m]
 
 
@@ -120,11 +120,11 @@ class OtherRobot:
 
     goes_first: bool = False  # whether it drives first where two robots meet
     status: MissionStatus | None = None  # the last status of its mission; ``None`` before the first
-    heard_s: float = -math.inf  # when it came, on the mission clock [s]
-    silent_s: float = 0.0  # steady time since then [s]
+    heard_s: float = -math.inf  # time of arrival of its last status, on the mission clock [s]
+    silent_s: float = 0.0  # steady time since its last status [s]
     clock_s: float = 0.0  # its clock minus the own one, if the last two statuses agree on a difference [s]
     stranger: str = ""  # why its statuses are not used; empty if they are
-    velocity: Place = (0.0, 0.0)  # how it moves, east and north [m/s]
+    velocity: Place = (0.0, 0.0)  # east and north [m/s]
     _off_s: float = math.nan
 
     def hear(self, status: MissionStatus, now_s: float, clock_s: float, goes_first: bool) -> None:
@@ -150,7 +150,7 @@ class OtherRobot:
 
 
 class Team:
-    """The other robots of a field: where they are, which of them are lost, and how near the robot may come.
+    """Other robots of a field: their places, the lost ones, and the distance that the robot keeps from them.
 
     A robot that is silent for ``lost_s`` is lost. What it was about to count is released once it would have
     counted it. Its last place and its last stop stay taken until it is heard or an operator releases them: a dead

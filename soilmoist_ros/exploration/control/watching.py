@@ -82,7 +82,7 @@ class Watching:
         self._watch.moved(around)
 
     def expect(self, state: MissionState, now_s: float) -> None:
-        """Say what the robot does: in a mission, and a while after it, it stands unless it has a goal."""
+        """Set the expected motion of the robot: without a goal it stands, in a mission and a while after it."""
         does = Expected.DRIVING if state.goal is not None else Expected.STANDING
         known = state.under_way or now_s < self._watched_until_s
         self._watch.places.expect(does if known else Expected.ANYTHING, now_s)

@@ -29,8 +29,8 @@ class Command:
     now_s: float
     verb: Verb
     cause: str = ""  # why a stop is skipped, for its sample and the status; empty: by the operator
-    who: str = ""  # who asks; empty: the operator
-    stop: Stop | None = None  # where to measure (``MEASURE``); it joins the queue
+    who: str = ""  # name of the client; empty: the operator
+    stop: Stop | None = None  # stop to measure at (``MEASURE``); it joins the queue
     dwell_s: float | None = None  # for how long [s]; ``None``: as the dwell rule says
     polygon: Polygon = ()  # corners of an area in which no stop may be chosen (``RULE_OUT``) [m]
     stops: tuple[str, ...] = ()  # names of the queued stops in their new order; the others are dropped (``ORDER``)
@@ -38,7 +38,7 @@ class Command:
 
     @property
     def by(self) -> str:
-        """Who asks, for texts."""
+        """Name of the client of a command, for texts."""
         return self.who or "the operator"
 
 

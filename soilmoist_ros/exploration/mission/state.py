@@ -60,7 +60,7 @@ class Target:
     stop: Stop
     reason: str
     travel_s: float  # time expected to it [s]
-    attempts: int = 0  # how often going there failed
+    attempts: int = 0  # number of failed attempts to go there
     dwell: StopRule = None  # its own dwell rule, ``None`` for the mission's
     home_s: float = 0.0  # travel time from it to the home [s]; 0 if the planner has not given it
 
@@ -71,7 +71,7 @@ class Goal:
 
     goal_id: int
     stop: Stop
-    deadline_s: float  # when it is late [s]
+    deadline_s: float  # time from which the goal is late [s]
     cancelled_s: float | None = None  # when it was cancelled last [s]; ``None`` if it was not
     requests: int = 0  # how often it was cancelled
     over: bool = False  # whether the navigation has reported its end
@@ -81,10 +81,10 @@ class Goal:
 class OpenVisit:
     """Visit in progress at the stop where the robot stands."""
 
-    x_m: float  # where the robot stands [m]
-    y_m: float  # where the robot stands [m]
+    x_m: float  # place of the robot, east [m]
+    y_m: float  # place of the robot, north [m]
     arrived_s: float  # time of arrival [s]
-    since_s: float | None  # when counting began or was resumed [s]; ``None`` while it is suspended
+    since_s: float | None  # time at which counting began or was resumed [s]; ``None`` while it is suspended
     heard_s: float  # time of the last record of this stop, or ``since_s`` [s]
     before_s: float = 0.0  # time counted before the last resumption [s]
     silent: bool = False  # whether silence has been reported
@@ -136,9 +136,9 @@ class MissionState:
     phase: Phase = Phase.IDLE
     reason: str = READY
     now_s: float | None = None
-    started_s: float | None = None  # when the mission started [s]; ``None`` before
-    ended_s: float | None = None  # when it finished or was aborted [s]; ``None`` while it is under way
-    todo: Todo | None = None  # what follows when the robot has stopped (``CANCELLING``), or the wait (``WAITING``)
+    started_s: float | None = None  # start of the mission [s]; ``None`` before
+    ended_s: float | None = None  # end of the mission [s]; ``None`` while it is under way
+    todo: Todo | None = None  # task after the stop of the robot (``CANCELLING``), or after the wait (``WAITING``)
     resume: Todo | None = None  # what the operator's ``resume`` does (in ``PAUSED``, or on the way there)
     cause: str = ""  # what ``CANCELLING`` is for, said again when the robot has stopped
     ending: str = ""  # why the mission is ending
@@ -149,9 +149,9 @@ class MissionState:
     blacklist: tuple[RuledOut, ...] = ()
     plans: int = 0  # id of the last plan request; ids are never used twice
     goals: int = 0  # id of the last goal
-    returns: int = 0  # how often going home failed
+    returns: int = 0  # number of failed attempts to go home
     failures: int = 0  # failures since the last sample
-    position: tuple[float, float] | None = None  # where the robot is [m]
+    position: tuple[float, float] | None = None  # place of the robot [m]
     odometer_at: tuple[float, float] | None = None  # up to where the distance has been added up [m]
     distance_m: float = 0.0
     samples: int = 0
@@ -164,7 +164,7 @@ class MissionState:
     held: bool = False  # whether the last pause ends by itself, when the guard has nothing more against it
     interrupted: bool = False  # whether the last pause is only because the planner was restarted
     wait_until_s: float | None = None  # no new attempt before [s]
-    position_s: float | None = None  # when it was reported [s]
+    position_s: float | None = None  # time of the position [s]
     position_sd_m: float = 0.0  # standard deviation of the position [m], 0 if unknown
     still_at: tuple[float, float] | None = None  # the place that the robot has not left [m] ...
     still_since_s: float | None = None  # ... since then [s]
@@ -178,7 +178,7 @@ class MissionState:
     ruled_out: Polygons = ()  # polygons in which no stop is chosen, corners [m]
     changes: Changes | None = None  # settings that an operator has changed
     forecast: Forecast | None = None  # the last one of the map's standard deviation
-    forecast_s: float | None = None  # when it was made [s]
+    forecast_s: float | None = None  # time of the forecast [s]
     good_forecasts: int = 0  # the last forecasts by which the mission may end, in a row
 
     @property

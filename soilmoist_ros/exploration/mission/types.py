@@ -129,8 +129,8 @@ class MissionRules:
     """
 
     budget_s: float  # time of the mission, the way home and pauses included [s]
-    dwell: DwellRule  # when to end counting at a stop
-    home: Stop | None = None  # where to go at the end, ``None`` to stay at the last stop
+    dwell: DwellRule  # rule for the end of counting at a stop
+    home: Stop | None = None  # stop at which the mission ends, ``None`` to stay at the last one
     warm_up_stops: int = 3  # number of ``warm_up`` samples before the map guides the choice
     min_dwell_s: float = 10.0
     min_last_dwell_s: float = 0.0  # stops that leave less are skipped, if it is more than ``min_dwell_s`` [s]
@@ -146,8 +146,8 @@ class MissionRules:
     backoff_s: float = 2.0  # wait after the first failure; it doubles with each failure in a row [s]
     backoff_limit_s: float = 60.0  # longest wait after a failure [s]
     plan_limit_s: float = 120.0  # a plan request that is not answered in this time has failed [s]
-    retries: int = 1  # how often a goal that failed is sent again before its stop is ruled out
-    blacklist_s: float = 900.0  # how long a stop is ruled out after it failed or was skipped [s]
+    retries: int = 1  # number of times that a failed goal is sent again before its stop is ruled out
+    blacklist_s: float = 900.0  # time for which a stop is ruled out after it failed or was skipped [s]
     failures_to_pause: int = 5  # failures without a visit in between after which the operator is asked
     silence_limit_s: float = 60.0  # time without a record of the stop, while counting, that counts as silence [s]
     on_silence: OnSilence = OnSilence.WAIT
@@ -210,9 +210,9 @@ class Changes:
 
     budget_s: float | None = None  # time of the mission from its start [s]
     dwell: str | None = None  # dwell rule, as text
-    strategy: str | None = None  # how stops are chosen
-    target: str | None = None  # which map is to be good, ``rate`` or ``vwc``
-    home: Stop | None = None  # where to go at the end
+    strategy: str | None = None  # name of the strategy that chooses stops
+    target: str | None = None  # map that plans improve, ``rate`` or ``vwc``
+    home: Stop | None = None  # stop at which the mission ends
     warm_up_stops: int | None = None  # number of stops before the map guides the choice; follows from the strategy
     until_sd: float | None = None  # standard deviation of the map at which the mission ends; 0: never
     until_gain: float | None = None  # gain in ten minutes below which it ends [%]; 0: never
@@ -237,7 +237,7 @@ class Alarm:
 
     now_s: float
     cause: str  # code of the cause; each cause is on or off
-    response: Response  # what the mission does about it
+    response: Response  # response of the mission
     reason: str  # the cause in words
 
 
@@ -250,9 +250,9 @@ class MissionStatus:
     """
 
     now_s: float  # time of the last event [s]; NaN before the first
-    phase: Phase  # what the mission is doing
+    phase: Phase  # phase of the mission
     reason: str  # why, never empty
-    target: Stop | None  # where the robot is going or counting
+    target: Stop | None  # stop to which the robot drives, or at which it counts
     planned_dwell_s: float  # expected dwell at the target [s]; 0 without a stop
     dwell_s: float  # time spent counting there so far [s]
     progress: float  # share of the dwell that is done, 0..1
@@ -270,15 +270,15 @@ class MissionStatus:
     ended: MissionEnd | None = None  # why the mission has ended or is ending; ``None`` before
     alarms: tuple[Alarm, ...] = ()  # dangers that the guard reports now
     emergency: bool = False  # whether an emergency stop is pressed
-    stop_requests: int = 0  # how often the robot was asked to stop and is not yet known to stand still
+    stop_requests: int = 0  # number of requests to stop while the robot is not yet known to stand still
     queue: tuple[str, ...] = ()  # names of the stops that an operator has asked for
-    strategy: str = ""  # how stops are chosen, if an operator has changed it
+    strategy: str = ""  # strategy that chooses stops, if an operator has changed it
     field: str = ""  # field file, if an operator has chosen another than that of the start
     earlier: tuple[str, ...] | None = None  # earlier runs, if an operator has chosen them
     covariates: tuple[str, ...] | None = None  # covariates, if an operator has chosen them
-    clock_offset_s: float = 0.0  # how far the clock that stamps the records has been set since the start [s]
+    clock_offset_s: float = 0.0  # step of the clock that stamps the records, since the start [s]
     ruled_out: Polygons = ()  # areas in which no stop is chosen
     forecast: Forecast | None = None  # the last forecast of the map's standard deviation
-    forecast_s: float | None = None  # when it was made [s]; ``None`` without one
-    place: tuple[float, float] | None = None  # where the robot is [m]; ``None`` if that is not known
+    forecast_s: float | None = None  # time of the forecast [s]; ``None`` without one
+    place: tuple[float, float] | None = None  # place of the robot [m]; ``None`` if it is unknown
     yields: bool = False  # whether it is paused until another robot is away

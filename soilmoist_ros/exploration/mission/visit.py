@@ -36,16 +36,16 @@ class Visit:
     """
 
     name: str  # name of the stop
-    x_m: float  # where the robot stood: east of the field's datum [m]
-    y_m: float  # north [m]
+    x_m: float  # place of the robot: east of the field's datum [m]
+    y_m: float  # place of the robot: north of the field's datum [m]
     arrived_s: float  # mission time of arrival, from the start of the mission [s]
     dwell_s: float  # time spent counting, pauses left out [s]
     raw_counts: int  # raw counts of its records
     reason: str  # why the stop was chosen
     robot: int = 1  # number of the robot, from 1
     records: int = 0  # number of its records; 0 if unknown
-    exposure_s: float = math.nan  # their exposure [s]; NaN if unknown
-    effective_exposure_s: float = math.nan  # their effective exposure [s]; NaN if unknown
+    exposure_s: float = math.nan  # exposure of the records [s]; NaN if unknown
+    effective_exposure_s: float = math.nan  # effective exposure of the records [s]; NaN if unknown
     ended: VisitEnd = VisitEnd.UNKNOWN  # why counting ended
     outcome: str = ""  # end of counting in words, with what was reached
     dwell: str = ""  # dwell rule of the mission, as text

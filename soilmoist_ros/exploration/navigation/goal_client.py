@@ -121,8 +121,8 @@ class _ActionGoal:
     since_s: float
     cancel: bool = False
     asked_s: float = -math.inf
-    cancelled_s: float = math.inf  # when it was cancelled first
-    servers: frozenset[bytes] = frozenset()  # those that were there when it was sent
+    cancelled_s: float = math.inf  # time of the first cancellation [s]
+    servers: frozenset[bytes] = frozenset()  # servers that were there when it was sent
     renewed_s: float = math.inf  # since when there are others only
     heard: bool = False  # the server knows of the cancellation
     reported: bool = False
@@ -328,17 +328,17 @@ class GoalClient:
             self._fail(goal, f"reported as reached, but {found}")
 
     def _fail(self, goal: _ActionGoal, reason: str) -> None:
-        """It did not lead to its stop; that is no failure if another client's goal has replaced it."""
+        """End a goal that did not lead to its stop; no failure if another client's goal has replaced it."""
         replaced = self._listed.others
         self._over(goal, *((Outcome.SUPERSEDED, SUPERSEDED) if replaced else (Outcome.FAILED, reason)))
 
     def _over(self, goal: _ActionGoal, outcome: Outcome, reason: str) -> None:
-        """The server does not work on it any more, or never did."""
+        """End a goal on which the server does not work any more, or never did."""
         self._goals.pop(goal.goal_id, None)
         self._report(goal, outcome, reason)
 
     def _give_up(self, goal: _ActionGoal, outcome: Outcome, reason: str, now_s: float) -> None:
-        """It has ended for the mission, but the server may still work on it."""
+        """End a goal for the mission on which the server may still work."""
         self._report(goal, outcome, reason)
         if goal.step in (_GoalStep.SENT, _GoalStep.ACTIVE):
             goal.cancel, goal.since_s = True, now_s

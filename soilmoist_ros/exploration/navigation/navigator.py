@@ -39,7 +39,7 @@ class Navigator(Protocol):
 
     @property
     def other_client(self) -> str:
-        """Who drives the robot instead of this planner, in words; empty if nobody is known to."""
+        """Client that drives the robot instead of this planner, in words; empty if none is known."""
 
     @property
     def on_the_way(self) -> str:

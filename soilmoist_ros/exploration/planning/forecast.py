@@ -62,7 +62,7 @@ class Forecast:
     factors: tuple[float, ...]
     sd_soon: float  # after :data:`SOON_S`, if the mission goes on
     mean_rate_cps: float  # mean rate of the map [counts/s]
-    moisture: bool = False  # whether the standard deviations are those of the moisture
+    moisture: bool = False  # whether the standard deviations are of the moisture
     hidden: float | None = None
     is_guess: bool = False  # whether it is made before there is a map
 

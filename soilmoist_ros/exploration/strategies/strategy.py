@@ -43,12 +43,12 @@ class Situation:
     """
 
     candidates: tuple[Stop, ...]  # stops that may be chosen, without the blacklisted ones
-    candidates_xy: Array  # their places [m], shape (k, 2)
+    candidates_xy: Array  # places of the candidates [m], shape (k, 2)
     stop_variance: Callable[[], Array]  # computes :attr:`variance`
     map_variance: Array
     map_xy: Array  # centres of all cells inside the polygon [m], shape (g, 2)
     cell_m: float  # size of the cells [m]
-    position_xy: Array  # where the robot is [m], shape (2,)
+    position_xy: Array  # place of the robot [m], shape (2,)
     measured_xy: Array  # places measured so far [m], shape (n, 2)
     travel_s: Array
     travel_between_s: Callable[[NDArray[np.intp]], Array]
@@ -73,7 +73,7 @@ class Situation:
 class Choice:
     """The decision of a strategy."""
 
-    stop: Stop  # where to measure next
+    stop: Stop  # stop to measure at next
     reason: str  # why, in a short sentence for operators and reports
     ahead: tuple[Stop, ...] = ()  # the stops planned after it, in order
     dwell: StopRule = None  # dwell rule of this stop, ``None`` for the mission's

@@ -40,7 +40,7 @@ class Stop:
 
     @property
     def xy(self) -> tuple[float, float]:
-        """Its place [m]."""
+        """Place of the stop, east and north of the field's datum [m]."""
         return self.x_m, self.y_m
 
 

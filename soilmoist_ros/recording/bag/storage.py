@@ -64,7 +64,7 @@ class Storage(Protocol):
 
     @property
     def content(self) -> Content:
-        """Its topics and messages."""
+        """Topics and messages of the file."""
 
     def messages(
         self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True

@@ -148,7 +148,7 @@ class Zone:
 
     @property
     def area_ha(self) -> float:
-        """Its area [ha]."""
+        """Area of the zone [ha]."""
         return float(self.shape.area) / 1e4
 
     def water_mm(self, root_depth_mm: float) -> float:

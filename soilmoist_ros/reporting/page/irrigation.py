@@ -52,7 +52,7 @@ class IrrigationZone:
 
     @property
     def area(self) -> str:
-        """Its area, in the unit of the field."""
+        """Area of the zone, in the unit of the field."""
         return part_of_area(self.area_m2, self.area_m2 / self.share) if self.share > 0 else "0"
 
     @property

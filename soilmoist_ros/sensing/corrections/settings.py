@@ -79,7 +79,7 @@ class Monitor(Section):
     """A neutron monitor."""
 
     name: str
-    """Its code in the database NMDB, such as JUNG; names its column in a file of several monitors."""
+    """Code of the monitor in the database NMDB, such as JUNG; names its column in a file of several monitors."""
     latitude_deg: Latitude
     """Latitude [deg]."""
     longitude_deg: Longitude

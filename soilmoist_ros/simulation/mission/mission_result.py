@@ -187,7 +187,7 @@ class MissionResult:
     properties: Sequence[MappedProperty]  # mapped properties; the first belongs to the mission field
     frame: LocalFrame
     ended: str = ""  # reason for the end
-    motion: Sequence[LearnedMotion] = ()  # what the planner of each robot has learned of its motion
+    motion: Sequence[LearnedMotion] = ()  # motion of each robot, as its planner has learned it
     log: Sequence[str] = field(default_factory=tuple)  # lines of the mission log
     forecasts: Sequence[TimedForecast] = ()
 
