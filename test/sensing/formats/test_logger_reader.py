@@ -233,6 +233,11 @@ def test_clock_backwards_is_kept() -> None:
     assert kinds(problems) == [Kind.CLOCK_BACKWARDS]
 
 
+def test_the_next_sensor_replaces_a_faulty_one() -> None:
+    records, _ = rover(line(p4="1098.5"), line(p4="-99", number="8"), line(p4="", p1="", number="9"))
+    assert [record.pressure_hpa for record in records] == pytest.approx([979.9, 979.9, math.nan], nan_ok=True)
+
+
 def minutes(ahead_s) -> list[bytes]:
     """A record a minute of a logger whose clock is ahead of the receiver's by these times."""
     clocks = [(datetime(2024, 5, 1, 10, n), timedelta(seconds=ahead)) for n, ahead in enumerate(ahead_s)]
