@@ -47,11 +47,15 @@ def write_whole(path: Path, content: bytes) -> None:
     :raises OSError: if it cannot be written
     """
     temporary = path.with_name(f"{path.name}.tmp")
-    with temporary.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError:  # of a full disk, which what is half written would keep full
+        temporary.unlink(missing_ok=True)
+        raise
     sync_folder(path.parent)
 
 

@@ -120,6 +120,7 @@ def test_the_file_before_stays_if_the_new_one_does_not_reach_the_disk(tmp_path, 
     with pytest.raises(OSError, match="no space"):
         write_whole(path, b"two")
     assert path.read_bytes() == b"one"
+    assert list(tmp_path.iterdir()) == [path], "nothing half written keeps a disk full"
 
 
 SQUARE = "name: {name}\ndatum: {{latitude_deg: 53.2, longitude_deg: -0.5}}\npolygon: [[0, 0], [9, 0], [9, 9]]\n"
