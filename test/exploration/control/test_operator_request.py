@@ -322,29 +322,13 @@ def test_an_idle_mission_says_why_it_would_not_start():
     assert around.status.reason == "waiting for start"
 
 
-def test_a_mission_to_resume_by_itself_does_not_after_an_emergency_stop():
-    around = Around()
-    around.time_s = 2000.0
-    around.control.use_graph(None)
-    around.control.take_up(under_way(), auto=True)
-    around.control.emergency(True, "/emergency_stop")
-    around.control.emergency(False, "/emergency_stop")
-    around.control.fix((1.0, 1.0))
-    around.control.tick()
-    assert around.status.phase is Phase.PAUSED
-
-
-@pytest.mark.parametrize("before", [True, False])
-def test_a_mission_to_resume_by_itself_does_not_if_people_have_paused_it(before):
+def test_a_mission_to_resume_by_itself_does_not_if_people_had_paused_it():
     mission = under_way()
-    if before:
-        mission.step(Command(mission.state.now_s, Verb.PAUSE))
+    mission.step(Command(mission.state.now_s, Verb.PAUSE))
     around = Around()
     around.time_s = 2000.0
     around.control.use_graph(None)
     around.control.take_up(mission, auto=True)
-    if not before:
-        assert ask(around, "pause").accepted
     around.control.fix((1.0, 1.0))
     around.control.tick()
     assert around.status.phase is Phase.PAUSED

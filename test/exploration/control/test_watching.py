@@ -169,6 +169,16 @@ def goes_on(farm):
     assert farm.health.level is Level.OK
 
 
+@pytest.mark.slow
+def test_a_mission_in_which_nothing_happens_has_no_alarm(farm):
+    seen = set()
+    while farm.finished is None:
+        farm.second()
+        seen |= set(farm.alarms)
+    assert seen == set()
+    assert farm.finished.code is MissionEnd.TIME_UP
+
+
 def test_a_fix_far_outside_that_runs_away_stops_the_robot_and_is_not_its_place(farm):
     """2 km outside, at 200 m/s: the mission must not travel on."""
     place, distance_m, began_s = farm.place, farm.status.distance_m, farm.steady_s
@@ -418,6 +428,29 @@ def test_a_robot_that_is_elsewhere_after_a_restart_waits_for_people(farm, away_m
         assert len(again.control.doubts()) == 2
         assert again.control.command(Verb.RESUME).accepted
         assert again.control.doubts()[-1].outcome == "confirmed"
+
+
+def pressed_and_released(control):
+    control.emergency(True, "/emergency_stop")
+    control.emergency(False, "/emergency_stop")
+
+
+@pytest.mark.parametrize(
+    ("people", "phase"),
+    [
+        (lambda control: None, Phase.COUNTING),
+        (lambda control: control.command(Verb.PAUSE), Phase.PAUSED),
+        (pressed_and_released, Phase.PAUSED),
+    ],
+)
+def test_an_interrupted_mission_that_people_stop_does_not_resume_by_itself(farm, people, phase):
+    farm.run(lambda: farm.status.phase is Phase.COUNTING).pass_by(15)
+    again = Farm()
+    again.steady_s, again.place = farm.steady_s, farm.place
+    again.control.take_up(Mission(again.control._mission.rules, farm.control._mission.state), auto=True)
+    people(again.control)
+    again.pass_by(20)
+    assert again.status.phase is phase
 
 
 def test_an_interrupted_mission_with_an_alarm_that_needs_people_does_not_resume_by_itself(farm):
