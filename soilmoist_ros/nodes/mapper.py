@@ -74,6 +74,8 @@ _Queued = tuple[FieldSurvey, SoilMap | None, float]
 NO_CHANGE_YET: Final = Health(CHANGE_PART, Level.OK, "waiting for enough samples for a map")
 _REPEAT: Final = 6
 """An unchanged list is published every so many times, for receivers that have lost one."""
+_SETTLED: Final = 3
+"""It is published once more then: the others no longer wait for records of spans that are not compared before."""
 
 
 class Mapper(Node):
@@ -417,7 +419,7 @@ class MapperExchange:
     def _publish(self) -> None:
         text = json.dumps(self._list())
         self._unchanged = self._unchanged + 1 if text == self._last else 0
-        if self._unchanged % _REPEAT == 0:
+        if self._unchanged % _REPEAT == 0 or self._unchanged == _SETTLED:
             self._held.publish(String(data=text))
         self._last = text
 
