@@ -76,6 +76,7 @@ def test_a_robot_has_what_the_product_imports():
     assert not missing, "package.xml or requirements-robot.txt must have these imports"
 
 
+@pytest.mark.slow
 def test_nothing_is_installed_in_vain():
     needed = {COMES_WITH.get(name, name) for name in imported()}
     assert pip_names() - needed - {"numpy"} == set()

@@ -124,6 +124,7 @@ def test_every_source_file_says_whose_it_is_and_under_which_licence():
     assert missing == [], f"begin with the same two lines as {Path(__file__).name}"
 
 
+@pytest.mark.slow
 def test_words_of_the_vocabulary():
     found = [
         f"{path.relative_to(ROOT)}:{number}: {line.strip()}"

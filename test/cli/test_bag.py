@@ -19,6 +19,7 @@ def bag(tmp_path):
     return shutil.copytree(GOLDEN, tmp_path / "run" / "bag").parent
 
 
+@pytest.mark.slow
 def test_a_bag_is_recovered_and_verified_and_damage_is_named(bag, tmp_path):
     run = CliRunner().invoke
     done = run(command, ["recover", str(bag), "--out", str(tmp_path / "recovered")])

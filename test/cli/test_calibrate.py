@@ -100,6 +100,7 @@ def test_peat_has_more_water_than_three_times_its_dry_mass(calibrate):
     assert error["message"] == "34 g/g and 0.23 g/cm3 give 7.82 m3 of water per m3"
 
 
+@pytest.mark.slow
 def test_moss_peat_has_less_than_a_tenth_of_the_density_of_soil(calibrate):
     answer = calibrate("gravimetric_water,bulk_density_gcm3\n9.0,0.06\n10.0,0.05\n", site=SITE)
     assert answer["vwc"] == pytest.approx(0.52)
@@ -166,6 +167,7 @@ def test_doubts_about_the_result(calibrate):
         assert any(text in warning for warning in answer["warnings"]), answer["warnings"]
 
 
+@pytest.mark.slow
 def test_counts_of_another_day_than_the_cores_are_refused(tmp_path):
     from virtual_survey import write_survey
 

@@ -114,6 +114,7 @@ def test_unreadable_logs_exit_with_2_and_a_remedy(tmp_path, content, message):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_unsigned_longitudes_require_the_hemisphere(roving_record, tmp_path):
     log = roving_record
     result = run("map", log, "--out", tmp_path / "out")
@@ -121,6 +122,7 @@ def test_unsigned_longitudes_require_the_hemisphere(roving_record, tmp_path):
     assert "west" in result.output
 
 
+@pytest.mark.slow
 def test_calibration_is_written_into_the_site_file(survey, tmp_path):
     (tmp_path / "cores.csv").write_text("vwc\n0.16\n0.18\n0.20\n")
     site = tmp_path / "site.yaml"
@@ -346,6 +348,7 @@ def test_the_recording_of_a_robot_is_never_replaced(tmp_path):
     assert (tmp_path / "bag").is_dir()
 
 
+@pytest.mark.slow
 def test_a_campaign_replaces_a_run_as_a_whole(tmp_path):
     plan, out = tmp_path / "plan.yaml", tmp_path / "out"
     plan.write_text("title: x\nruns: 1\nexperiments: [{name: a, field: synthetic-high, cell_m: 5000}]\n")

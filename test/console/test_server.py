@@ -107,6 +107,7 @@ def served(tmp_path):
     made.server.close()
 
 
+@pytest.mark.slow
 def test_a_connection_that_sends_no_request_is_ended(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "SILENT_S", 0.1)
     served = Served(Access(), tmp_path)
@@ -142,6 +143,7 @@ def test_the_page_needs_nothing_from_elsewhere(served):
     assert served.get("/page/server.py")[0] == served.get("/page/..%2fserver.py")[0] == 404
 
 
+@pytest.mark.slow
 def test_other_sites_get_nothing(served):
     assert served.get("/", Host="evil.example")[0] == 403
     assert served.post("/stop", {}, Origin="http://evil.example")[0] == 403

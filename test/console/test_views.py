@@ -78,6 +78,7 @@ def test_the_count_of_a_stop_grows_and_begins_again_at_the_next():
     assert board.get("count/") == ()
 
 
+@pytest.mark.slow
 def test_the_latest_visits_are_kept_and_viewers_follow():
     board = Board()
     history = VisitHistory(board)

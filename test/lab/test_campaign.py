@@ -79,6 +79,7 @@ class Counted:
         return self._simulate(settings, progress)
 
 
+@pytest.mark.slow
 def test_grid_and_defaults(campaign):
     found = missions(campaign)
     assert [m.settings.seed for m in found[:2]] == [1, 2]
@@ -95,6 +96,7 @@ def test_keys_are_stable_and_tell_settings_apart():
     assert mission_key(explicit) == mission_key(MissionSettings()), "keys contain the values of a preset"
 
 
+@pytest.mark.slow
 def test_every_mistake_is_named(tmp_path):
     text = """title: ''
 runs: 0
@@ -116,6 +118,7 @@ experiments:
     assert "tuple should have" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_mistakes_of_all_kinds_are_named_at_once(tmp_path):
     (tmp_path / "bare.yaml").write_text("name: bare\n")
     (tmp_path / "g.yaml").write_text("[]")
@@ -182,6 +185,7 @@ def test_a_mission_survives_its_file(fake):
     assert [visit.robot for visit in team.visits] == [1, 2]
 
 
+@pytest.mark.slow
 def test_a_covariate_that_cannot_be_read_is_found_before_the_first_mission(tmp_path, fake):
     ridge = resource("fields", "ridge").read_text(encoding="utf-8")
     (tmp_path / "field.yaml").write_text(f"{ridge}\ncovariates: [{{file: relief.tif}}]\n", encoding="utf-8")
@@ -330,6 +334,7 @@ def test_ctrl_c_stops_the_processes(tmp_path):
     assert errors.count("Traceback") == 1
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_said_before_anything_is_computed(campaign, tmp_path, fake, monkeypatch):
     counted = Counted(fake)
     (tmp_path / "file").write_text("")
@@ -353,6 +358,7 @@ def test_a_result_of_another_mission_is_refused(campaign, fake, tmp_path):
     assert store.read(mission) is None
 
 
+@pytest.mark.slow
 def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path):
     path = tmp_path / "c.yaml"
     path.write_text("title: t\nruns: 1\nexperiments: [{name: a, travel: graph, graph: g.yaml}]\n")
@@ -370,6 +376,7 @@ def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path)
 PROPERTIES = "title: t\nruns: 1\nexperiments: [{name: a, properties: %s}]\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
@@ -384,6 +391,7 @@ def test_properties_are_a_list_and_lists_make_a_grid(tmp_path, given, expected):
     assert [" ".join(map(str, mission.settings.properties)) for mission in found] == expected
 
 
+@pytest.mark.slow
 def test_old_keys_are_refused_with_their_new_names_and_verdicts_are_named(tmp_path, caplog):
     for key, today in (("also", "properties"), ("also_weight", "properties"), ("variogram", "model")):
         with pytest.raises(InputError, match=f"yaml:4 .*experiments.0.{key}.*{key}.* is '{today}' now"):

@@ -102,6 +102,7 @@ def test_the_datum_that_a_file_states_is_used(tmp_path):
     assert "converted from urn:ogc:def:crs:EPSG::4277 (OSGB36) to WGS-84" in border.notes[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("epsg", [27700, 3857, 4258])
 def test_projections_lead_to_the_same_place(tmp_path, epsg):
     pyproj = pytest.importorskip("pyproj")

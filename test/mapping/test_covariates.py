@@ -76,6 +76,7 @@ def test_small_pixels_are_averaged_over_the_cells(tmp_path):
     assert np.corrcoef(found, GRID.cells[:, 0])[0, 1] > 0.99
 
 
+@pytest.mark.slow
 def test_nodata_is_missing_and_outside_the_raster_too(tmp_path):
     def half(x, y):
         return np.where(x > 30, surface(x, y), -9999)

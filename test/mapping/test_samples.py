@@ -59,6 +59,7 @@ def test_merge_records_conserves_counts_exposure_and_centre(records, radius_m):
     np.testing.assert_allclose(merged.exposure_s @ merged.xy, exposure_s @ xy, atol=1e-8)
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.tuples(st.integers(-30, 30), st.integers(-30, 30)), min_size=1, max_size=60),
     st.sampled_from([0.7, 1.0, 5.0, 13.0]),

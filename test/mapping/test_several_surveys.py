@@ -148,6 +148,7 @@ def test_an_irrigated_part_is_wetter_and_the_rest_as_it_was():
     assert drier < 0.1 < wetter
 
 
+@pytest.mark.slow
 def test_where_nothing_changed_little_is_significant():
     shares = [np.mean(change(pattern, pattern, seed).significant != 0) for seed in range(20)]
     assert np.mean(np.array(shares) > 0) <= 0.15  # FDR is the chance of any discovery when there is nothing

@@ -140,6 +140,7 @@ def test_topics_are_found_or_must_be_named(tmp_path):
     assert "--logger-topic: /one, /two" in str(error.value)
 
 
+@pytest.mark.slow
 def test_which_of_two_receivers_must_be_named(survey, tmp_path):
     fixes, _ = read_positions(survey / "survey.nmea")
     path = write(

@@ -81,6 +81,7 @@ def test_a_site_shows_the_values_that_follow_from_its_place():
     assert "846 hPa are usual at 1500 m" in texts(found, "doubt")[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("corners", "doubts"),
     [
@@ -118,6 +119,7 @@ def test_a_logger_format_has_tubes_quantities_and_clock():
     assert texts(found, "logger")[0].startswith("Hydroinnova CRS probe with GNSS (rover): counts of ")
 
 
+@pytest.mark.slow
 def test_a_log_has_dates_tubes_place_and_rate(log):
     found = facts_of(log)
     assert texts(found, "time") == ["2018-05-01 14:14 to 2018-05-01 17:34 UTC (3 h 20 min), a record every 60 s"]

@@ -55,6 +55,7 @@ def test_a_folder_and_an_archive_are_taken_and_what_is_skipped_is_listed(card, t
         read_logs([card], None, Site())
 
 
+@pytest.mark.slow
 def test_map_writes_the_skipped_files_and_the_reading_into_its_results(card, tmp_path):
     site = tmp_path / "site.yaml"
     site.write_text(SITE)
@@ -105,6 +106,7 @@ def test_a_file_without_a_header_continues_the_one_before(card):
     assert "DATA1.txt has no header: its columns are those of DATA0.txt" in logs[1].choices
 
 
+@pytest.mark.slow
 def test_a_position_that_cannot_be_read_is_not_replaced_without_a_word(tmp_path):
     rows = "".join(f"2024-05-01 {n:02d}:00:00,{1700 + 7 * n % 11},3600,1000,51.35,1243.0\n" for n in range(20))
     (tmp_path / "log.csv").write_text(FINAPP.strip() + ",latitude,longitude\n" + rows)

@@ -253,6 +253,7 @@ def test_which_topic_has_the_positions_is_shown_or_asked_for(tmp_path):
     assert (code, "12 records at 53.27 N" in said) == (0, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["map", "replay"])
 def test_records_that_are_lost_have_their_reason(tmp_path, command):
     types = Types(2)
@@ -291,6 +292,7 @@ def test_positions_of_a_type_that_cannot_be_read_are_named(tmp_path):
     assert "sensor_msgs/NavSatFix" in said
 
 
+@pytest.mark.slow
 def test_a_date_that_rolled_over_is_named_and_corrected_only_on_demand(tmp_path, log):
     nmea = tmp_path / "old.nmea"
     nmea.write_text("\n".join(f"{gga(n)}\n{rmc(n, '280906')}" for n in range(SECONDS)))

@@ -103,6 +103,7 @@ def test_all_maps_have_all_records_once_whatever_the_network_has_lost(robots, re
     assert [robot.sent for robot in members.values()] == sent, "nobody sends what all have"
 
 
+@pytest.mark.slow
 def test_a_day_comes_in_parts_of_bounded_size():
     one, two = (members := team("/robot_1", "/robot_2")).values()
     one.records.take(RECEIVED, [record(1, number) for number in range(8640)])

@@ -111,6 +111,7 @@ def test_southern_hemisphere_and_no_calibration(uncalibrated, tmp_path):
         assert json.loads(raster.tags()["SOILMOIST_PARAMETERS"])["calibration"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crs", ["EPSG:1", "nonsense"])
 def test_unknown_crs_is_refused(the_map, tmp_path, crs):
     with pytest.raises(InputError, match="not a coordinate reference system"):

@@ -39,6 +39,7 @@ def test_the_corrections_agree_with_crnpy() -> None:
     assert np.mean([r.corrected_rate for r in records]) == pytest.approx(0.42961513959596065, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_one_place_gives_a_series_and_says_so(run) -> None:
     assert at_one_place(run)
     assert run.title == "Soil moisture over time"

@@ -74,6 +74,7 @@ def test_reference_systems_of_the_region(crs):
     require_crs(crs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("crs", "message"),
     [

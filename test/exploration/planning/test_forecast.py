@@ -97,6 +97,7 @@ def test_counts_spread_evenly_lower_it_as_kriging_says(monkeypatch):
     assert map_forecast(of, CELLS, left_s).sd_end == pytest.approx(expected, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_before_the_first_map_earlier_surveys_tell_more_than_the_guess():
     rate = 4.0 + 0.6 * np.sin(CELLS[:, 0] / 6.0)
     surveys = [EarlierSurvey(f"{day}", 86400.0 * day, samples_of(rate, day, 200.0, CELLS)) for day in range(4)]

@@ -158,6 +158,7 @@ def test_no_dwell_is_worth_more_than_the_best_for_all(of_each, travel_s, longest
     assert values.max() <= value * (1 + 1e-7)
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(own=st.tuples(positive, positive, positive), others=st.lists(st.tuples(positive, positive, positive)),
        price=positive)  # fmt: skip

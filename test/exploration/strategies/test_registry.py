@@ -153,6 +153,7 @@ def test_new_targets_of_the_authors_keep_four_cells_away(name):
     assert make_strategy(name, "paper").choose(everywhere, rng()) is not None
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=50)
 @given(st.lists(st.integers(0, 5), min_size=120, max_size=120))
 def test_greedy_takes_the_first_of_the_highest(values):
@@ -176,6 +177,7 @@ def test_monte_carlo_draws_in_proportion_to_the_variance():
     assert chisquare(count[1:], 4000 * variance[1:] / variance.sum()).pvalue > 0.01
 
 
+@pytest.mark.slow
 def test_monte_carlo_of_the_authors_draws_only_above_nine_tenths_of_the_mean():
     variance = np.linspace(0, 1, 120)
     count = frequencies("authors", variance)

@@ -33,6 +33,7 @@ def instance(seed, count, symmetric=True):
     return times[0, 1:], times[1:, 1:]
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10**6), st.integers(1, 7), st.booleans())
 def test_small_routes_are_optimal(seed, count, symmetric):

@@ -31,6 +31,7 @@ def graphs(draw):
     return TravelGraph.from_edges(nodes, [(f"n{a}", f"n{b}") for a, b in pairs])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(graphs())
 def test_shortest_ways_obey_the_triangle_inequality_and_paths_have_their_length(graph):

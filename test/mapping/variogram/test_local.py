@@ -45,6 +45,7 @@ def test_the_noise_is_that_of_the_place(n):
     assert len(local.pools_xy) <= MAX_POOLS
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.integers(1, 300), st.integers(1, 40), st.sampled_from([VARIOGRAM, TURNED]), st.randoms())
 def test_the_rate_at_a_place_does_not_depend_on_the_others(n, places, variogram, random):

@@ -228,6 +228,7 @@ def counted(ratio, angle_deg, n=120, seed=0):
 # -- the model -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(ratios, angles)
 def test_the_range_is_the_geometric_mean_of_those_along_and_across(ratio, angle_deg):
     variogram = Variogram("matern32", 0.0, 20.0, 1.0, ratio, angle_deg)

@@ -137,6 +137,7 @@ def fail_with(monkeypatch, code, meanwhile=lambda: None):
     return healed
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_up_within_a_batch_keeps_every_message_once_and_in_order(make, tmp_path, monkeypatch):
     """Large messages, so that the disk refuses the first of a batch while the others still wait."""
     large, all_wait, late = text_message(random.Random(1).randbytes(2_000_000).hex()), threading.Event(), [4]
@@ -339,6 +340,7 @@ def test_a_bag_in_several_files_is_one_bag_for_every_reader(make, tmp_path, limi
     assert recover_bag(bag, tmp_path / "again").extent.messages == sent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [True, False])
 def test_the_oldest_files_of_a_running_bag_go_and_the_rest_is_a_whole_bag(tmp_path, closed):
     writer = BagWriter(tmp_path / "run")

@@ -42,6 +42,7 @@ def star(radii):
     return shapely.Polygon(outline).difference(shapely.box(-3, -2, 2, 3))
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 1000),
     radii=st.lists(st.floats(12, 29), min_size=4, max_size=9),

@@ -33,6 +33,7 @@ def survey(number=80):
     return [CountRecord(stamp_s, 1.0, 2.0, 0.0, 40, 10.0, 9.5) for stamp_s in stamps.tolist()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [-0.2, 0.0, 0.1, 0.3])
 def test_the_change_is_found_with_its_uncertainty(change):
     found = [fit_reference(reference(seed, change), START_S, END_S) for seed in range(12)]

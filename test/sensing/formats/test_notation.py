@@ -51,6 +51,7 @@ def hourly(form: str, begin: datetime, hours: int) -> str:
     return "\n".join([FINAPP, *rows]) + "\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("form", "n_days", "why"),
     [

@@ -105,6 +105,7 @@ STATION = b"""\
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("logger", "lines", "limit_s"),
     [

@@ -59,6 +59,7 @@ def test_a_log_that_was_read_with_another_clock_than_the_site_s_is_refused(rovin
     )
 
 
+@pytest.mark.slow
 def test_real_roving_record_agrees_with_crnpy(roving_record):
     log = read_log(roving_record, "hydroinnova_rover", "west")
     site = Site(

@@ -51,6 +51,7 @@ def test_the_second_property_is_counted_where_and_when_the_first_is():
     assert result.series[-1].errors[1].mse == pytest.approx(np.nanmean(error**2), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_map_of_stops_has_the_counts_of_the_stops():
     result = simulate_mission(replace(QUICK, map_from="stops", dwell="fmi:60", properties=("rough",)))
     further = result.properties[1]

@@ -94,6 +94,7 @@ class First:
         return Choice(situation.candidates[near[0]], "the first") if len(near) else None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", [First, First()])
 def test_a_strategy_and_a_dwell_rule_may_be_objects(strategy):
     settings = MissionSettings(strategy=strategy, dwell=FixedInterval(60.0), hours=0.25, cell_m=8.0)
