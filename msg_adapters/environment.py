@@ -101,7 +101,7 @@ def diagnostics_from_message(message: DiagnosticArray) -> list[Health]:
 
 
 def health_to_status(health: Health, node: str = "", hardware_id: str = "") -> DiagnosticStatus:
-    """One state of health as a message; a name of a node stands before that of the part."""
+    """One state of health as a message; the name of the node, if given, stands before the name of the part."""
     return DiagnosticStatus(
         level=bytes([int(health.level)]),
         name=f"{node}: {health.name}" if node else str(health.name),

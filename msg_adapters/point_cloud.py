@@ -48,7 +48,7 @@ class OtherFrameError(ValueError):
 
 
 def require_frame(message: PointCloud2, frame: str) -> None:
-    """Check the frame of a message, whatever slash is before it; raises :class:`OtherFrameError`."""
+    """Check the frame of a message, apart from a leading slash; raises :class:`OtherFrameError`."""
     found = message.header.frame_id
     if found.lstrip("/") != frame.lstrip("/"):
         points = message.height * message.width

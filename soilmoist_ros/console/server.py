@@ -202,7 +202,7 @@ class ConsoleServer:
         return self._web.middleware(guard)
 
     def _operators(self, handler: Handler, holder: bool = False) -> Handler:
-        """A handler that answers operators only, with JSON; for ``holder``, who has the controls or asks first."""
+        """A handler with JSON for operators only; for ``holder`` they must have the controls, or get free ones."""
 
         async def answer(request: Any) -> Any:
             if request.content_type != "application/json":  # other sites can send forms, but not JSON

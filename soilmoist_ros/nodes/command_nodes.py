@@ -53,7 +53,7 @@ _LAST_MESSAGES: Final = Duration(seconds=10)
 
 @contextmanager
 def _spinning(make: Callable[[Context], SomeNode], domain: int | None = None) -> Iterator[SomeNode]:
-    """Run a node in a thread, in a ROS context of its own; in the ROS domain of the shell without another."""
+    """Run a node in a thread, in its own ROS context and in a ROS domain, by default the one of the shell."""
     context, ending = Context(), threading.Event()
     rclpy.init(context=context, domain_id=domain)
     executor = SingleThreadedExecutor(context=context)

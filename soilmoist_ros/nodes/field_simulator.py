@@ -165,7 +165,7 @@ class FieldSimulator(Node):
 
 
 class RobotInterface:
-    """Publishes the output of a simulated robot, and passes requests to it; ``below``: namespace and slash."""
+    """Publishes the output of a simulated robot and takes requests; ``below`` is its namespace with a slash."""
 
     def __init__(
         self,

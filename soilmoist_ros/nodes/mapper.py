@@ -73,9 +73,9 @@ _Queued = tuple[FieldSurvey, SoilMap | None, float]
 """A map, the field that it is of, and the end of its last record [s since 1970-01-01 UTC]."""
 NO_CHANGE_YET: Final = Health(CHANGE_PART, Level.OK, "waiting for enough samples for a map")
 _REPEAT: Final = 6
-"""An unchanged list is published every so many times, for receivers that have lost one."""
+"""One of this many unchanged lists is published, for receivers that have lost one."""
 _SETTLED: Final = 3
-"""It is published once more then: the others no longer wait for records of spans that are not compared before."""
+"""Unchanged lists before one more is published: other mappers skip spans with records of the last seconds."""
 
 
 class Mapper(Node):

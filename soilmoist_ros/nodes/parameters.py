@@ -293,7 +293,7 @@ class Parameters:
         return other
 
     def watch(self, change: Callable[[Mapping[str, Value]], str]) -> None:
-        """Let live parameters be set from now on; ``change`` says why allowed values are refused, or nothing."""
+        """Let live parameters be set from now on; ``change`` returns why values are refused, or an empty text."""
 
         def on_set(given: Sequence[RosParameter]) -> SetParametersResult:
             values = {}

@@ -179,7 +179,7 @@ class PlannerKeepout:
             self._infos = node.create_publisher(self._kind, INFO_TOPIC, LATCHED)
 
     def tick(self, fence: Fence | None, move: PlaneMove | None) -> None:
-        """Publish what has changed, once a second; ``None`` is what is not known yet."""
+        """Publish a changed fence or move, once a second; each is ``None`` while it is unknown."""
         if not self._topic or fence is None or move is None or (fence, move) == self._shown:
             return
         self._shown = fence, move

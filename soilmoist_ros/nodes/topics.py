@@ -134,7 +134,7 @@ def requested_qos(request: Request) -> QoSProfile:
 
 
 def published_qos(recorded: Sequence[Qos]) -> QoSProfile:
-    """Profile of a publisher that serves all subscriptions of the recorded ones; reliable if there are none."""
+    """Profile of a publisher that serves all subscriptions of the recorded publishers; reliable without any."""
     latched = any(qos.durability == "transient_local" for qos in recorded)
     reliable = latched or not recorded or any(qos.reliability != "best_effort" for qos in recorded)
     # Fast DDS hides the depth of other publishers. A late subscription needs a latched topic's last message.

@@ -14,8 +14,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent / "nodes")]
 @pytest.fixture
 def urgent_jobs(monkeypatch):
     """Jobs of the page do not yield to other tests: a process with niceness 10 takes minutes on busy cores."""
-    from soilmoist_ros.console import plan_routes as routes
-    from soilmoist_ros.console import runs as jobs
+    from soilmoist_ros.console import plan_routes, runs
 
-    monkeypatch.setattr(jobs, "_YIELDING", ())
-    monkeypatch.setattr(routes, "SHORT_LIMIT_S", 300.0)
+    monkeypatch.setattr(runs, "_YIELDING", ())
+    monkeypatch.setattr(plan_routes, "SHORT_LIMIT_S", 300.0)

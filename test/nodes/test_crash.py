@@ -56,8 +56,8 @@ class Received:
         assert stamps == self.stamps[first : first + len(stamps)]
 
 
-def in_journal(folder, name=None):
-    """Stamps of the records in a journal, or of the records of a further property.
+def in_journal(folder):
+    """Stamps of the records in a journal.
 
     With the entries before the mission, the journal must be complete except for an unfinished write.
     """
@@ -69,7 +69,7 @@ def in_journal(folder, name=None):
     return [
         entry.payload["record"]["stamp_s"]
         for entry in lines.entries
-        if entry.payload.get("event") == "RecordArrived" and entry.payload.get("property") == name
+        if entry.payload.get("event") == "RecordArrived" and entry.payload.get("property") is None
     ]
 
 
