@@ -219,7 +219,7 @@ class PoseClient:
 # Where the robot plausibly is: recent positions that agree with each other and with how fast it can move --------
 
 MIN_AGREEING, AMONG = 3, 5
-"""As many agreeing positions among the newest ones make a place plausible."""
+"""Number of agreeing positions that makes a place plausible, and number of newest positions that are compared."""
 MAX_AGE_S = 3.0  # highest age of the newest of them [s]
 MAX_SPAN_S = 45.0
 """Highest age of the oldest of them [s]; without fixes there are only the places of records, one in 10 s."""

@@ -169,11 +169,8 @@ class TubeChecks:
         self._rates: deque[float] = deque([] if math.isnan(rate_cps) else [rate_cps], maxlen=LAST_RATES)
         self._counted: deque[tuple[float, Array, Array]] = deque(maxlen=LAST_COUNTED)
         self._learned: deque[tuple[float, Array, Array]] = deque(maxlen=LAST_COUNTED)
-        if learned is None:
-            counting = np.array([tube not in unused for tube in range(tubes)], float)
-            self.shares = counting / max(counting.sum(), 1.0)
-        else:
-            self.shares = learned
+        counting = np.array([tube not in unused for tube in range(tubes)], float)
+        self.shares = counting / max(counting.sum(), 1.0) if learned is None else learned
         """Share of each tube in the rate of the whole sensor, shape (tubes,)."""
         self._prior_counts = PRIOR_COUNTS if learned is None else LEARNED_COUNTS
         self._start, self._seen, self._expected = self.shares, np.zeros(tubes), np.zeros(tubes)
@@ -206,7 +203,7 @@ class TubeChecks:
             bad |= self._masked
         rate_cps = math.nan
         if good.any():
-            if good.sum() > 1:  # one tube alone tells nothing about shares
+            if good.sum() > 1:  # shares are known from tubes compared with each other
                 self._learn(record.stamp_s, np.where(good, counts, 0.0), np.where(good, live_s, 0.0))
             rate_cps = counts[good].sum() / (self.shares * live_s)[good].sum()
             self._rates.append(rate_cps)

@@ -159,11 +159,7 @@ class _Columns:
                 continue
             if written and not known:
                 self.remarks.append((source.name, f"the unit {written!r} is unknown, {sensor.unit} is used"))
-            elif (
-                known
-                and {known, sensor.unit} != {sensor.unit}
-                and not {known, sensor.unit} <= {"hPa", "mb", "mbar"}
-            ):
+            elif known not in ("", sensor.unit) and not {known, sensor.unit} <= {"hPa", "mb", "mbar"}:
                 remark = f"the header says {written}, the format {sensor.unit}: {known} is used"
                 self.remarks.append((source.name, remark))
             found.append(replace(source, convert=units.converter(quantity, known or sensor.unit)))

@@ -59,12 +59,14 @@ class Soil(Section):
     @model_validator(mode="before")
     @classmethod
     def _bound_water(cls, values: Any) -> Any:
-        known = dict(values) if isinstance(values, dict) else {}
+        if not isinstance(values, dict):
+            return values
+        known = dict(values)
         if isinstance(clay := known.get("clay"), (int, float)):
             known.setdefault("lattice_water", lattice_water(clay))
         if isinstance(carbon := known.get("organic_carbon"), (int, float)):
             known.setdefault("organic_water", organic_water(carbon))
-        return known if isinstance(values, dict) else values
+        return known
 
 
 class Calibration(Section):

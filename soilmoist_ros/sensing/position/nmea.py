@@ -45,7 +45,6 @@ VERTICAL_PER_HORIZONTAL = 2.0  # without GST: usual error of the altitude per er
 QUALITY_OF_MODE = {"R": 4, "F": 5, "P": 3, "D": 2, "A": 1, "E": 6, "S": 8, "M": 7, "N": 0}
 """Quality as in GGA of a mode, the best mode first: GNS has one for each constellation."""
 _QUALITY_OF_PUBX = {"RK": 6, "DR": 6, "G2": 1, "G3": 1, "D2": 2, "D3": 2, "TT": 0, "NF": 0}
-_DATED = (b"RMC", b"ZDA", b"PUBX,04")
 _CHECKED = re.compile(rb"\$[^$*]*\*[0-9A-Fa-f]{2}")
 _DATE_BEFORE = re.compile(rb"(\d{4}[-/]\d\d[-/]\d\d[T ]\d\d:\d\d:\d\d)[^$]*\$")
 

@@ -25,7 +25,12 @@ from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms, Track
 from soilmoist_ros.sensing.problems import Finding, Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
-from soilmoist_ros.sensing.survey.correction import counting_interval_s, unusual_factors, unusual_pressure
+from soilmoist_ros.sensing.survey.correction import (
+    counting_interval_s,
+    live_time_s,
+    unusual_factors,
+    unusual_pressure,
+)
 from soilmoist_ros.sensing.survey.survey import Survey
 
 MIN_DRIFT_S = 3.0  # drift of the logger's clock over a log that matters: a rover drives 30 m in this time [s]
@@ -149,7 +154,7 @@ def why_unplaced(records: Sequence[LoggerRecord], track: Track, clock_known: boo
     :param clock_known: whether it was stated which time the logger's clock shows
     """
     first, last = (pick(records, key=lambda record: record.stamp_s) for pick in (min, max))
-    begin_s = first.stamp_s - max([live for live in first.tube_live_s if math.isfinite(live)], default=0.0)
+    begin_s = first.stamp_s - live_time_s(first)
     return track.heard.why_not_at(begin_s, last.stamp_s, clock_known)
 
 
@@ -409,7 +414,7 @@ def log_doubts(logs: Sequence[LogFile]) -> Iterator[Problem]:
     if not records:
         return
     stamps = np.array([record.stamp_s for record in records])
-    live_s = np.array([max((live for live in one.tube_live_s if live > 0), default=0.0) for one in records])
+    live_s = np.array(list(map(live_time_s, records)))
     for found in (
         *_rates(records, logs[0]),
         *_overlaps(stamps, live_s, records),
