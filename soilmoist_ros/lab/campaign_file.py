@@ -9,9 +9,10 @@ import itertools
 import json
 import logging
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -285,31 +286,31 @@ def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
     experiments = [_mapping(item) for item in listed] if isinstance(listed, list) else []
     names: list[str] = []
     for number, part in enumerate([defaults, *experiments], -1):
-        rename = "rename it; a property is FIELD:WEIGHT"
-        found = [
-            *((old, f"the key {old!r} is {_RENAMED[old]!r} now", rename) for old in _RENAMED if old in part),
-            *_faults_of_fields("field", _texts(part.get("field")), path.parent),
-            *_faults_of_fields("properties", map(_property_field, _texts(part.get("properties"))), path.parent),
-        ]
+        mistake = partial(_mistake, content, path, ("defaults",) if number < 0 else ("experiments", number))
+        for old in _RENAMED:
+            if old in part:
+                remedy = "rename it; a property is FIELD:WEIGHT"
+                yield mistake(old, f"the key {old!r} is {_RENAMED[old]!r} now", remedy)
+        yield from _field_mistakes(partial(mistake, "field"), _texts(part.get("field")), path.parent)
+        properties = map(_property_field, _texts(part.get("properties")))
+        yield from _field_mistakes(partial(mistake, "properties"), properties, path.parent)
         for graph in _texts(part.get("graph")):
             if not (path.parent / graph).is_file():
                 remedy = "give a path that starts at the campaign file; `soilmoist graph` makes one"
-                found.append(("graph", f"there is no topological map {graph!r}", remedy))
+                yield mistake("graph", f"there is no topological map {graph!r}", remedy)
         if number >= 0:
             given = {**defaults, **part}
             if given.get("graph") is not None and set(_texts(given.get("travel"))) != {"graph"}:
                 remedy = "add 'travel: graph', or leave the graph out"
-                found.append(("graph", "a graph is given, but the robot travels freely", remedy))
+                yield mistake("graph", "a graph is given, but the robot travels freely", remedy)
             if (name := str(part.get("name"))) in names:
-                found.append(("name", f"a second experiment is named {name!r}", "give it another name"))
+                yield mistake("name", f"a second experiment is named {name!r}", "give it another name")
             names.append(name)
-        for fault in found:
-            if isinstance(fault, Mistake):
-                yield fault
-                continue
-            key, message, remedy = fault
-            place: tuple[int | str, ...] = ("defaults", key) if number < 0 else ("experiments", number, key)
-            yield Mistake(message, remedy, path, line_of(content, place), ".".join(map(str, place)))
+
+
+def _mistake(content: Any, path: Path, part: tuple[Any, ...], key: str, message: str, remedy: str) -> Mistake:
+    place = (*part, key)
+    return Mistake(message, remedy, path, line_of(content, place), ".".join(map(str, place)))
 
 
 def _property_field(text: str) -> str:
@@ -319,8 +320,8 @@ def _property_field(text: str) -> str:
     return text
 
 
-def _faults_of_fields(key: str, names: Iterable[str], folder: Path) -> Iterator[Mistake | tuple[str, str, str]]:
-    """Faults of the names of fields: key, message and remedy; or the mistakes of a file that cannot be read."""
+def _field_mistakes(make: Callable[[str, str], Mistake], names: Iterable[str], folder: Path) -> Iterator[Mistake]:
+    """Mistakes in names of fields, made from message and remedy, and in the files of fields."""
     from soilmoist_ros.simulation import has_truth, surrogate_field_names
 
     usable = surrogate_field_names()
@@ -330,12 +331,12 @@ def _faults_of_fields(key: str, names: Iterable[str], folder: Path) -> Iterator[
             continue
         file = Path(_whole_path(name, folder)) if _is_path(name) else _field_file(name)
         if file is None or not file.is_file():
-            yield key, f"there is no field {'file ' if _is_path(name) else ''}{name!r}", remedy
+            yield make(f"there is no field {'file ' if _is_path(name) else ''}{name!r}", remedy)
             continue
         try:
             if not has_truth(file):
                 add = f"add a section 'truth' to its file, or {remedy}"
-                yield key, f"the field {name!r} has no truth: it cannot be simulated", add
+                yield make(f"the field {name!r} has no truth: it cannot be simulated", add)
         except InputError as error:
             yield from error.mistakes
 
