@@ -146,12 +146,11 @@ def write_tables(out: Path, finished: Finished) -> list[Path]:
         tables["hindsight"] = hindsight
     written = []
     for name, table in tables.items():
-        for suffix in ("parquet", "csv"):
+        text = table.map(csv_text).to_csv(index=False, float_format="%.8g", lineterminator="\n")
+        for suffix, content in (("parquet", table.to_parquet(index=False)), ("csv", text.encode())):
             path = out / f"{name}.{suffix}"
-            if suffix == "csv":
-                text = table.map(csv_text).to_csv(index=False, float_format="%.8g", lineterminator="\n")
             try:
-                write_whole(path, text.encode() if suffix == "csv" else table.to_parquet(index=False))
+                write_whole(path, content)
             except OSError as error:
                 raise InputError(
                     f"cannot be written: {error.strerror}", "choose another output folder", path

@@ -274,16 +274,13 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
         raise InputError("does not say where its datum lies", "give the field file with --field", home)
     else:
         name, frame = about.get("field") or "the field", LocalFrame(datum["latitude_deg"], datum["longitude_deg"])
-        make = partial(_grid, *_rings(home, frame))
+        rings, holes = _rings(home, frame)
+        make = partial(FieldGrid.from_polygon, rings, holes=holes)
         grid = _sized(make, given_m, make(given_m or float(about.get("cell_m") or 1.0)))
     names = [str(one.get("name", "")) for one in about.get("properties") or ()]
     return SeasonField(
         str(name), frame, grid, curve, names[0] if names else "", simulated, illustrative, time_zone
     )
-
-
-def _grid(rings: list[Array], holes: list[Array], cell_m: float) -> FieldGrid:
-    return FieldGrid.from_polygon(rings, cell_m, holes)
 
 
 def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: FieldGrid) -> FieldGrid:

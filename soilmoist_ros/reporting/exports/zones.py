@@ -113,13 +113,13 @@ def contour_lines(
     """
     from shapely import get_parts, line_merge
 
-    raster, least_m = continued(the_map.values), MIN_CELLS * the_map.cell_m
+    raster, min_length_m = continued(the_map.values), MIN_CELLS * the_map.cell_m
     found = [
         (part, level)
         for level in levels(the_map.values, step).tolist()
         for line in level_lines(the_map, raster, level)
         for part in get_parts(line_merge(line.intersection(boundary)))
-        if part.geom_type == "LineString" and part.length >= least_m
+        if part.geom_type == "LineString" and part.length >= min_length_m
     ]
     return [line for line, _ in found], np.array([level for _, level in found])
 

@@ -94,8 +94,8 @@ def resolution_m(soil_map: SoilMap, footprint_radius_m: float) -> float:
     sill = max(soil_map.variogram.structured_sill, 1e-300)
     noise = soil_map.mean_rate / float(samples.exposure_s.sum()) / sill
     seen_m = 0.0 if soil_map.deconvolved_m else footprint_radius_m
-    least_m = math.sqrt(area_m2 * max(1 / len(samples), noise))
-    return max(soil_map.grid.cell_m, min(least_m, soil_map.grid.extent_m), seen_m)
+    resolved_m = math.sqrt(area_m2 * max(1 / len(samples), noise))
+    return max(soil_map.grid.cell_m, min(resolved_m, soil_map.grid.extent_m), seen_m)
 
 
 def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> float:

@@ -87,7 +87,7 @@ def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
     """Everything that the page's script draws, as plain JSON values."""
     edges, one = view(run), run.soil_map.samples
     samples = np.column_stack([one.xy, one.counts, one.exposure_s])
-    robots, known = len(run.tracks_xy), list(ROBOTS.items())
+    robots = len(run.tracks_xy)
     return {
         "view": [round(edge, 2) for edge in edges],
         "place": place_data(run.frame, edges),
@@ -100,8 +100,8 @@ def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
         "samples": [[round(x, 1), round(y, 1), int(z), round(t, 2)] for x, y, z, t in _thinned(samples).tolist()],
         "robots": [
             {"name": f"robot {number + 1} {name}", "colour": colour}
-            for number in range(robots if robots > 1 else 0)
-            for name, colour in (known[number % len(known)],)
+            for number, (name, colour) in zip(range(robots), itertools.cycle(ROBOTS.items()), strict=False)
+            if robots > 1
         ],
         "paths": [rounded(_thinned(track)) for track in run.tracks_xy if len(track) > 1],
         "visits": [
