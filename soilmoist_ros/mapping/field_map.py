@@ -601,14 +601,14 @@ def fits_footprint(samples: Samples, model: ModelName, extent_m: float) -> bool:
     They object if neighbours differ more than means over the footprint can: the restricted likelihood is then
     higher without it, by the factor 7 at least. Few counts never object.
     """
-    some = slice(None, None, max(1, -(-len(samples) // _WEIGHED_PLACES)))
-    columns = samples.xy[some], samples.counts[some], samples.exposure_s[some], model
+    some = samples.some(slice(None, None, max(1, -(-len(samples) // _WEIGHED_PLACES))))
+    columns = some.xy, some.counts, some.exposure_s, model
 
     def likelihood(spread: Array) -> float:
         return estimate_variogram(*columns, extent_m=extent_m, spread=spread, anisotropy=False).objective
 
-    without = likelihood(samples.without_footprint.spread[some])
-    return likelihood(samples.spread[some]) > without - OBJECTION
+    without = likelihood(some.without_footprint.spread)
+    return likelihood(some.spread) > without - OBJECTION
 
 
 def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
