@@ -412,12 +412,10 @@ class RobotFrames:
                 self._use(move)
             return
         place, known = move.place(self._centre_m), self.move.place(self._centre_m)
-        text, away_m = (
-            f"the datum {datum_text(self._frame, move)} of the navigation's map",
-            math.dist(place, known),
-        )
+        away_m = math.dist(place, known)
         if away_m <= self._settings.limit_m:
             return
+        text = f"the datum {datum_text(self._frame, move)} of the navigation's map"
         if self._settings.datum == MAP:
             self._map_fault = f"{text} was {self._datum} before: start the planner again"
         elif self._settings.datum == FIELD:

@@ -23,7 +23,7 @@ class Battery:
     """State of a battery by its messages. What a message leaves out stays as it was."""
 
     def __init__(self) -> None:
-        self.charge = self.voltage_v = math.nan  # those known last [0..1] [V]
+        self.charge = self.voltage_v = math.nan  # last known charge [0..1] and voltage [V]
         self._charge_s = math.nan
         self._start: tuple[float, float] | None = None  # time and charge
 
