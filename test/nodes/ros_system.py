@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,28 @@ SECURITY = ("ROS_SECURITY_KEYSTORE", "ROS_SECURITY_ENABLE", "ROS_SECURITY_STRATE
 def security_environment(keystore: Path) -> dict[str, str]:
     """Environment variables with which nodes run encrypted or not at all."""
     return dict(zip(SECURITY, (str(keystore), "true", "Enforce"), strict=True))
+
+
+@contextlib.contextmanager
+def ros_in_this_process(arguments: Sequence[str], folder: Path) -> Iterator[None]:
+    """Initialise the usual context in a free domain. The caller destroys its nodes."""
+    environment = loopback_environment(0) | {"ROS_LOG_DIR": str(folder)}
+    with free_domain() as domain, patch.dict(os.environ, environment | {"ROS_DOMAIN_ID": str(domain)}):
+        rclpy.init(args=list(arguments))
+        try:
+            yield
+        finally:
+            rclpy.try_shutdown()
+
+
+def construct(module: str, name: str, parameters: Path, folder: Path) -> None:
+    """Construct a node; for another process.
+
+    :param parameters: its file
+    """
+    made = getattr(importlib.import_module(module), name)
+    with ros_in_this_process(["node", "--ros-args", "--params-file", str(parameters)], folder):
+        made()
 
 
 class RosSystem:

@@ -13,10 +13,9 @@ import pytest
 
 pytest.importorskip("rclpy")
 import launch_stand_in as stand_in
-import rclpy
 import yaml
-from rclpy.context import Context
 from rclpy.node import Node
+from ros_system import ros_in_this_process
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
@@ -36,24 +35,18 @@ def in_a_folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def seen(tmp_path, monkeypatch):
+def seen(tmp_path):
     """Parameters that a launched node receives."""
-    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "config" / "dds" / "loopback.xml"))
 
     def see(action):
-        context = Context()
-        rclpy.init(args=action.command_line(tmp_path), context=context, domain_id=101)
-        try:
-            node = Node(action.executable, context=context)
+        with ros_in_this_process(action.command_line(tmp_path), tmp_path):
+            node = Node(action.executable)
             table = importlib.import_module(f"soilmoist_ros.nodes.{action.executable}").PARAMETERS
             values = Parameters(node, table).as_dict()
             values["use_sim_time"] = node.get_parameter("use_sim_time").value
             values["node"] = node.get_fully_qualified_name()
             node.destroy_node()
             return values
-        finally:
-            context.try_shutdown()
 
     return see
 
@@ -222,15 +215,12 @@ def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_pa
         "console": "true",
     }
     resolved = {}
-    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
     for action in stand_in.start(ROBOT, monkeypatch, given):
-        context = Context()
-        rclpy.init(args=action.command_line(tmp_path), context=context, domain_id=101)
-        node = Node(action.executable, context=context)
-        topics = ("fix", "battery_state", "/tf", "counts", "samples")
-        resolved[node.get_fully_qualified_name()] = [node.resolve_topic_name(name) for name in topics]
-        node.destroy_node()
-        context.try_shutdown()
+        with ros_in_this_process(action.command_line(tmp_path), tmp_path):
+            node = Node(action.executable)
+            topics = ("fix", "battery_state", "/tf", "counts", "samples")
+            resolved[node.get_fully_qualified_name()] = [node.resolve_topic_name(name) for name in topics]
+            node.destroy_node()
     ours = ["/gps/fix", "/r1/bms/state", "/r1/tf", "/crns/counts", "/r1/samples"]
     for name in ("mapper", "planner", "sensor_driver", "console"):
         assert resolved.pop(f"/r1/{name}") == ours

@@ -2,23 +2,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mistakes in parameters are refused with a suggestion, by each node; test_colcon.py has the processes."""
 
-import importlib
-from pathlib import Path
+import re
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
 import pytest
 import yaml
 
 pytest.importorskip("rclpy")
-import rclpy
+from ros_system import construct
 
 from soilmoist_ros.foundation.errors import InputError
 
-LOOPBACK = Path(__file__).resolve().parents[2] / "config" / "dds" / "loopback.xml"
 CLASSES = {
     "planner": "Planner", "mapper": "Mapper", "sensor_driver": "SensorDriver", "recorder": "Recorder",
     "field_simulator": "FieldSimulator",
 }  # fmt: skip
 USUAL = {"planner": {"field": "smooth"}, "mapper": {"field": "example"}, "sensor_driver": {"field": "example"}}
+
+
+@pytest.fixture(scope="module")
+def processes() -> Iterator[ProcessPoolExecutor]:
+    """A process for each node: one that fails keeps its participant, and two in a process may wait without end."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload([f"soilmoist_ros.nodes.{node}" for node in CLASSES])
+    with ProcessPoolExecutor(1, context, max_tasks_per_child=1) as executor:
+        yield executor
+
+
 POSES = {"navigator": "goal_pose", "graph": "free"}
 
 
@@ -56,16 +68,9 @@ POSES = {"navigator": "goal_pose", "graph": "free"}
         ("field_simulator", {"host": "192.0.2.1", "logger_port": 0}, "cannot listen on 192.0.2.1:0"),
     ],
 )
-def test_mistakes_are_named_with_a_suggestion(node, given, said, tmp_path, monkeypatch):
-    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(LOOPBACK))
+def test_mistakes_are_named_with_a_suggestion(node, given, said, tmp_path, processes):
     path = tmp_path / "given.yaml"
     path.write_text(yaml.safe_dump({node: {"ros__parameters": {**USUAL.get(node, {}), **given}}}))
-    module = importlib.import_module(f"soilmoist_ros.nodes.{node}")
-    rclpy.init(args=["node", "--ros-args", "--params-file", str(path)], domain_id=101)
-    try:
-        with pytest.raises(InputError) as caught:
-            getattr(module, CLASSES[node])()
-    finally:
-        rclpy.shutdown()
-    assert said in str(caught.value)
+    module, name = f"soilmoist_ros.nodes.{node}", CLASSES[node]
+    with pytest.raises(InputError, match=re.escape(said)):
+        processes.submit(construct, module, name, path, tmp_path).result(60)

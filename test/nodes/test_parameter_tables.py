@@ -14,9 +14,8 @@ import pytest
 import yaml
 
 pytest.importorskip("rclpy")
-import rclpy
-from rclpy.context import Context
 from rclpy.node import Node
+from ros_system import ros_in_this_process
 
 from soilmoist_ros.nodes.parameters import Parameter, Parameters, check_values
 
@@ -41,21 +40,15 @@ def test_files_and_document_say_what_the_nodes_say():
 
 
 @pytest.mark.parametrize("node", NODES)
-def test_every_file_gives_every_default_to_a_real_node(node, tmp_path, monkeypatch):
-    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "config" / "dds" / "loopback.xml"))
+def test_every_file_gives_every_default_to_a_real_node(node, tmp_path):
     path = ROOT / "config" / f"{node}.yaml"
     defaults = {row.name: row.default for row in table(node)}
-    context = Context()
-    rclpy.init(args=["--ros-args", "--params-file", str(path)], context=context, domain_id=101)
-    try:
-        example = Node(node, context=context)
+    with ros_in_this_process(["--ros-args", "--params-file", str(path)], tmp_path):
+        example = Node(node)
         assert Parameters(example, table(node)).as_dict() == defaults
         types = {name: type(parameter.value) for name, parameter in example._parameter_overrides.items()}
         assert types == {name: type(value) for name, value in defaults.items() if value != []}
         example.destroy_node()
-    finally:
-        context.try_shutdown()
 
 
 @pytest.mark.parametrize("node", NODES)
