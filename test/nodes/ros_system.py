@@ -40,6 +40,17 @@ def security_environment(keystore: Path) -> dict[str, str]:
     return dict(zip(SECURITY, (str(keystore), "true", "Enforce"), strict=True))
 
 
+PUBLISHER = """#!{}
+import rclpy
+from rclpy.node import Node
+from {} import {} as Kind
+rclpy.init()
+node = Node("other")
+publisher = node.create_publisher(Kind, "{}", 10)
+rclpy.spin(node)
+"""
+
+
 @contextlib.contextmanager
 def ros_in_this_process(arguments: Sequence[str], folder: Path) -> Iterator[None]:
     """Initialise the usual context in a free domain. The caller destroys its nodes."""
@@ -155,6 +166,13 @@ class RosSystem:
         process = NodeProcess(command, self.environment, self.folder / f"output{len(self.processes)}.txt")
         self.processes.append(process)
         return process
+
+    def start_publisher(self, kind: type, topic: str) -> NodeProcess:
+        """Start a process with a silent publisher: a participant has one type of a topic."""
+        path = self.folder / "publisher"
+        path.write_text(PUBLISHER.format(sys.executable, kind.__module__, kind.__name__, topic))
+        path.chmod(0o755)
+        return self.start(str(path))
 
     def collect(self, kind: type, topic: str, qos: Any = 10) -> list[Any]:
         """A list that grows with the messages of a topic."""
