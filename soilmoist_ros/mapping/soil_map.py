@@ -127,18 +127,20 @@ def moisture_terms(curve: MoistureCurve, rate_cps: ArrayLike, rate_sd_cps: Array
 def common_rate_sd(curve: MoistureCurve, rate: Array) -> Array | None:
     """Standard deviation of the rate that has the effect of an uncertain calibration [counts/s].
 
-    The errors of N0 and bulk density shift all places together. A curve depends on the rate in units of N0, so the
-    relative error of N0 acts like that of the rate. Moisture is proportional to the bulk density; its error is
-    taken as independent of that of N0.
+    The errors of N0, bulk density and bound water shift all places together. A curve depends on the rate in units
+    of N0, so the relative error of N0 acts like that of the rate. Moisture is proportional to the bulk density;
+    lattice and organic water take ``rho_b`` times their own from it. The three errors are taken as independent.
 
     :returns: same shape; ``None`` for a calibration whose standard deviations are unknown
     """
     n0 = curve.n0_sd_cps / curve.n0_cps
     density = curve.bulk_density_sd_gcm3 / curve.bulk_density_gcm3
-    if density == 0:
+    bound = curve.bound_water_sd * curve.bulk_density_gcm3
+    if density == 0 and bound == 0:
         return rate * n0 if n0 > 0 else None
-    of_density = possible_moisture(curve, rate) / np.where(curve.valid(rate), curve.slope(rate), -np.inf)
-    return np.hypot(rate * n0, of_density * density)
+    slope = np.where(curve.valid(rate), curve.slope(rate), -np.inf)
+    of_soil = possible_moisture(curve, rate) / slope * density
+    return np.hypot(rate * n0, of_soil if bound == 0 else np.hypot(of_soil, bound / slope))
 
 
 # -- Map -----------------------------------------------------------------------------------------------------

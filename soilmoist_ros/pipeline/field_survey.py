@@ -390,6 +390,8 @@ def _calibration(site: Site) -> CalibrationInfo | None:
         organic_water=site.soil.organic_water,
         source=source,
         illustrative=site.calibration.illustrative,
+        method=site.calibration.method,
+        parts=tuple(site.calibration.parts),
     )
 
 

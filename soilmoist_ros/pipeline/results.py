@@ -60,6 +60,7 @@ class _Calibration(_ResultPart):
     organic_water: Number | None = None
     n0_sd_cps: Number | None = None
     bulk_density_sd_gcm3: Number | None = None
+    bound_water_sd: Number | None = None
     humidity_gm3: Number | None = None
     parameter_set: str | None = None
 

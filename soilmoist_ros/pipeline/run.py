@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, shown_text
-from soilmoist_ros.sensing import Consequence, CountRecord, SensedSoil
+from soilmoist_ros.sensing import Consequence, CountRecord, SensedSoil, UncertaintyPart
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import Covariates, EarlierSurvey, FieldChange, Persistence, SoilMap, SurveysEstimate
@@ -150,6 +150,8 @@ class CalibrationInfo:
     :param lattice_water: gravimetric lattice water [g/g]
     :param organic_water: gravimetric water equivalent of organic matter [g/g]
     :param illustrative: whether N0 is a guess, so that only patterns of the moisture are meaningful
+    :param method: ``cores``, ``general`` or ``combined``, see :class:`soilmoist_ros.sensing.Calibration`
+    :param parts: parts of the uncertainty of N0 and soil, where they are known
     """
 
     n0_cps: float
@@ -159,6 +161,8 @@ class CalibrationInfo:
     organic_water: float = 0.0
     source: str = ""
     illustrative: bool = False
+    method: str = "cores"
+    parts: Sequence[UncertaintyPart] = ()
 
 
 @dataclass(frozen=True)

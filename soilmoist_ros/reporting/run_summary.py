@@ -397,4 +397,6 @@ def _calibration(run: MapRun) -> dict[str, Any] | None:
         "lowest_rate_cps": curve.lowest_rate_cps,
         "source": known.source if known else "",
         "illustrative": known is not None and known.illustrative,
+        **({} if known is None or known.method == "cores" else {"method": known.method}),
+        **({"parts": [part.model_dump() for part in known.parts]} if known and known.parts else {}),
     }

@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.site import Calibration as Calibration
     from soilmoist_ros.sensing.moisture.site import Site as Site
     from soilmoist_ros.sensing.moisture.site import Soil as Soil
+    from soilmoist_ros.sensing.moisture.site import UncertaintyPart as UncertaintyPart
     from soilmoist_ros.sensing.moisture.site import estimate_n0 as estimate_n0
     from soilmoist_ros.sensing.moisture.site import load_site as load_site
     from soilmoist_ros.sensing.moisture.site import n0_in_other_time as n0_in_other_time
@@ -147,7 +148,7 @@ __getattr__, __dir__, __all__ = open_door(
         "moisture.cores": "possible_days read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
-        "moisture.site": "Calibration Site Soil estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration",
+        "moisture.site": "Calibration Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration",
         "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",
         "position.place_judge": "Expected PlaceAges PlaceFix PlaceJudge PlaceLimits REPEATED_M Verdict",

@@ -106,18 +106,19 @@ def test_the_quantiles_cut_equal_tails_from_the_moisture(sd):
     assert np.median(moisture) == pytest.approx(vwc, rel=2e-3)
 
 
-@pytest.mark.parametrize("part", ["n0", "density"])
+@pytest.mark.parametrize("part", ["n0_sd_cps", "bulk_density_sd_gcm3", "bound_water_sd"])
 def test_an_uncertain_calibration_widens_the_interval(part):
     rng, n = np.random.default_rng(2), 200_000
-    sds = {"n0_sd_cps": 0.1} if part == "n0" else {"bulk_density_sd_gcm3": 0.07}
-    known = CalibrationCurve(6.0, 1.4, **sds)
+    sds = {"n0_sd_cps": 0.1, "bulk_density_sd_gcm3": 0.07, "bound_water_sd": 0.01}
+    known = CalibrationCurve(6.0, 1.4, **{part: sds[part]})
     rate, sd = 3.5, 0.05
     n0, density = (
         6.0 + known.n0_sd_cps * rng.standard_normal(n),
         1.4 + known.bulk_density_sd_gcm3 * rng.standard_normal(n),
     )
     unit = CalibrationCurve(1.0, 1.0)  # moisture is a function of the rate in units of N0, times the density
-    moisture = density * unit.vwc(rng.normal(rate, sd, n) / n0)
+    bound_water = known.bound_water_sd * rng.standard_normal(n)
+    moisture = density * (unit.vwc(rng.normal(rate, sd, n) / n0) - bound_water)
     bands = make_bands(np.array(rate), np.array(sd**2), known)
     np.testing.assert_allclose(np.quantile(moisture, (0.05, 0.95)), (bands.vwc_p05, bands.vwc_p95), rtol=0.012)
     plain = make_bands(np.array(rate), np.array(sd**2), CURVE)

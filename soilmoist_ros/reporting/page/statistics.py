@@ -266,19 +266,19 @@ def calibration_sd(soil_map: SoilMap) -> float | None:
     """Standard deviation of VWC that an uncertain calibration adds, mean over the field [m^3/m^3].
 
     It shifts all cells together. First order in N0, ``d(vwc)/d(N0) = -d(vwc)/d(rate) * rate / N0``, and in the
-    bulk density, ``d(vwc)/d(rho_b) = vwc / rho_b``.
+    bulk density, ``d(vwc)/d(rho_b) = vwc / rho_b``; lattice and organic water are taken ``rho_b`` times.
 
     :returns: ``None`` without a calibration, or if its standard deviations are unknown
     """
     curve = soil_map.curve
-    if curve is None or not (curve.n0_sd_cps > 0 or curve.bulk_density_sd_gcm3 > 0):
+    if curve is None or not (curve.n0_sd_cps > 0 or curve.bulk_density_sd_gcm3 > 0 or curve.bound_water_sd > 0):
         return None
     rate = soil_map.rate[curve.valid(soil_map.rate)]
     if not rate.size:
         return None
     of_n0 = float(np.mean(np.abs(curve.slope(rate)) * rate)) * curve.n0_sd_cps / curve.n0_cps
     of_density = float(np.mean(curve.vwc(rate))) * curve.bulk_density_sd_gcm3 / curve.bulk_density_gcm3
-    return math.hypot(of_n0, of_density)
+    return math.hypot(of_n0, of_density, curve.bound_water_sd * curve.bulk_density_gcm3)
 
 
 class MeanMoisture(NamedTuple):

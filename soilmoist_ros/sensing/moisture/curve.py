@@ -17,7 +17,7 @@ equation 15, is the rate as a function of soil moisture and of absolute air humi
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -83,6 +83,7 @@ class MoistureCurve(ABC):
     :param organic_water: gravimetric water equivalent of soil organic matter [g/g]
     :param n0_sd_cps: standard deviation of N0 [counts/s]; 0 if unknown
     :param bulk_density_sd_gcm3: standard deviation of the bulk density [g/cm^3]; 0 if unknown
+    :param bound_water_sd: standard deviation of lattice and organic water together [g/g]; 0 if unknown
     :raises ValueError: if N0 or the bulk density is not positive and finite, or another value is negative
     """
 
@@ -92,6 +93,7 @@ class MoistureCurve(ABC):
     organic_water: float = 0.0
     n0_sd_cps: float = 0.0
     bulk_density_sd_gcm3: float = 0.0
+    bound_water_sd: float = field(default=0.0, kw_only=True)
     name: ClassVar[str]
     """Name of the curve in files."""
 
@@ -104,8 +106,11 @@ class MoistureCurve(ABC):
 
     @property
     def parameters(self) -> dict[str, str | float]:
-        """Name and parameters of the curve, for files."""
-        return {"curve": self.name, **asdict(self)}
+        """Name and parameters of the curve, for files; without ``bound_water_sd`` where it is 0."""
+        known = {"curve": self.name, **asdict(self)}
+        if self.bound_water_sd == 0:
+            del known["bound_water_sd"]
+        return known
 
     @property
     @abstractmethod

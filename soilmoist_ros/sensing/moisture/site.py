@@ -51,6 +51,8 @@ class Soil(Section):
     """Gravimetric lattice water [g/g]."""
     organic_water: WaterFraction = 0.0
     """Gravimetric water equivalent of soil organic matter [g/g]."""
+    bound_water_sd: NotNegative | None = None
+    """Standard deviation of lattice and organic water together [g/g]."""
     clay: WaterFraction | None = None
     """Clay content [g/g]; gives the lattice water if it is left out."""
     organic_carbon: WaterFraction | None = None
@@ -67,6 +69,37 @@ class Soil(Section):
         if isinstance(carbon := known.get("organic_carbon"), (int, float)):
             known.setdefault("organic_water", organic_water(carbon))
         return known
+
+
+class UncertaintyPart(Section):
+    """One part of the uncertainty of a calibration."""
+
+    name: Literal[
+        "general N0",
+        "sensitivity",
+        "site scaling",
+        "intensity",
+        "pressure",
+        "humidity",
+        "biomass",
+        "road",
+        "snow",
+        "bulk density",
+        "lattice and organic water",
+        "cores",
+        "counting of the calibration",
+    ]
+    """What is uncertain."""
+    value: Annotated[float, Field(allow_inf_nan=True)]
+    """Value that the calibration uses; NaN for what it leaves out."""
+    unit: str
+    """Unit of the value and of its standard deviation."""
+    sd: Annotated[float, Field(ge=0)]
+    """Standard deviation of the value."""
+    origin: Literal["measured", "given", "default range", "literature"]
+    """Where the value is from."""
+    share: Annotated[float, Field(allow_inf_nan=True)] = math.nan
+    """Relative standard deviation of N0 that has the effect of this part; NaN for what acts by the curve."""
 
 
 class Calibration(Section):
@@ -86,6 +119,10 @@ class Calibration(Section):
     """Method of the calibration."""
     illustrative: bool = False
     """True if N0 is a guess, not a calibration of this probe; absolute moisture is then not real."""
+    method: Literal["cores", "general", "combined"] = "cores"
+    """Where N0 comes from: soil cores, the general calibration, or both combined."""
+    parts: list[UncertaintyPart] = Field(default_factory=list)
+    """Parts of the uncertainty of N0 and soil, where they are known."""
 
     @property
     def has_origin(self) -> bool:
@@ -104,9 +141,12 @@ class Calibration(Section):
             self.n0_sd_cps or 0.0,
             soil.bulk_density_sd_gcm3 or 0.0,
         )
+        bound_water_sd = soil.bound_water_sd or 0.0
         if self.curve == "universal":
-            return UniversalCurve(*common, reference_humidity_gm3, self.parameter_set)
-        return CalibrationCurve(*common)
+            return UniversalCurve(
+                *common, reference_humidity_gm3, self.parameter_set, bound_water_sd=bound_water_sd
+            )
+        return CalibrationCurve(*common, bound_water_sd=bound_water_sd)
 
 
 class Irrigation(Section):

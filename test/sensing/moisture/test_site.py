@@ -12,7 +12,15 @@ from pydantic import ValidationError
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
-from soilmoist_ros.sensing.moisture.site import Calibration, Site, Soil, estimate_n0, load_site, write_calibration
+from soilmoist_ros.sensing.moisture.site import (
+    Calibration,
+    Site,
+    Soil,
+    UncertaintyPart,
+    estimate_n0,
+    load_site,
+    write_calibration,
+)
 
 
 def test_every_shipped_site_is_valid():
@@ -161,3 +169,19 @@ def test_writing_keeps_comments_and_other_settings(tmp_path):
     assert site.calibration.n0_cps == 6.25
     assert site.longitude == "west"
     assert [entry.name for entry in tmp_path.iterdir()] == ["site.yaml"]
+
+
+def test_method_parts_and_bound_water_return_from_a_site_file(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("name: a field\n")
+    part = {"value": 0.03, "unit": "g/g", "sd": 0.01, "origin": "default range"}
+    parts = [UncertaintyPart(name="lattice and organic water", **part)]
+    soil = Soil(bulk_density_gcm3=1.4, bound_water_sd=0.01)
+    write_calibration(path, Calibration(n0_cps=2.0, method="general", parts=parts), soil)
+    known = load_site(path)
+    assert known.soil == soil
+    assert known.calibration.method == "general"
+    assert known.calibration.parts[0].sd == 0.01
+    assert math.isnan(known.calibration.parts[0].share)
+    assert known.curve.parameters["bound_water_sd"] == 0.01
+    assert "bound_water_sd" not in CalibrationCurve(2.0, 1.4).parameters  # files of older runs stay as they are
