@@ -179,10 +179,6 @@ def management_zones(
     """
     from scipy.ndimage import gaussian_filter
 
-    try:
-        from shapely import coverage_simplify
-    except ImportError:
-        raise InputError("zones need shapely 2.1", install("reports")) from None
     if not 1 <= classes <= 20:
         raise InputError(f"{classes} zones are not possible", "choose from 1 to 20")
     smallest_m2 = SHARE_OF_FIELD * boundary.area if min_area_m2 is None else min_area_m2
@@ -194,20 +190,33 @@ def management_zones(
     raster = gaussian_filter(
         continued(the_map.values), SMOOTHING * np.sqrt(smallest_m2) / the_map.cell_m, mode="nearest"
     )
-    faces = _faces(the_map, boundary, raster, edges)
+    faces = divided([line for edge in edges for line in level_lines(the_map, raster, float(edge))], boundary)
     number = _classes(the_map, raster, edges, faces)
-    shapes, number = _joined(faces, number, smallest_m2)
-    shapes, number = _dissolved(shapes, number)
-    # Common borders get fewer corners; the boundary of the field stays as it is.
-    shapes = list(coverage_simplify(shapes, the_map.cell_m / 2, simplify_boundary=False))
+    shapes, number = workable(faces, number, smallest_m2, the_map.cell_m / 2)
     return _described(the_map, shapes, number, edges, limits is None, full)
 
 
-def _faces(the_map: ExportedProperty, boundary: BaseGeometry, raster: Array, edges: Array) -> list[BaseGeometry]:
-    """Parts into which contour lines divide the field. Neighbours have the same corners on their border."""
+def workable(
+    faces: Sequence[BaseGeometry], number: NDArray[np.intp], smallest_m2: float, tolerance_m: float
+) -> tuple[list[BaseGeometry], NDArray[np.intp]]:
+    """Connected polygons of one class each, none smaller than the smallest where it has a neighbour.
+
+    :param faces: parts of the field with common corners, see :func:`divided`, and the class of each
+    :param tolerance_m: distance that common borders may move to get fewer corners; the boundary of the field stays
+    :raises InputError: for an old shapely
+    """
+    try:
+        from shapely import coverage_simplify
+    except ImportError:
+        raise InputError("zones need shapely 2.1", install("reports")) from None
+    shapes, number = _dissolved(*_joined(faces, number, smallest_m2))
+    return list(coverage_simplify(shapes, tolerance_m, simplify_boundary=False)), number
+
+
+def divided(lines: Sequence[BaseGeometry], boundary: BaseGeometry) -> list[BaseGeometry]:
+    """Parts into which lines divide the field. Neighbours have the same corners on their border."""
     from shapely import contains, get_parts, point_on_surface, polygonize, prepare, union_all
 
-    lines = [line for edge in edges for line in level_lines(the_map, raster, float(edge))]
     parts = get_parts(polygonize(get_parts(union_all([*lines, boundary.boundary], grid_size=NODE_M))))
     prepare(boundary)
     return list(parts[contains(boundary, point_on_surface(parts))])

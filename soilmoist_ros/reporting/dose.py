@@ -1,0 +1,417 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Irrigation dose of a map: water that is missing in the root zone, and zones by the steps of a machine.
+
+The rate of a place is normal, with the errors of counting, mapping and calibration; its moisture follows the curve.
+What lies below the sensed depth, and the limits of the soil, add normal errors to the moisture. All figures are
+of this distribution, so the mean of the missing water is not the missing water of the mean moisture.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
+from soilmoist_ros.reporting.certainty import CERTAIN
+from soilmoist_ros.reporting.exports.source import ExportedProperty
+from soilmoist_ros.reporting.exports.zones import SHARE_OF_FIELD, divided, workable
+from soilmoist_ros.sensing import MoistureCurve
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+Array = NDArray[np.float64]
+_NODES = 40
+"""Equally probable values of the rate, by which errors of the moisture are combined with the curve."""
+TOLERANCE_M = 0.01
+"""Distance that common borders of zones may move to get fewer corners [m]."""
+
+
+@dataclass(frozen=True)
+class DoseSettings:
+    """What a dose rests on besides the map; moistures in m^3/m^3, depths and doses in mm.
+
+    :param depletion: share of the water between field capacity and wilting point that plants use before they lack
+        water [0..1] (Allen et al. 1998, FAO Irrigation and drainage paper 56, equations 82 and 83)
+    :param target: moisture to fill the root zone to
+    :param efficiency: share of the applied water that reaches the root zone, (0, 1]
+    :param steps_mm: distance of the doses that the machine can apply
+    :param min_dose_mm: smallest dose but none, and the largest one ``max_dose_mm``
+    :param width_m: width of the machine; ``None`` if it is not known
+    :param direction_deg: driving direction, clockwise from north; ``None`` for the long side of the field
+    :param min_zone_ha: minimum area of a zone [ha]; by default 5 % of the field
+    :param below_share: share of the root zone below the sensed depth [0..1]
+    :param below_shift: how much moister the soil there is than what was sensed, and its standard deviation
+        ``below_sd``
+    :raises InputError: if a value is out of range
+    """
+
+    wilting_point: float
+    field_capacity: float
+    wilting_point_sd: float = 0.0
+    field_capacity_sd: float = 0.0
+    root_depth_mm: float = 300.0
+    depletion: float = 0.5
+    target: float | None = None
+    efficiency: float = 1.0
+    steps_mm: float = 5.0
+    min_dose_mm: float = 0.0
+    max_dose_mm: float = 60.0
+    width_m: float | None = None
+    direction_deg: float | None = None
+    min_zone_ha: float | None = None
+    below_share: float = 0.0
+    below_shift: float = 0.0
+    below_sd: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.wilting_point < self.field_capacity < 1:
+            limits = f"{self.wilting_point:g} and {self.field_capacity:g}"
+            raise InputError(
+                f"wilting point and field capacity of {limits} are no limits of a soil",
+                "give them in rising order",
+            )
+        if not 0 < self.efficiency <= 1:
+            remedy = "give the share of the water that reaches the roots, above 0 and at most 1, such as 0.8"
+            raise InputError(f"an efficiency of {self.efficiency:g} is not possible", remedy)
+        if not 0 < self.steps_mm <= self.max_dose_mm:
+            raise InputError(
+                f"steps of {self.steps_mm:g} mm do not fit a largest dose of {self.max_dose_mm:g} mm",
+                "give steps above 0 and at most the largest dose",
+            )
+        if not 0 <= self.min_dose_mm <= self.max_dose_mm:
+            raise InputError(
+                f"a smallest dose of {self.min_dose_mm:g} mm does not fit a largest of {self.max_dose_mm:g} mm",
+                "give the smallest dose first",
+            )
+        if not self.stress < self.full < 1:
+            raise InputError(
+                f"a target of {self.full:g} m3/m3 is not above {self.stress:.3g} m3/m3, where plants lack water",
+                "give a target between this and the pore volume",
+            )
+        for name in ("width_m", "min_zone_ha"):
+            if not (getattr(self, name) is None or getattr(self, name) > 0):
+                raise InputError(f"{name} of {getattr(self, name):g} is not possible", "give one above 0")
+
+    @property
+    def full(self) -> float:
+        """Moisture to fill the root zone to; field capacity unless another one is given."""
+        return self.field_capacity if self.target is None else self.target
+
+    @property
+    def stress(self) -> float:
+        """Moisture below which plants lack water."""
+        return self.field_capacity - self.depletion * (self.field_capacity - self.wilting_point)
+
+    @property
+    def stress_sd(self) -> float:
+        """Standard deviation of the root zone's moisture minus :attr:`stress`, but for the error of the rate."""
+        of_limits = (1 - self.depletion) * self.field_capacity_sd, self.depletion * self.wilting_point_sd
+        return math.hypot(self.below_share * self.below_sd, *of_limits)
+
+    @property
+    def full_sd(self) -> float:
+        """Standard deviation of the root zone's moisture minus :attr:`full`, but for the error of the rate."""
+        of_target = self.field_capacity_sd if self.target is None else 0.0
+        return math.hypot(self.below_share * self.below_sd, of_target)
+
+    @property
+    def doses_mm(self) -> Array:
+        """Gross doses that the machine can apply, rising, without 0 [mm]."""
+        doses: Array = self.steps_mm * np.arange(1.0, math.floor(self.max_dose_mm / self.steps_mm + 1e-9) + 1)
+        return doses[doses >= min(self.min_dose_mm, doses[-1]) - 1e-9]
+
+    def step_mm(self, net_mm: float) -> float:
+        """The gross dose nearest to a net need that is there [mm]."""
+        doses = self.doses_mm
+        return float(doses[np.argmin(np.abs(doses - net_mm / self.efficiency))])
+
+
+@dataclass(frozen=True, eq=False)
+class Dose:
+    """Water that places need, shape (n,) each.
+
+    :param net_mm: mean of the water missing to the target in the root zone [mm]; ``p05_mm`` and ``p95_mm`` are its
+        quantiles
+    :param needed: probability that the root zone is below the moisture where plants lack water [0..1]
+    """
+
+    net_mm: Array
+    p05_mm: Array
+    p95_mm: Array
+    needed: Array
+    _spread: _Spread
+
+    def right(self, gross_mm: float) -> Array:
+        """Probability that a place needs the gross dose of a step and no other one, shape (n,)."""
+        settings = self._spread.settings
+        if not gross_mm > 0:
+            return 1 - self.needed
+        doses = settings.doses_mm
+        index = int(np.argmin(np.abs(doses - gross_mm)))
+        middles = np.concatenate([[-np.inf], (doses[1:] + doses[:-1]) / 2, [np.inf]])
+        wet, dry = settings.full - middles[index : index + 2] * settings.efficiency / settings.root_depth_mm
+        below = [self._spread.below(min(limit, settings.stress), settings.full_sd) for limit in (wet, dry)]
+        return np.maximum(below[0] - below[1], 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Spread:
+    """Distribution of the root zone's moisture at places.
+
+    :param rate: estimate [counts/s], and its standard deviation ``sd`` with the calibration, shape (n,)
+    :param table: rising rates and their moistures
+    """
+
+    rate: Array
+    sd: Array
+    curve: MoistureCurve
+    settings: DoseSettings
+    table: tuple[Array, Array]
+
+    def values(self) -> Array:
+        """Equally probable moistures of each place, shape (:data:`_NODES`, n)."""
+        from scipy.special import ndtri
+
+        nodes = ndtri((np.arange(_NODES) + 0.5) / _NODES)
+        nodes /= math.sqrt(float((nodes**2).mean()))
+        found = np.interp(self.rate + nodes[:, None] * self.sd, *self.table) + self._shift
+        return np.asarray(found, float)
+
+    @property
+    def _shift(self) -> float:
+        return self.settings.below_share * self.settings.below_shift
+
+    def below(self, limit: float, sd: float) -> Array:
+        """Probability of a moisture below a limit, which is uncertain by a standard deviation, shape (n,)."""
+        from scipy.special import ndtr
+
+        if (limit <= 0 and sd == 0) or limit == -math.inf:
+            return np.zeros(len(self.rate))
+        if sd == 0:
+            edge = float(self.curve.rate_cps(max(limit - self._shift, 0.0)))
+            return np.asarray(ndtr((self.rate - edge) / np.maximum(self.sd, 1e-12)), float)
+        return np.asarray(ndtr((limit - self.values()) / sd).mean(axis=0), float)
+
+    def missing(self) -> Array:
+        """Mean of the moisture missing to the target, shape (n,) [m^3/m^3]."""
+        from scipy.special import ndtr
+
+        short, sd = self.settings.full - self.values(), self.settings.full_sd
+        if sd == 0:
+            return np.asarray(np.maximum(short, 0).mean(axis=0))
+        z = short / sd
+        return np.asarray((short * ndtr(z) + sd * np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)).mean(axis=0))
+
+    def quantiles(self) -> tuple[Array, Array]:
+        """Quantiles 0.05 and 0.95 of the missing moisture: one-sided distances of the two errors combined in
+        quadrature, shape (n,) each [m^3/m^3].
+        """
+        middle, away = np.interp(self.rate, *self.table), SoilMap.QUANTILE_SD * self.sd
+        dry, wet = (np.interp(self.rate + side * away, *self.table) for side in (1, -1))
+        other = SoilMap.QUANTILE_SD * self.settings.full_sd
+        short = self.settings.full - middle - self._shift
+        low, high = short - np.hypot(wet - middle, other), short + np.hypot(middle - dry, other)
+        return np.maximum(low, 0), np.maximum(high, 0)
+
+
+def find_dose(rate: Array, rate_sd: Array, curve: MoistureCurve, settings: DoseSettings) -> Dose:
+    """Dose of places.
+
+    :param rate: estimate [counts/s] and its standard deviation without that of the calibration, shape (n,)
+    :raises InputError: if the target is above the pore volume of the soil
+    """
+    rate, sd = np.asarray(rate, float), np.asarray(rate_sd, float)
+    check_target(settings, curve)
+    common = common_rate_sd(curve, rate)
+    sd = sd if common is None else np.hypot(sd, common)
+    reach = 4 * sd.max(initial=1e-9)
+    rates = np.linspace(max(rate.min(initial=np.inf) - reach, 0.0), rate.max(initial=0.0) + reach, 4000)
+    spread = _Spread(rate, sd, curve, settings, (rates, possible_moisture(curve, rates)))
+    depth = settings.root_depth_mm
+    low, high = spread.quantiles()
+    needed = spread.below(settings.stress, settings.stress_sd)
+    return Dose(spread.missing() * depth, low * depth, high * depth, needed, spread)
+
+
+def check_target(settings: DoseSettings, curve: MoistureCurve) -> None:
+    """Refuse a target that the pores of the soil cannot hold.
+
+    :raises InputError: if the target is above the pore volume
+    """
+    from soilmoist_ros.sensing import soil_limits
+
+    pores = soil_limits(curve.bulk_density_gcm3).saturation
+    if settings.full > pores:
+        raise InputError(
+            f"a target of {settings.full:g} m3/m3 is above the pore volume of {pores:.2f} m3/m3, which the bulk "
+            f"density of {curve.bulk_density_gcm3:g} g/cm3 leaves",
+            "lower the target, or check field capacity and bulk density",
+        )
+
+
+# Zones by the steps of a machine ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class DoseZone:
+    """A connected area that gets one dose.
+
+    :param shape: polygon in the plane of the field [m]
+    :param number: from 1 for the lowest dose; zones of one dose have the same number
+    :param gross_mm: dose that the machine applies [mm]; 0 for none
+    :param net_mm: mean of the water missing to the target [mm], and its mean quantiles
+    :param needed: mean probability that plants lack water now [0..1]
+    :param sure: mean probability that the dose is the right one of the steps [0..1]
+    """
+
+    shape: BaseGeometry
+    number: int
+    gross_mm: float
+    net_mm: float
+    p05_mm: float
+    p95_mm: float
+    needed: float
+    sure: float
+
+    @property
+    def area_m2(self) -> float:
+        """Area [m^2]."""
+        return float(self.shape.area)
+
+    @property
+    def volume_m3(self) -> float:
+        """Water to apply [m^3]."""
+        return self.gross_mm / 1000 * self.area_m2
+
+
+def dose_zones(one: ExportedProperty, boundary: BaseGeometry, settings: DoseSettings) -> list[DoseZone]:
+    """Zones of an opened run by dose, see :func:`zones_of_dose`.
+
+    :param boundary: the field without its no-go areas, in its plane [m]
+    :raises InputError: without a calibration that deserves a dose, or as :class:`DoseSettings`
+    """
+    if one.curve is None or one.calibration in ("none", "illustrative"):
+        what = (
+            "is not calibrated" if one.curve is None or one.calibration == "none" else "has a guessed calibration"
+        )
+        raise InputError(f"there is no dose, since the map {what}", "calibrate with soil cores, and map again")
+    inside, xy = one.cells
+    dose = find_dose(one.bands["rate"][inside], one.bands["rate_sd"][inside], one.curve, settings)
+    return zones_of_dose(dose, xy, one.cell_m, boundary, settings)
+
+
+def zones_of_dose(
+    dose: Dose, xy: Array, cell_m: float, boundary: BaseGeometry, settings: DoseSettings
+) -> list[DoseZone]:
+    """Zones from the lowest to the highest dose. They do not overlap, and together they are the field.
+
+    Blocks as wide and long as the machine, along its driving direction, get the dose of their mean need where at
+    least half of them is expected to need water; blocks of one dose become one zone, and zones that are too small
+    join a neighbour.
+
+    :param xy: places of the dose, shape (n, 2) [m]
+    :raises InputError: if the machine is wider than the field
+    """
+    from scipy.spatial import cKDTree
+    from shapely import contains_xy, get_coordinates, point_on_surface, prepare
+
+    smallest_m2 = SHARE_OF_FIELD * boundary.area if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
+    along, across, size = swaths(boundary, settings, cell_m)
+    block = _blocks(xy @ along, xy @ across, size)
+    faces = divided(_grid_lines(xy, along, across, size, cell_m, boundary), boundary)
+    net, needed = (np.bincount(block, values) / np.bincount(block) for values in (dose.net_mm, dose.needed))
+    gross = np.array([settings.step_mm(n) if p >= 0.5 else 0.0 for n, p in zip(net, needed, strict=True)])
+    nearest = cKDTree(xy).query(get_coordinates(point_on_surface(faces)))[1]
+    steps = np.concatenate([[0.0], settings.doses_mm])
+    number = np.searchsorted(steps, gross[block[nearest]] - 1e-9)
+    shapes, number = workable(faces, number, smallest_m2, TOLERANCE_M)
+    right = {index: dose.right(float(steps[index])) for index in set(number.tolist())}
+    used = sorted(right)
+    zones = []
+    for shape, index in zip(shapes, number.tolist(), strict=True):
+        prepare(shape)
+        own = np.asarray(contains_xy(shape, xy[:, 0], xy[:, 1]), bool)
+        if not own.any():
+            own[cKDTree(xy).query(get_coordinates(point_on_surface(shape))[0])[1]] = True
+        figures = (dose.net_mm, dose.p05_mm, dose.p95_mm, dose.needed, right[index])
+        means = [float(figure[own].mean()) for figure in figures]
+        zones.append(DoseZone(shape, used.index(index) + 1, float(steps[index]), *means))
+    return sorted(zones, key=lambda zone: (zone.number, -zone.area_m2))
+
+
+def swaths(boundary: BaseGeometry, settings: DoseSettings, cell_m: float) -> tuple[Array, Array, float]:
+    """Unit vectors along and across the driving direction, and the side of a block [m].
+
+    :raises InputError: if the machine is wider than the field
+    """
+    from shapely import get_coordinates
+
+    if settings.direction_deg is None:
+        sides = np.diff(get_coordinates(boundary.minimum_rotated_rectangle)[:3], axis=0)
+        along = sides[np.argmax(np.hypot(*sides.T))]
+    else:
+        angle = math.radians(settings.direction_deg)
+        along = np.array([math.sin(angle), math.cos(angle)])
+    along = along / np.hypot(*along)
+    across = np.array([along[1], -along[0]])
+    wide = float(np.ptp(get_coordinates(boundary) @ across))
+    if settings.width_m is None:
+        smallest_m2 = SHARE_OF_FIELD * boundary.area
+        return along, across, min(max(math.sqrt(smallest_m2) / 2, 2 * cell_m), wide)
+    if settings.width_m > wide:
+        raise InputError(
+            f"the machine of {settings.width_m:g} m is wider than the field of {wide:.0f} m",
+            "give the width that it irrigates, in metres, or another driving direction",
+        )
+    return along, across, settings.width_m
+
+
+def _blocks(along: Array, across: Array, size_m: float) -> NDArray[np.intp]:
+    """Number of the block of each place, from 0."""
+    column, row = (np.floor((v - v.min()) / size_m).astype(int) for v in (along, across))
+    return np.unique(column * (row.max() + 1) + row, return_inverse=True)[1].reshape(-1)
+
+
+def _grid_lines(
+    xy: Array, along: Array, across: Array, size_m: float, cell_m: float, boundary: BaseGeometry
+) -> list[BaseGeometry]:
+    """Lines between blocks, over the whole field."""
+    from shapely import LineString, get_coordinates
+
+    axes, corners = np.column_stack([along, across]), get_coordinates(boundary)
+    low, high = (corners @ axes).min(axis=0) - 1, (corners @ axes).max(axis=0) + 1
+    return [
+        LineString([at * axes[:, axis] + end * axes[:, 1 - axis] for end in (low[1 - axis], high[1 - axis])])
+        for axis in (0, 1)
+        for at in np.arange((xy @ axes[:, axis]).min() - cell_m / 2 + size_m, high[axis], size_m)
+    ]
+
+
+def dose_settings(summary: Any, where: object = None) -> DoseSettings:
+    """Settings of the dose of a run, from the key ``dose`` of its ``summary.json``.
+
+    :raises InputError: if the run has no dose; the message says what is missing
+    """
+    about = summary.get("dose") or {}
+    if not about.get("settings"):
+        what = about.get("missing") or "the run was made by a version without doses"
+        raise InputError(f"there is no dose: {what}", about.get("remedy") or "make the run again")
+    return DoseSettings(**about["settings"])
+
+
+def sure_share(dose: Dose) -> float:
+    """Share of places where it is certain whether plants lack water now [0..1]."""
+    return float((np.maximum(dose.needed, 1 - dose.needed) >= CERTAIN).mean())
+
+
+def total_m3(zones: Sequence[DoseZone]) -> float:
+    """Water for the whole field [m^3]."""
+    return sum(zone.volume_m3 for zone in zones)
