@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Irrigation dose of a map: water that is missing in the root zone, and zones by the steps of a machine.
 
-The rate of a place is normal, with the errors of counting, mapping and calibration; its moisture follows the curve.
-What lies below the sensed depth, and the limits of the soil, add normal errors to the moisture. All figures are
+The rate of a place is normal, with the errors of counting, mapping and calibration, and the curve makes it a
+moisture. What lies below the sensed depth, and the limits of the soil, add normal errors to that. All figures are
 of this distribution, so the mean of the missing water is not the missing water of the mean moisture.
 """
 
@@ -126,7 +126,7 @@ class DoseSettings:
     def doses_mm(self) -> Array:
         """Gross doses that the machine can apply, rising, without 0 [mm]."""
         doses: Array = self.steps_mm * np.arange(1.0, math.floor(self.max_dose_mm / self.steps_mm + 1e-9) + 1)
-        return doses[doses >= min(self.min_dose_mm, doses[-1]) - 1e-9]
+        return np.asarray(doses[doses >= min(self.min_dose_mm, doses[-1]) - 1e-9])
 
     def step_mm(self, net_mm: float) -> float:
         """The gross dose nearest to a net need that is there [mm]."""
