@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.control.explorer import nominal_rate_cps as nominal_rate_cps
     from soilmoist_ros.exploration.control.explorer import planning_grid as planning_grid
     from soilmoist_ros.exploration.control.explorer import strategy_stream as strategy_stream
+    from soilmoist_ros.exploration.control.field_access import PAST_M as PAST_M
     from soilmoist_ros.exploration.control.field_access import AccessRules as AccessRules
     from soilmoist_ros.exploration.control.field_access import FieldAccess as FieldAccess
     from soilmoist_ros.exploration.control.field_access import cell_stops as cell_stops
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.control.operator_request import ReplyCode as ReplyCode
     from soilmoist_ros.exploration.control.team import PendingMeasurement as PendingMeasurement
     from soilmoist_ros.exploration.control.team import Team as Team
+    from soilmoist_ros.exploration.control.team import keep_apart_m as keep_apart_m
     from soilmoist_ros.exploration.control.team import pending_measurement as pending_measurement
     from soilmoist_ros.exploration.guard.failsafes import FAILSAFES as FAILSAFES
     from soilmoist_ros.exploration.guard.failsafes import LIMITS as LIMITS
@@ -164,11 +166,11 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "control.explorer": "Explorer ExplorerSettings STREAMS_PER_ROBOT nominal_rate_cps planning_grid strategy_stream",
-        "control.field_access": "AccessRules FieldAccess cell_stops",
+        "control.field_access": "AccessRules FieldAccess PAST_M cell_stops",
         "control.mission_control": "DATUM MissionControl MissionSetup PLACE_TIME RECORD_STAMP",
         "control.mission_feed": "MissionClock boot_id",
         "control.operator_request": "OperatorRequest Reply ReplyCode",
-        "control.team": "PendingMeasurement Team pending_measurement",
+        "control.team": "PendingMeasurement Team keep_apart_m pending_measurement",
         "guard.failsafes": "Cause FAILSAFES LIMITS WatchLimits",
         "guard.fence": "Fence KeepoutMask ROBOT_RADIUS_M keepout_mask unreachable",
         "guard.fenced_graph": "FencedGraph Outside",

@@ -25,6 +25,7 @@ from soilmoist_ros.exploration import (
     Team,
     Watch,
     WatchLimits,
+    keep_apart_m,
     make_strategy,
     parse_dwell,
 )
@@ -177,13 +178,8 @@ def _knowledge(parameters: Parameters, field: Field, calibration: MoistureCurve 
 
 
 def make_team(parameters: Parameters) -> Team:
-    """Team of the other robots on the field.
-
-    Two robots touch when their centres are two radii apart. The places of both are known to some 0.3 m with
-    corrections, so 1 m is three standard deviations of their distance, rounded up. 2 m is for robots whose radius
-    is not given.
-    """
-    return Team(max(2.0, 2 * parameters.number("robot_radius_m") + 1.0))
+    """Team of the other robots on the field."""
+    return Team(keep_apart_m(parameters.number("robot_radius_m")))
 
 
 def mission_rules(parameters: Parameters, settings: ExplorerSettings) -> MissionRules:

@@ -16,7 +16,7 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import mission_fields
-from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map, start_stop
+from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map, start_stops
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import PLACES_PER_RECORD
 from soilmoist_ros.simulation.mission.streams import device_stream, gnss_stream, sensor_stream
@@ -63,12 +63,10 @@ class VirtualSystem:
         self.map = mission_map(self.field.field, self.grid, settings.graph)
         _require_edges(self.map.graph.edges, self.map.graph.names, scenario)
         travel = GraphTravel(self.map.graph, settings.real_motion)
-        start = start_stop(self.field.field, fenced_map(self.field.field, self.map).stops)
+        starts = start_stops(self.field.field, fenced_map(self.field.field, self.map).stops, settings)
         self.robots = tuple(
-            SimulatedRobot(
-                number, settings, fields, travel, (start.x_m, start.y_m), start_s, gnss_period_s, scenario
-            )
-            for number in range(settings.robots)
+            SimulatedRobot(number, settings, fields, travel, start.xy, start_s, gnss_period_s, scenario)
+            for number, start in enumerate(starts)
         )
 
     def advance(self, to_s: float, step_by_step: bool = False) -> list[list[Output]]:

@@ -49,6 +49,16 @@ _WANTS_TO_DRIVE: Final = _DRIVES | {Phase.PLANNING, Phase.WAITING}
 Place = tuple[float, float]
 
 
+def keep_apart_m(robot_radius_m: float) -> float:
+    """Distance that the centres of two robots keep [m].
+
+    Two robots touch when their centres are two radii apart. The places of both are known to some 0.3 m with
+    corrections, so 1 m is three standard deviations of their distance, rounded up. 2 m is for robots whose radius
+    is not given.
+    """
+    return max(2.0, 2 * robot_radius_m + 1.0)
+
+
 @dataclass(frozen=True, slots=True)
 class PendingMeasurement:
     """A measurement that another robot is about to make or is making."""

@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from soilmoist_ros.exploration import (
+    PAST_M,
+    ROBOT_RADIUS_M,
     Fence,
     FencedGraph,
     FreeTravel,
@@ -24,6 +26,7 @@ from soilmoist_ros.exploration import (
     TopologicalMap,
     TravelModel,
     cell_stops,
+    keep_apart_m,
     make_topological_map,
     open_lattice,
     read_topological_map,
@@ -93,6 +96,25 @@ def fenced_map(field: Field, navigated: TopologicalMap) -> FencedGraph:
     return fenced
 
 
-def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:
-    """Start of a mission: the stop nearest to the first corner of the field."""
-    return stops[int(np.argmin(((stops_xy(stops) - field.polygon[0]) ** 2).sum(axis=1)))]
+def start_stops(field: Field, stops: Sequence[Stop], settings: MissionSettings) -> tuple[Stop, ...]:
+    """Start of each robot: the stop nearest to the first corner of the field that is far enough from those before.
+
+    Robots that start nearer than their planners keep them apart would stand in each other's way.
+
+    :raises InputError: if there are too few such stops
+    """
+    xy, starts = stops_xy(stops), list[Stop]()
+    corner_m2 = ((xy - field.polygon[0]) ** 2).sum(axis=1)
+    noise_m = 3 * math.sqrt(2) * settings.position_sd_m  # three standard deviations of the distance of two robots
+    apart_m = keep_apart_m(ROBOT_RADIUS_M) + PAST_M + noise_m
+    while len(starts) < settings.robots:
+        nearest = int(np.argmin(corner_m2))
+        if math.isinf(corner_m2[nearest]):
+            raise InputError(
+                f"{settings.robots} robots cannot start on the field {field.name!r}: only {len(starts)} of its "
+                f"{len(stops)} stops are {apart_m:.1f} m apart",
+                f"simulate at most {len(starts)}, or give a larger field or more stops",
+            )
+        starts.append(stops[nearest])
+        corner_m2[np.hypot(*(xy - xy[nearest]).T) < apart_m] = math.inf
+    return tuple(starts)

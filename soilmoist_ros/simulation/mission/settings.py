@@ -351,7 +351,7 @@ class MissionSettings:
         above=True,
     )
     robots: int = _setting(
-        1, "Robots that share one map. All start at the same corner of the field; each avoids the stops of the "
+        1, "Robots that share one map. They start apart near a corner of the field; each avoids the stops of the "
         "others, and collisions are not simulated.", low=1,
     )  # fmt: skip
     until_sd: float = _setting(

@@ -56,7 +56,7 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import CovariateSource, EarlierSurvey, read_covariates
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields, mission_properties
-from soilmoist_ros.simulation.mission.mission_ground import start_stop, travel_and_stops
+from soilmoist_ros.simulation.mission.mission_ground import start_stops, travel_and_stops
 from soilmoist_ros.simulation.mission.mission_result import (
     MissionResult,
     Moment,
@@ -173,7 +173,8 @@ class _Simulation:
             )
             for number, (one, wanted) in enumerate(zip(fields, mission_properties(settings), strict=True))
         ]
-        self.robots = [self.robot(number) for number in range(settings.robots)]
+        starts = start_stops(first.field, self.stops, settings)
+        self.robots = [self.robot(number, start) for number, start in enumerate(starts)]
         # Times from the positions of a record to its end.
         self.before_s = settings.cadence_s * (np.arange(PLACES_PER_RECORD) + 0.5) / PLACES_PER_RECORD
         self.now_s = 0.0
@@ -182,8 +183,8 @@ class _Simulation:
         self.log: list[str] = []
         self.forecasts: list[TimedForecast] = []
 
-    def robot(self, number: int) -> _Robot:
-        """Create a robot at the start, numbered from 0; all robots share the maps."""
+    def robot(self, number: int, start: Stop) -> _Robot:
+        """Create a robot at its start, numbered from 0; all robots share the maps."""
         settings, seed = self.settings, self.settings.seed
         recommended = settings.preset == "recommended"
         min_dwell_s = settings.min_dwell_s or settings.cadence_s
@@ -230,8 +231,7 @@ class _Simulation:
             forecasts=self.forecasts_wanted,
             grid=self.grid,
         )
-        start = start_stop(self.field.field, self.stops)
-        body = VirtualRobot(settings.real_motion, (start.x_m, start.y_m))
+        body = VirtualRobot(settings.real_motion, start.xy)
         sensors = [
             VirtualSensor(
                 channel.field,

@@ -3,12 +3,16 @@
 """Topological maps in simulated missions (mission_ground.py): a map lies where its datum says."""
 
 import json
+import math
 from datetime import datetime
+from itertools import combinations
 
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.field_access import AccessRules, FieldAccess
+from soilmoist_ros.exploration.control.field_access import PAST_M, AccessRules, FieldAccess, cell_stops
+from soilmoist_ros.exploration.control.team import keep_apart_m
+from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel import RobotMotion
@@ -16,7 +20,7 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map, travel_and_stops
+from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map, start_stops, travel_and_stops
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 FRAME = LocalFrame(53.268, -0.5245)
@@ -51,6 +55,21 @@ def test_a_map_with_another_datum_lies_where_it_says(tmp_path, caplog):
             FIELD.grid(),
             map_file(tmp_path, [(1, 1), (2, 2)], {"origin": {"latitude": -53, "longitude": 179}}),
         )
+
+
+def test_robots_start_apart_and_the_first_one_next_to_the_corner():
+    stops = cell_stops(FIELD.grid(2.0))
+    starts = [start_stops(FIELD, stops, MissionSettings(robots=robots)) for robots in (1, 2, 5)]
+    assert [stop.xy for stop in starts[0]] == [(1.0, 1.0)]
+    assert (starts[2][:1], starts[2][:2]) == (starts[0], starts[1])
+    apart_m = keep_apart_m(ROBOT_RADIUS_M) + PAST_M
+    for one, other in combinations(starts[2], 2):
+        assert math.dist(one.xy, other.xy) >= apart_m
+    assert max(math.dist(stop.xy, (0, 0)) for stop in starts[2]) < 12.0
+    spread = start_stops(FIELD, stops, MissionSettings(robots=2, position_sd_m=1.0))
+    assert math.dist(*(stop.xy for stop in spread)) >= apart_m + 4.0
+    with pytest.raises(InputError, match="3 robots cannot start on the field 'plot': only 2 of its 4 stops are"):
+        start_stops(FIELD, stops[:4], MissionSettings(robots=3))
 
 
 @pytest.mark.parametrize("travel", ["free", "graph"])
