@@ -322,8 +322,12 @@ class Passing:
         try:
             return access.around(place, [at for _, at in self._team.standing()], apart_m).way(place, stop)
         except InputError as refusal:
-            names = " and ".join(close)
-            raise InputError(f"{names} stands in the way: {refusal}", "choose another stop") from None
+            names, remedy = " and ".join(close), "choose another stop"
+            if (away_m := min(math.dist(place, at) for at in close.values())) < apart_m + PAST_M:
+                names = f"{names}, {away_m:.1f} m away,"
+                remedy = f"drive one of them to another stop, {apart_m + PAST_M:g} m from the other at least"
+            message = f"{names} stands in the way: {refusal.mistakes[0].message}"
+            raise InputError(message, remedy) from None
 
     def plan(self, access: FieldAccess, place: Place, rules: MissionRules, request: RequestPlan) -> set[str]:
         """Start the choice of a stop; names of the stops that another robot is too near to, or in the way to."""

@@ -147,10 +147,11 @@ Y_M = 32.5
 class Robot(StandIn):
     """A robot of a team at 1 m/s with its planner; it is navigator and outputs of its planner, too."""
 
-    def __init__(self, name, place, graph=None):
+    def __init__(self, name, place, graph=None, by_name=False):
         self.name, self.place, self.way, self.goal_id = name, place, [], None
         self.heard, self.time_s, self.visits = True, BEGIN_S, []
-        access, clock = AccessRules(robot_radius_m=0.5), MissionClock(self.now_s, self.now_s, "boot")
+        access = AccessRules(robot_radius_m=0.5, by_name=by_name)
+        clock = MissionClock(self.now_s, self.now_s, "boot")
         setup = square_setup(60, 5.0, settings={"access": access}, more={"map_wait_s": 0.0})
         team = Team(APART_M)
         self.control = MissionControl(setup, self.navigator, self, clock=clock, team=team, executor=AtOnce())
@@ -262,6 +263,30 @@ def test_three_robots_keep_apart_and_none_waits_for_ever(graph):
     robots = begun(*(Robot(f"/robot_{n}", (x, Y_M), graph) for n, x in enumerate((27.5, 57.5, 42.5))))
     together(robots, lambda: min(len(robot.visits) for robot in robots) >= 6, 1500, nearest_m=APART_M)
     assert not any(robot.shown.needs_operator for robot in robots)
+
+
+def started_beside_each_other(graph, by_name=False):
+    """Two robots that stand 1.6 m apart, between two nodes, when both are started."""
+    robots = [Robot(f"/robot_{n}", (x, Y_M), graph, by_name) for n, x in enumerate((31.2, 32.8))]
+    together(robots, lambda: robots[0].time_s > BEGIN_S + 4, nearest_m=1.5)
+    assert all(robot.control.command(Verb.START).accepted for robot in robots)
+    return robots
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("graph", [None, AISLE], ids=["free", "aisle"])
+def test_robots_that_start_beside_each_other_come_no_nearer_and_both_leave(graph):
+    robots = started_beside_each_other(graph)
+    together(robots, lambda: min(len(robot.visits) for robot in robots) >= 2, nearest_m=1.59)
+    assert not any(robot.shown.needs_operator for robot in robots)
+
+
+def test_robots_beside_each_other_are_to_be_driven_apart_where_the_navigation_may_plan_from_one_node():
+    robots = started_beside_each_other(AISLE, by_name=True)
+    said = "/robot_1, 1.6 m away, stands in the way: the navigation may plan from n6"
+    together(robots, lambda: said in robots[0].shown.reason, 10, nearest_m=1.59)
+    assert "drive one of them to another stop, 2.5 m from the other at least" in robots[0].shown.reason
+    together(robots, lambda: all(robot.shown.needs_operator for robot in robots), nearest_m=1.59)
 
 
 @pytest.mark.slow
