@@ -86,6 +86,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.site import n0_in_other_time as n0_in_other_time
     from soilmoist_ros.sensing.moisture.site import unusual_n0 as unusual_n0
     from soilmoist_ros.sensing.moisture.site import write_calibration as write_calibration
+    from soilmoist_ros.sensing.moisture.texture import TEXTURES as TEXTURES
+    from soilmoist_ros.sensing.moisture.texture import SoilTexture as SoilTexture
     from soilmoist_ros.sensing.position.nmea import parse_nmea as parse_nmea
     from soilmoist_ros.sensing.position.place_doubt import DOUBTS as DOUBTS
     from soilmoist_ros.sensing.position.place_doubt import Doubt as Doubt
@@ -149,6 +151,7 @@ __getattr__, __dir__, __all__ = open_door(
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
         "moisture.site": "Calibration Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration",
+        "moisture.texture": "SoilTexture TEXTURES",
         "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",
         "position.place_judge": "Expected PlaceAges PlaceFix PlaceJudge PlaceLimits REPEATED_M Verdict",

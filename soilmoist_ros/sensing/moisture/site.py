@@ -22,6 +22,7 @@ from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, HumidityCorrection, Location
 from soilmoist_ros.sensing.formats.logger_format import ZoneName
 from soilmoist_ros.sensing.moisture.curve import (
+    LATTICE_WATER_OF_CLAY,
     SIMULATED_DENSITY_GCM3,
     CalibrationCurve,
     MoistureCurve,
@@ -30,6 +31,7 @@ from soilmoist_ros.sensing.moisture.curve import (
     organic_water,
     soil_limits,
 )
+from soilmoist_ros.sensing.moisture.texture import TEXTURES, TextureName
 
 _log = logging.getLogger(__name__)
 Positive = Annotated[float, Field(gt=0)]
@@ -37,6 +39,10 @@ NotNegative = Annotated[float, Field(ge=0)]
 WaterFraction = Annotated[float, Field(ge=0, lt=1)]
 USUAL_N0_CPS = (0.05, 30.0)
 """N0 of sensors from one small tube at sea level to twelve large ones in the mountains [counts/s]."""
+USUAL_CARBON, USUAL_CARBON_SD = 0.015, 0.007
+"""Organic carbon of top soils of cropland, and its standard deviation [g/g]: a default range."""
+LATTICE_WATER_SD = 0.01
+"""Standard deviation of the lattice water of soils of equal clay [g/g]."""
 OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}  # times per which other programs give N0 [s]
 
 
@@ -57,6 +63,8 @@ class Soil(Section):
     """Clay content [g/g]; gives the lattice water if it is left out."""
     organic_carbon: WaterFraction | None = None
     """Organic carbon [g/g]; gives the organic water if it is left out."""
+    texture: TextureName | None = None
+    """USDA texture class, such as sandy loam; gives the default ranges of density and bound water left out."""
 
     @model_validator(mode="before")
     @classmethod
@@ -64,6 +72,15 @@ class Soil(Section):
         if not isinstance(values, dict):
             return values
         known = dict(values)
+        if found := TEXTURES.get(known.get("texture", "")):
+            known.setdefault("bulk_density_gcm3", found.bulk_density_gcm3)
+            if known["bulk_density_gcm3"] == found.bulk_density_gcm3:
+                known.setdefault("bulk_density_sd_gcm3", round(found.bulk_density_sd_gcm3, 3))
+            if not {"lattice_water", "organic_water", "clay", "organic_carbon"} & set(known):
+                known["lattice_water"] = round(lattice_water(found.clay), 4)
+                known["organic_water"] = round(organic_water(USUAL_CARBON), 4)
+                sds = LATTICE_WATER_OF_CLAY * found.clay_sd, organic_water(USUAL_CARBON_SD), LATTICE_WATER_SD
+                known.setdefault("bound_water_sd", round(math.hypot(*sds), 4))
         if isinstance(clay := known.get("clay"), (int, float)):
             known.setdefault("lattice_water", lattice_water(clay))
         if isinstance(carbon := known.get("organic_carbon"), (int, float)):
