@@ -203,6 +203,21 @@ class PoissonKriging:
         share = self._records.exposure_s / self.places.exposure_s[self._record_place]
         return of_places[self._record_place] * share[:, None], lagrange
 
+    def counting_variance(self, xy: ArrayLike) -> Array:
+        """Part of the variance of :meth:`predict` that the counting noise of the samples makes, shape (g,)
+        [(counts/s)^2].
+
+        The error at a place is ``sum_i w_i e_i + (sum_i w_i R_i - R_0)`` with the counting errors e of the samples
+        and the true rates R. The two are uncorrelated, so the variance is the sum of ``sum_i w_i^2 m*/t_i`` and of
+        the error of interpolation with these weights. Longer counting changes the weights as well, which lowers
+        the variance further: it is concave in the noise.
+        """
+        weights = self.weights(xy)[0]
+        records = self._records
+        assert records is not None
+        rate = self.mean_rate if isinstance(self.mean_rate, LocalRate) else self.noise_mean_rate
+        return np.asarray(weights.T**2 @ (noise_rates(rate, records.xy) / records.exposure_s))
+
     def covariance(self, xy: ArrayLike) -> Array:
         """Covariance of the kriging errors of the *smooth* rate between places, shape (m, m) [(counts/s)^2].
 
