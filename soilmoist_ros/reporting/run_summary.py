@@ -17,6 +17,7 @@ from soilmoist_ros.exploration import polyline_length_m
 from soilmoist_ros.foundation import __version__, shown_path
 from soilmoist_ros.mapping import FieldChange, SurveysEstimate
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, NoteCode, track_xy
+from soilmoist_ros.reporting.budget import make_budget
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.page import statistics
@@ -82,6 +83,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
                 "n_records": len(one.track),
                 "n_samples": len(one.soil_map.samples),
                 **_rate_map(one.soil_map, one.truth_rate),
+                "budget": _budget(one),
             }
             for one in run.properties
         ],
@@ -89,6 +91,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "change": _change(run),
         "corrections": [{**asdict(row), "parameters": dict(row.parameters)} for row in run.corrections],
         "calibration": _calibration(run),
+        "budget": _budget(run),
         "irrigation": _irrigation(run),
         "warnings": [note.message for note in found],
         "warning_codes": [note.code for note in found],
@@ -384,6 +387,12 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
         "zones": zones,
         "advice": found.advice,
     }
+
+
+def _budget(run: MapRun) -> dict[str, Any] | None:
+    """The uncertainty budget of a map; ``None`` if no cell has a value."""
+    found = make_budget(run)
+    return None if found is None else asdict(found)
 
 
 def _calibration(run: MapRun) -> dict[str, Any] | None:

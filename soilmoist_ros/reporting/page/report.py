@@ -15,6 +15,7 @@ from soilmoist_ros.exploration import polyline_length_m
 from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import FieldChange, SurveysEstimate, possible_moisture
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, RunChange, track_xy
+from soilmoist_ros.reporting.budget import make_budget
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page import wording
@@ -37,6 +38,8 @@ from soilmoist_ros.reporting.page.frame import (
     percent,
     render_page,
     strategy_text,
+    volume,
+    with_sd,
 )
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.statistics import covariate_importance, leave_one_out, truth_score
@@ -77,6 +80,7 @@ def render_report(run: MapRun) -> str:
         covariates=_covariate_rows(run),
         map_data=None if still else viewer_data(run, found),
         pictures=() if still else list(pictures(run)),
+        budgets=[part for one in run.properties if (part := budget_part(one)) is not None],
         earlier=earlier_part(run),
         mission=mission_part(run),
         variograms=[chart for chart, _ in variograms],
@@ -91,6 +95,34 @@ def render_report(run: MapRun) -> str:
         outside=sum(row.count for row in run.losses if row.consequence != "kept"),
         datum=wording.datum(run),
     )
+
+
+def budget_part(run: MapRun) -> Part | None:
+    """The uncertainty budget of a map as texts: rows of its parts, sums, and of what is not in it."""
+    found = make_budget(run)
+    if found is None:
+        return None
+    moist = run.calibrated
+
+    def shown(value: float) -> str:
+        text = volume(value) if moist else f"{100 * value:.1f}"
+        return "–" if not value > 0 else text if text != "0.0" else "< 0.1"
+
+    rows = []
+    for part in found.parts:
+        value = f"{with_sd(part.value, part.sd)} {part.unit}" if math.isfinite(part.value) else ""
+        about = ", ".join(filter(None, (value, part.origin, part.distribution)))
+        rows.append((part.name[:1].upper() + part.name[1:], about, shown(part.level), shown(part.place)))
+    beyond = [
+        (one.name[:1].upper() + one.name[1:], "corrected" if one.corrected else "not accounted for", one.remark,
+         f"± {shown(one.remainder)}" if one.remainder > 0 else "unknown")
+        for one in found.beyond
+    ]  # fmt: skip
+    return Part(
+        name=run.label or run.name, unit="% vol." if moist else "% of the rate",
+        rows=rows, sums=(shown(found.level_sd), shown(found.place_sd)), beyond=beyond, text=found.text,
+        largest=found.largest, remedy=found.remedy,
+    )  # fmt: skip
 
 
 def _covariate_rows(run: MapRun) -> list[tuple[str, str, str, str]]:

@@ -25,6 +25,7 @@ from soilmoist_ros.pipeline import (
     mean_rate,
     track_xy,
 )
+from soilmoist_ros.reporting.budget import make_budget
 from soilmoist_ros.reporting.geometry import distances_m, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
 from soilmoist_ros.reporting.page import statistics
@@ -162,7 +163,7 @@ def headline(run: MapRun) -> list[str]:
     sentences = [
         f"On average, 100 litres of soil hold {volume(_mean(run))} litres of water in the {mapped} mapped.",
         f"The driest twentieth of the area is below {volume(wet.p05)} %, the wettest above {volume(wet.p95)} %.",
-        _certainty(run),
+        found.text if (found := make_budget(run)) else "",
         _support(run),
     ]
     if undefined > 0:
@@ -197,16 +198,6 @@ def _headline_of_place(run: MapRun) -> list[str]:
 
 def _interval(bands: Bands) -> str:
     return f"{volume(float(bands.vwc_p05))} to {volume(float(bands.vwc_p95))}"
-
-
-def _certainty(run: MapRun) -> str:
-    """The part of the uncertainty that is common to all places, and the part that differs."""
-    between = volume(band_statistics(run.soil_map.vwc_sd).p50)
-    text = f"Places are typically known to ± {between} % by volume against each other (one standard deviation)"
-    common = statistics.calibration_sd(run.soil_map)
-    if common is None:
-        return f"{text}; an error of the calibration, common to all places, is not included."
-    return f"{text}, and the calibration may shift all of them together by ± {volume(common)} %."
 
 
 def datum(run: MapRun) -> str:

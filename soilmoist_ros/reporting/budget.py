@@ -1,0 +1,341 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Uncertainty budget of a map: the parts of its stated uncertainty, and what is not in it.
+
+In the manner of the Guide to the Expression of Uncertainty in Measurement (GUM, JCGM 100:2008). Parts add up as
+variances of the *rate*, where they are independent: errors of the calibration shift all places together (the
+level), counting and interpolation those of a place. The sum of the level goes through the moisture curve, as JCGM
+101:2008 asks where a model bends: its 90 % interval over twice 1.645. A part contributes the total times the root
+of its share of the variance of the rate, so the squares of the contributions add up (GUM 5.1.2, 5.1.3).
+
+A source that is not among the parts of the calibration is never added in silence: :attr:`Budget.beyond` says
+whether it is corrected, and what may remain. N0 of soil cores was found with the same corrections, so their
+constant errors cancel; only their change since the calibration remains.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, make_bands, possible_moisture
+from soilmoist_ros.pipeline import REFERENCE, MapRun
+from soilmoist_ros.reporting.certainty import absolute
+from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
+from soilmoist_ros.reporting.page.frame import duration, volume
+from soilmoist_ros.reporting.page.statistics import band_statistics
+from soilmoist_ros.sensing import MoistureCurve, UncertaintyPart
+
+Array = NDArray[np.float64]
+
+NEAREST = 400
+"""Number of samples around a place that split the variance of a map made tile by tile."""
+COUNTING, MAPPING, CHANGE, OTHER = "counting", "mapping", "change during the survey", "other parts of N0"
+CORES, N0 = "calibration by soil cores", "N0"
+DENSITY, WATER = "bulk density", "lattice and organic water"
+
+
+class Source(NamedTuple):
+    """An influence on the rate that a calibration may not have among its parts.
+
+    :param correction: name of its row among the corrections of a run
+    :param corrected: relative standard deviation of the rate that a correction leaves [-]
+    :param open: relative standard deviation of the rate without a correction [-]
+    :param remains: origin of ``corrected``; ``missing`` that of ``open``
+    """
+
+    name: str
+    correction: str
+    corrected: float
+    open: float
+    remains: str
+    missing: str
+
+
+SOURCES = (
+    Source("pressure", "air pressure", 0.008, 0.08, "barometer ±1 hPa", "weather of ±10 hPa"),
+    Source("humidity", "air humidity", 0.003, 0.016, "sensor ±0.5 g/m³", "weather of ±3 g/m³"),
+    Source(
+        "intensity", "incoming neutrons", 0.005, 0.03, "a monitor of another place, within a day",
+        "2010 to 2019 at Jungfraujoch; ±0.5 % within a day",
+    ),
+    Source("biomass", "plants", 0.0045, 0.009, "±0.5 kg/m² of dry plants", "±1 kg/m² of dry plants"),
+)  # fmt: skip
+"""Assumed remainders, no measurements: usual accuracies and weather, times the coefficients of the corrections
+(0.0077 per hPa, 0.0054 m^3/g, 0.009 m^2/kg). Intensity: standard deviation of the neutron monitor JUNG (NMDB,
+six-hourly, January 2010 to February 2019), 3.0 % in all and 0.5 % within a day."""
+_CORES_DAY, _MORE_CORES = "one day of soil cores (soilmoist calibrate)", "more soil cores, on another day"
+REMEDIES = {
+    MAPPING: "stops between those measured, above all where the map is least sure",
+    CHANGE: "visits to some of the first stops at the end, or a reference sensor",
+    **dict.fromkeys(("general N0", "site scaling", OTHER, N0), _CORES_DAY),
+    **dict.fromkeys(("cores", CORES), _MORE_CORES),
+    "sensitivity": "counting beside a station (soilmoist calibrate --beside)",
+    "intensity": "the file of a neutron monitor",
+    "pressure": "a checked barometer",
+    "humidity": "a checked sensor of the air humidity",
+    "biomass": "weighed plants of a square metre",
+    "road": "a way farther from the road, or its width and moisture",
+    "snow": "a survey without snow",
+    DENSITY: "weighed cores of known volume",
+    WATER: "clay and organic carbon from a soil laboratory",
+    "counting of the calibration": "longer counting during the calibration",
+}
+"""What lowers a part of the uncertainty; the remedy of counting follows from the map."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the stated uncertainty.
+
+    :param sd: standard uncertainty of the value, in its unit; NaN if it has none of its own
+    :param distribution: ``Poisson``, ``normal``, or ``uniform`` for a range of ±1.73 ``sd`` (GUM 4.3.7)
+    :param level_rate_cps: standard deviation of the rate that it makes at all places together [counts/s]
+    :param place_rate_cps: standard deviation of the rate that it makes at a place [counts/s]
+    :param level: its contribution to the level, in the unit of the budget
+    :param place: its contribution to a place, in the unit of the budget
+    """
+
+    name: str
+    value: float
+    unit: str
+    sd: float
+    distribution: str
+    origin: str
+    level_rate_cps: float = 0.0
+    place_rate_cps: float = 0.0
+    level: float = 0.0
+    place: float = 0.0
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """A source of error that is not in the stated uncertainty.
+
+    :param corrected: whether a correction is applied
+    :param remainder: assumed standard deviation of the level that remains, in the unit of the budget; NaN if
+        nothing is known of it
+    """
+
+    name: str
+    corrected: bool
+    remainder: float
+    remark: str
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Uncertainty budget of a map.
+
+    :param unit: ``m3/m3``; of a map of rates ``share of the rate``
+    :param rate_cps: mean rate of the map, at which the level is [counts/s]
+    :param vwc: its moisture [m^3/m^3], NaN without a calibration
+    :param level_sd: standard uncertainty that all places share; NaN without one
+    :param level_p05: quantile 0.05 of the moisture of the mean rate, by the calibration alone
+    :param level_p95: its quantile 0.95
+    :param place_sd: standard uncertainty of a place against the level: the median of the map
+    :param place_rate_cps: rate of the place that stands for it [counts/s]
+    :param place_rate_sd_cps: its kriging standard deviation [counts/s]
+    :param largest: name of the largest part; empty if there is none
+    :param remedy: what would lower the largest part
+    """
+
+    unit: str
+    rate_cps: float
+    vwc: float
+    level_sd: float
+    level_p05: float
+    level_p95: float
+    place_sd: float
+    place_rate_cps: float
+    place_rate_sd_cps: float
+    parts: tuple[Part, ...]
+    beyond: tuple[Beyond, ...]
+    largest: str
+    remedy: str
+    text: str
+
+
+def make_budget(run: MapRun) -> Budget | None:
+    """Uncertainty budget of the map of a run; ``None`` if no cell has a value."""
+    soil_map, curve = run.soil_map, run.soil_map.curve
+    if at_one_place(run):
+        mean, place, here, of_place = _at_one_place(run)
+    else:
+        spread = soil_map.rate_sd if curve is None else soil_map.vwc_sd
+        known = np.argwhere(np.isfinite(spread) & np.isfinite(soil_map.rate))
+        if not len(known):
+            return None
+        mean, place = float(np.nanmean(soil_map.rate)), band_statistics(spread).p50
+        row, column = known[np.argmin(np.abs(spread[tuple(known.T)] - place))]
+        xy = np.array([[soil_map.grid.x_m[column], soil_map.grid.y_m[row]]])
+        here = float(soil_map.rate[row, column]), float(soil_map.variance[row, column])
+        place /= mean if curve is None else 1
+        of_place = _of_place(soil_map, xy, here[1], place)
+    level, low, high, of_level = math.nan, math.nan, math.nan, list[Part]()
+    if curve is not None and absolute(run):
+        level, low, high, of_level = _of_level(run, curve, mean)
+    parts = (*of_place, *of_level)
+    largest = max(parts, key=lambda part: max(part.level, part.place), default=None)
+    if largest is not None and not max(largest.level, largest.place) > 0:
+        largest = None
+    remedy = "" if largest is None else REMEDIES.get(largest.name) or _counting_remedy(soil_map, of_place, place)
+    return Budget(
+        "share of the rate" if curve is None else "m3/m3", mean,
+        math.nan if curve is None else float(possible_moisture(curve, mean)), level, low, high, place,
+        here[0], math.sqrt(here[1]), parts, tuple(_beyond(run, mean)),
+        largest.name if largest else "", remedy, _text(run, level, place),
+    )  # fmt: skip
+
+
+def _at_one_place(run: MapRun) -> tuple[float, float, tuple[float, float], list[Part]]:
+    """Rate, uncertainty, rate and variance, and the only part of all counts at one place."""
+    bands = moisture_of_all(run.track, run.soil_map.curve)
+    rate, sd, counts = float(bands.rate), float(bands.rate_sd), float(sum(one.raw_counts for one in run.track))
+    place = sd / rate if run.soil_map.curve is None else float(bands.vwc_sd)
+    part = Part(COUNTING, counts, "counts", math.sqrt(counts), "Poisson", "measured", 0.0, sd, 0.0, place)
+    return rate, place, (rate, sd**2), [part]
+
+
+def _of_place(soil_map: SoilMap, xy: Array, variance: float, total: float) -> list[Part]:
+    """Parts of the kriging variance at a place, scaled to its total."""
+    samples, kriging = soil_map.samples, _kriging(soil_map, xy)
+    split = {COUNTING: 0.0, CHANGE: 0.0}
+    if kriging is not None:
+        own = float(kriging.predict(xy)[1][0])  # of the neighbours alone for a map made of tiles
+        scale = variance / own if own > 0 else 0.0
+        split[COUNTING] = min(scale * float(kriging.counting_variance(xy)[0]), variance)
+        split[CHANGE] = min(scale * float((kriging.shared(xy) ** 2).sum()), variance - split[COUNTING])
+    split[MAPPING] = variance - sum(split.values())
+    counts = float(np.median(samples.counts)) if len(samples) else 0.0
+    about: dict[str, tuple[float, str, float, str, str]] = {
+        COUNTING: (counts, "counts", math.sqrt(counts), "Poisson", "measured"),
+        MAPPING: (float(len(samples)), "places", math.nan, "normal", "measured"),
+        CHANGE: (math.nan, "", math.nan, "normal", "measured"),
+    }
+    sds = {name: math.sqrt(split[name]) for name in about if split[name] > 0 or (name != CHANGE and variance > 0)}
+    return [Part(name, *about[name], 0.0, sd, 0.0, total * sd / math.sqrt(variance)) for name, sd in sds.items()]
+
+
+def _kriging(soil_map: SoilMap, xy: Array) -> PoissonKriging | None:
+    """Kriging that knows its weights: of all samples, or of those around a place; ``None`` if it is singular."""
+    samples = soil_map.samples
+    if isinstance(soil_map.made_by, PoissonKriging):
+        return soil_map.made_by
+    try:
+        if len(samples) <= NEAREST:
+            return soil_map.exact_kriging
+        near = samples.some(np.argsort(np.hypot(*(samples.xy - xy[0]).T))[:NEAREST])
+        return replace(soil_map, samples=near, made_by=None).exact_kriging
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _of_level(run: MapRun, curve: MoistureCurve, rate: float) -> tuple[float, float, float, list[Part]]:
+    """Standard uncertainty and 90 % interval of the level at a rate, and its parts."""
+    at, known = np.array([rate]), run.calibration
+    common = common_rate_sd(curve, at)
+    if common is None or not common[0] > 0:
+        return math.nan, math.nan, math.nan, []
+    bands = make_bands(at, np.zeros(1), curve)
+    low, high = float(bands.vwc_p05[0]), float(bands.vwc_p95[0])
+    level, total = (high - low) / (2 * SoilMap.QUANTILE_SD), float(common[0])
+
+    def alone(name: str) -> float:
+        """Effect of one standard deviation of the curve alone [counts/s]."""
+        none = dict.fromkeys(("n0_sd_cps", "bulk_density_sd_gcm3", "bound_water_sd"), 0.0)
+        found = common_rate_sd(replace(curve, **{**none, name: getattr(curve, name)}), at)
+        return 0.0 if found is None else float(found[0])
+
+    of_n0, parts = alone("n0_sd_cps"), list[Part]()
+    told = {str(part.name): part for part in (known.parts if known else ())}
+    shares = [part for part in told.values() if part.share > 0]
+    summed = math.sqrt(sum(part.share**2 for part in shares)) * rate
+    scale = min(1.0, of_n0 / summed) if summed > 0 else 0.0
+    parts += [_told(part, scale * part.share * rate) for part in shares]
+    rest = math.sqrt(max(of_n0**2 - (scale * summed) ** 2, 0.0))
+    if rest > 1e-6 * total:
+        cores = known is not None and known.method == "cores" and not run.simulated
+        name = OTHER if shares else CORES if cores else N0
+        parts.append(Part(name, curve.n0_cps, "counts/s", curve.n0_cps * rest / rate, "normal", "given", rest))
+    water = curve.lattice_water + curve.organic_water
+    for name, value, unit, sd, made in (
+        (DENSITY, curve.bulk_density_gcm3, "g/cm3", curve.bulk_density_sd_gcm3, alone("bulk_density_sd_gcm3")),
+        (WATER, water, "g/g", curve.bound_water_sd, alone("bound_water_sd")),
+    ):
+        if made > 0 and name in told:
+            parts.append(_told(told[name], made))
+        elif made > 0:
+            parts.append(Part(name, value, unit, sd, "normal", "given", made))
+    return level, low, high, [replace(part, level=level * part.level_rate_cps / total) for part in parts]
+
+
+def _told(part: UncertaintyPart, rate_cps: float) -> Part:
+    """A part of the calibration, with the standard deviation of the rate that it makes [counts/s]."""
+    distribution = "uniform" if part.origin == "default range" else "normal"
+    return Part(part.name, part.value, part.unit, part.sd, distribution, part.origin, rate_cps)
+
+
+def _counting_remedy(soil_map: SoilMap, parts: list[Part], place: float) -> str:
+    """Effect of counting as long again; at least this much, because better counts get better weights."""
+    seconds = float(soil_map.samples.exposure_s.sum())
+    counting = sum(part.place**2 for part in parts if part.name == COUNTING)
+    left = math.sqrt(max(place**2 - counting / 2, 0.0))
+    after = f"{100 * left:.1f} % of the rate" if soil_map.curve is None else f"{volume(left)} % by volume"
+    return f"{duration(seconds)} more of counting at the same places: ± {after} or less at a place"
+
+
+def _beyond(run: MapRun, rate: float) -> list[Beyond]:
+    """Sources that are not in the stated uncertainty."""
+    curve, known = run.soil_map.curve, run.calibration
+    rows = {row.name: row for row in run.corrections}
+    inside = {part.name for part in (known.parts if known else ())}
+    reference = REFERENCE in rows
+    of_cores = curve is not None and known is not None and known.method != "general" and not known.illustrative
+    found = []
+    for source in SOURCES if not run.simulated else ():
+        row = rows.get(source.correction)
+        corrected = (row is not None and row.remark != "not applied") or (reference and source.name != "biomass")
+        share = source.corrected if corrected else source.open
+        remark = f"{source.remains if corrected else source.missing} (assumed)"
+        if of_cores:
+            remark += "; what was so during the calibration too cancels"
+        if source.name not in inside:
+            found.append(Beyond(source.name, corrected, _effect(curve, rate, share), remark))
+    if curve is not None and not curve.bulk_density_sd_gcm3 > 0:
+        found.append(Beyond(DENSITY, False, math.nan, "no ± is given: bulk_density_sd_gcm3"))
+    if curve is not None and not curve.bound_water_sd > 0:
+        found.append(Beyond(WATER, False, math.nan, "no ± is given: bound_water_sd"))
+    if run.soil_map.deconvolved_m:
+        found.append(Beyond("footprint", True, math.nan, "de-convolved; its radius counts as known"))
+    elif run.footprint_radius_m != 0:
+        found.append(Beyond("footprint", False, math.nan, f"each value is a {run.support_text}"))
+    return found
+
+
+def _effect(curve: MoistureCurve | None, rate: float, share: float) -> float:
+    """Effect of a relative standard deviation of the rate, in the unit of the budget."""
+    if curve is None:
+        return share
+    dry, wet = possible_moisture(curve, np.array([rate * (1 + share), rate * (1 - share)])).tolist()
+    return float(wet - dry) / 2
+
+
+def _text(run: MapRun, level: float, place: float) -> str:
+    """The two uncertainties in a sentence."""
+    whose = "In this simulation, " if run.simulated else ""
+    if not run.calibrated:
+        text = f"the rate of a place is known to ± {100 * place:.1f} % of the rate; moisture needs a calibration."
+    elif math.isnan(level):
+        why = "the calibration has no ±" if absolute(run) else "N0 is a guess"
+        text = f"places are known to ± {volume(place)} % by volume against the level; the level is not: {why}."
+    else:
+        text = (
+            f"the level of the whole map is known to ± {volume(level)} % by volume, a place against this level to "
+            f"± {volume(place)} % (one standard deviation)."
+        )
+    return whose + text if whose else text[0].upper() + text[1:]
