@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
+    from soilmoist_ros.reporting.budget import Budget as Budget
+    from soilmoist_ros.reporting.budget import make_budget as make_budget
     from soilmoist_ros.reporting.colours import BLUE as BLUE
     from soilmoist_ros.reporting.colours import FAINT as FAINT
     from soilmoist_ros.reporting.colours import INK as INK
@@ -75,6 +77,7 @@ if TYPE_CHECKING:
 _open, __dir__, __all__ = open_door(
     __name__,
     {
+        "budget": "Budget make_budget",
         "colours": "BLUE FAINT INK ORANGE RATE SOFT UNCERTAIN between data_uri palette_png robust_range",
         "exports.registry": "EXPORTS Export export_run",
         "exports.source": "ExportSettings RunSource",

@@ -178,7 +178,7 @@ def make_budget(run: MapRun) -> Budget | None:
         of_place = _of_place(soil_map, xy, here[1], place)
     level, low, high, of_level = math.nan, math.nan, math.nan, list[Part]()
     if curve is not None and absolute(run):
-        level, low, high, of_level = _of_level(run, curve, mean)
+        level, low, high, of_level = level_parts(run, curve, mean)
     parts = (*of_place, *of_level)
     largest = max(parts, key=lambda part: max(part.level, part.place), default=None)
     if largest is not None and not max(largest.level, largest.place) > 0:
@@ -235,7 +235,7 @@ def _kriging(soil_map: SoilMap, xy: Array) -> PoissonKriging | None:
         return None
 
 
-def _of_level(run: MapRun, curve: MoistureCurve, rate: float) -> tuple[float, float, float, list[Part]]:
+def level_parts(run: MapRun, curve: MoistureCurve, rate: float) -> tuple[float, float, float, list[Part]]:
     """Standard uncertainty and 90 % interval of the level at a rate, and its parts."""
     at, known = np.array([rate]), run.calibration
     common = common_rate_sd(curve, at)

@@ -36,6 +36,7 @@ from soilmoist_ros.reporting.page.frame import (
     length,
     number,
     percent,
+    plain,
     render_page,
     strategy_text,
     volume,
@@ -110,7 +111,7 @@ def budget_part(run: MapRun) -> Part | None:
 
     rows = []
     for part in found.parts:
-        value = f"{with_sd(part.value, part.sd)} {part.unit}" if math.isfinite(part.value) else ""
+        value = f"{with_sd(part.value, part.sd) if part.sd > 0 else plain(part.value)} {part.unit}".strip(" –")
         about = ", ".join(filter(None, (value, part.origin, part.distribution)))
         rows.append((part.name[:1].upper() + part.name[1:], about, shown(part.level), shown(part.place)))
     beyond = [

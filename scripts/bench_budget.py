@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Honesty of the uncertainty budget: sites drawn from its ranges, surveyed, and mapped without knowing the draws.
+
+For each draw the parts of the calibration get true values: uniform for a default range, normal else, by a Latin
+hypercube (McKay et al. 1979, Technometrics 21:239-245). A field of moisture has a mean between 12 and 30 % by
+volume, and differences of 3 % with a range parameter of 15 m. The robot counts at 30 random places for 5 minutes
+each, with the rate of the *true* curve. The map has the calibration's own values and their uncertainties, and a
+variogram fitted to the counts. ``level`` is the interval of the budget for the level alone, against the true
+moisture at the mean rate of the map; ``mean`` the interval of the field's mean moisture; ``places`` the share of
+cells inside their intervals.
+
+usage: .venv/bin/python scripts/bench_budget.py [--draws N] [--save]
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from statistics import NormalDist
+from typing import NamedTuple
+
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ[_variable] = "1"  # before numpy is imported
+
+import numpy as np
+import results
+from scipy.stats.qmc import LatinHypercube
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from soilmoist_ros.foundation import LocalFrame, squared_distances
+from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, estimate_variogram, make_soil_map
+from soilmoist_ros.pipeline import CalibrationInfo, MapRun
+from soilmoist_ros.reporting import make_budget, mean_moisture
+from soilmoist_ros.sensing import CalibrationCurve, UncertaintyPart
+
+SIDE_M, CELL_M, STOPS, DWELL_S = 60.0, 5.0, 30, 300.0
+MOISTURE, SPREAD, RANGE_M = (0.12, 0.30), 0.03, 15.0
+DENSITY, WATER = "bulk density", "lattice and organic water"
+
+
+def _part(name: str, value: float, unit: str, sd: float, origin: str, share: float = np.nan) -> UncertaintyPart:
+    return UncertaintyPart.model_validate(
+        {"name": name, "value": value, "unit": unit, "sd": sd, "origin": origin, "share": share}
+    )
+
+
+GENERAL = [_part("general N0", 6.0, "counts/s", 0.33, "literature", 0.055)]
+KNOWN = [*GENERAL, _part(DENSITY, 1.4, "g/cm3", 0.05, "measured"), _part(WATER, 0.03, "g/g", 0.005, "measured")]
+RANGES = [
+    *GENERAL,
+    _part("sensitivity", 0.87, "-", 0.017, "given", 0.02),
+    _part("site scaling", 1.0, "-", 0.02, "literature", 0.02),
+    _part("intensity", 1.0, "-", 0.03, "default range", 0.03),
+    _part("biomass", 0.5, "kg/m2", 0.3, "default range", 0.0027),
+    _part(DENSITY, 1.4, "g/cm3", 0.12, "default range"),
+    _part(WATER, 0.03, "g/g", 0.01, "default range"),
+]
+CORES = [_part("cores", 6.0, "counts/s", 0.09, "measured", 0.015), _part(DENSITY, 1.4, "g/cm3", 0.05, "measured")]
+CALIBRATIONS = {"general, soil known": KNOWN, "general, default ranges": RANGES, "soil cores": CORES}
+
+
+class Draw(NamedTuple):
+    """Outcome of a survey: uncertainties [m^3/m^3], whether level and mean are inside, and the share of places."""
+
+    level_sd: float
+    place_sd: float
+    level: bool
+    mean: bool
+    places: float
+
+
+def curve_of(parts: Sequence[UncertaintyPart]) -> CalibrationCurve:
+    """The curve of a calibration of these parts."""
+    soil = {part.name: part for part in parts}
+    n0 = 6.0 * float(np.sqrt(np.nansum([part.share**2 for part in parts])))
+    water = soil.get(WATER)
+    held, unsure = (water.value, water.sd) if water else (0.0, 0.0)
+    return CalibrationCurve(
+        6.0, soil[DENSITY].value, held, 0.0, n0, soil[DENSITY].sd, bound_water_sd=unsure
+    )  # fmt: skip
+
+
+def true_curve(parts: Sequence[UncertaintyPart], quantiles: Sequence[float]) -> CalibrationCurve:
+    """A curve of true values: a quantile [0..1] of each part."""
+    curve = curve_of(parts)
+    for part, quantile in zip(parts, quantiles, strict=True):
+        ranged = part.origin == "default range"
+        away = np.sqrt(3) * (2 * quantile - 1) if ranged else NormalDist().inv_cdf(quantile)
+        if part.name == DENSITY:
+            curve = replace(curve, bulk_density_gcm3=part.value + part.sd * away)
+        elif part.name == WATER:
+            curve = replace(curve, lattice_water=max(part.value + part.sd * away, 0.0))
+        else:
+            curve = replace(curve, n0_cps=curve.n0_cps * (1 + part.share * away))
+    return curve
+
+
+def survey(parts: Sequence[UncertaintyPart], quantiles: Sequence[float], seed: int) -> Draw:
+    """Survey a site of drawn values and map it."""
+    rng = np.random.default_rng(seed)
+    curve, truth = curve_of(parts), true_curve(parts, quantiles)
+    corners = [(0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M)]
+    grid = FieldGrid.from_polygon(corners, CELL_M)
+    cells, stops = grid.cells, rng.uniform(0, SIDE_M, (STOPS, 2))
+    places = np.concatenate([cells, stops])
+    model = Variogram("matern32", 0.0, RANGE_M, SPREAD**2)
+    scaled = model.scaled(places)
+    covariance = model.sill * model.correlation_of_square(squared_distances(scaled, scaled))
+    factor = np.linalg.cholesky(covariance + 1e-8 * model.sill * np.eye(len(places)))
+    vwc = np.clip(rng.uniform(*MOISTURE) + factor @ rng.normal(size=len(places)), 0.02, 0.45)
+    exposure_s = np.full(STOPS, DWELL_S)
+    counts = rng.poisson(truth.rate_cps(vwc[len(cells) :]) * exposure_s)
+    fit = estimate_variogram(stops, counts, exposure_s, extent_m=SIDE_M, anisotropy=False)
+    soil_map = make_soil_map(Samples(stops, counts, exposure_s), grid, fit, curve)
+    about = CalibrationInfo(
+        curve.n0_cps, curve.bulk_density_gcm3, curve.n0_sd_cps, method="general", parts=tuple(parts)
+    )
+    run = MapRun(soil_map, LocalFrame(52.0, 0.0), datetime(2026, 5, 1, tzinfo=UTC), calibration=about)
+    budget, mean = make_budget(run), mean_moisture(soil_map)
+    assert budget is not None
+    assert mean is not None
+    here, inside = vwc[: len(cells)], grid.mask
+    held = (soil_map.vwc_p05[inside] <= here) & (here <= soil_map.vwc_p95[inside])
+    level = float(truth.vwc(np.array([budget.rate_cps]))[0])
+    return Draw(
+        budget.level_sd, budget.place_sd, budget.level_p05 <= level <= budget.level_p95,
+        mean.p05 <= float(here.mean()) <= mean.p95, float(held.mean()),
+    )  # fmt: skip
+
+
+def coverage(parts: Sequence[UncertaintyPart], draws: int) -> Draw:
+    """Means over draws: uncertainties, and shares inside the 90 % intervals."""
+    quantiles = LatinHypercube(len(parts), seed=1).random(draws).tolist()
+    found = [survey(parts, drawn, seed) for seed, drawn in enumerate(quantiles)]
+    return Draw(*np.mean(found, axis=0).tolist())
+
+
+def main() -> None:
+    """Print or save the table."""
+    options = results.parser(__doc__)
+    options.add_argument("--draws", type=int, default=200, help="number of sites (default: 200)")
+    chosen = options.parse_args()
+    rows = []
+    for name, parts in CALIBRATIONS.items():
+        found = coverage(parts, chosen.draws)
+        shares = [f"{100 * share:.0f} %" for share in (found.level, found.mean, found.places)]
+        rows.append([name, f"{100 * found.level_sd:.1f}", f"{100 * found.place_sd:.1f}", *shares])
+    columns = ("calibration", "level, ± % vol.", "place, ± % vol.", "level inside", "mean inside", "places inside")
+    results.publish("budget", columns, rows, f"{chosen.draws} sites each, 90 % intervals", chosen.save)
+
+
+if __name__ == "__main__":
+    main()
