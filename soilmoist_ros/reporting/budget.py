@@ -22,12 +22,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation import duration
 from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, make_bands, possible_moisture
 from soilmoist_ros.pipeline import REFERENCE, MapRun
 from soilmoist_ros.reporting.certainty import absolute
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
-from soilmoist_ros.reporting.page.frame import duration, volume
-from soilmoist_ros.reporting.page.statistics import band_statistics
 from soilmoist_ros.sensing import MoistureCurve, UncertaintyPart
 
 Array = NDArray[np.float64]
@@ -170,8 +169,9 @@ def make_budget(run: MapRun) -> Budget | None:
         known = np.argwhere(np.isfinite(spread) & np.isfinite(soil_map.rate))
         if not len(known):
             return None
-        mean, place = float(np.nanmean(soil_map.rate)), band_statistics(spread).p50
-        row, column = known[np.argmin(np.abs(spread[tuple(known.T)] - place))]
+        values = spread[tuple(known.T)]
+        mean, place = float(np.nanmean(soil_map.rate)), float(np.median(values))
+        row, column = known[np.argmin(np.abs(values - place))]
         xy = np.array([[soil_map.grid.x_m[column], soil_map.grid.y_m[row]]])
         here = float(soil_map.rate[row, column]), float(soil_map.variance[row, column])
         place /= mean if curve is None else 1
@@ -285,8 +285,8 @@ def _counting_remedy(soil_map: SoilMap, parts: list[Part], place: float) -> str:
     seconds = float(soil_map.samples.exposure_s.sum())
     counting = sum(part.place**2 for part in parts if part.name == COUNTING)
     left = math.sqrt(max(place**2 - counting / 2, 0.0))
-    after = f"{100 * left:.1f} % of the rate" if soil_map.curve is None else f"{volume(left)} % by volume"
-    return f"{duration(seconds)} more of counting at the same places: ± {after} or less at a place"
+    of = "of the rate" if soil_map.curve is None else "by volume"
+    return f"{duration(seconds)} more of counting at the same places: ± {100 * left:.1f} % {of} or less at a place"
 
 
 def _beyond(run: MapRun, rate: float) -> list[Beyond]:
@@ -332,10 +332,10 @@ def _text(run: MapRun, level: float, place: float) -> str:
         text = f"the rate of a place is known to ± {100 * place:.1f} % of the rate; moisture needs a calibration."
     elif math.isnan(level):
         why = "the calibration has no ±" if absolute(run) else "N0 is a guess"
-        text = f"places are known to ± {volume(place)} % by volume against the level; the level is not: {why}."
+        text = f"places are known to ± {100 * place:.1f} % by volume against the level; the level is not: {why}."
     else:
         text = (
-            f"the level of the whole map is known to ± {volume(level)} % by volume, a place against this level to "
-            f"± {volume(place)} % (one standard deviation)."
+            f"the level of the whole map is known to ± {100 * level:.1f} % by volume, a place against this level "
+            f"to ± {100 * place:.1f} % (one standard deviation)."
         )
     return whose + text if whose else text[0].upper() + text[1:]
