@@ -73,7 +73,7 @@ REMEDIES = {
     CHANGE: "visits to some of the first stops at the end, or a reference sensor",
     **dict.fromkeys(("general N0", "site scaling", OTHER, N0), _CORES_DAY),
     **dict.fromkeys(("cores", CORES), _MORE_CORES),
-    "sensitivity": "counting beside a station (soilmoist calibrate --beside)",
+    "sensitivity": "counting next to a calibrated station (soilmoist calibrate)",
     "intensity": "the file of a neutron monitor",
     "pressure": "a checked barometer",
     "humidity": "a checked sensor of the air humidity",

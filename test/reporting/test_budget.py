@@ -229,7 +229,7 @@ def test_intervals_are_honest_in_simulation():
     """Sites drawn from the default ranges: 90 % intervals of level, mean and places cover 85 to 95 %."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(ROOT / "scripts"))
-        bench = importlib.import_module("bench_budget")
+        bench = importlib.import_module("budget_coverage")
     found = bench.coverage(bench.CALIBRATIONS["general, default ranges"], 200)
     for share in (found.level, found.mean, found.places):
         assert 0.85 <= share <= 0.95

@@ -10,7 +10,7 @@ variogram fitted to the counts. ``level`` is the interval of the budget for the 
 moisture at the mean rate of the map; ``mean`` the interval of the field's mean moisture; ``places`` the share of
 cells inside their intervals.
 
-usage: .venv/bin/python scripts/bench_budget.py [--draws N] [--save]
+usage: .venv/bin/python scripts/budget_coverage.py [--draws N] [--save]
 """
 
 from __future__ import annotations
