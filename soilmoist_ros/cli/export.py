@@ -26,6 +26,20 @@ from soilmoist_ros.foundation import InputError
               help="Distance of contour lines [% by volume, or counts/s]. Default: a round one.")  # fmt: skip
 @click.option("--root-depth", "root_depth_mm", type=click.FloatRange(min=0, min_open=True),
               help="Depth of the root zone for the water of zones [mm]. Default: the run's, or 300.")  # fmt: skip
+@click.option("--rate-column", default="RATE", show_default=True,
+              help="Column of the irrigation rate in dose, at most ten characters.")  # fmt: skip
+@click.option("--rate-unit", type=click.Choice(["mm", "l/m2", "m3/ha", "in", "gal/ac"]), default="mm",
+              show_default=True, help="Unit of the irrigation rate in dose and isoxml.")  # fmt: skip
+@click.option("--isoxml-version", type=click.IntRange(3, 4), default=3, show_default=True,
+              help="Version of ISOXML. Terminals for version 4 read version 3 too.")  # fmt: skip
+@click.option("--isoxml-form", type=click.Choice(["grid1", "grid2", "polygons"]), default="grid1",
+              show_default=True, help="Zones as a grid of their codes, a grid of rates, or polygons.")  # fmt: skip
+@click.option("--isoxml-passes", type=click.IntRange(1), default=1, show_default=True,
+              help="Passes that share a dose: ISOXML holds at most 21.47 mm in one.")  # fmt: skip
+@click.option("--max-cells", type=click.IntRange(1), default=40_000, show_default=True,
+              help="Cells that the terminal takes; a larger grid gets larger cells.")  # fmt: skip
+@click.option("--max-zones", type=click.IntRange(1, 254), default=254, show_default=True,
+              help="Zones that the terminal takes.")  # fmt: skip
 @overwrite_option("Replace the files of an earlier export.")
 @answering
 def command(
@@ -36,6 +50,13 @@ def command(
     min_zone_ha: float | None,
     step: float | None,
     root_depth_mm: float | None,
+    rate_column: str,
+    rate_unit: str,
+    isoxml_version: int,
+    isoxml_form: str,
+    isoxml_passes: int,
+    max_cells: int,
+    max_zones: int,
     overwrite: bool,
 ) -> None:
     """Export a RUN for GIS, phones and farm terminals.
@@ -46,7 +67,10 @@ def command(
         raise InputError("no export is given", "name formats with --to; soilmoist list exports shows them")
     from soilmoist_ros.reporting import ExportSettings, export_run
 
-    settings = ExportSettings(zones, min_zone_ha, step, root_depth_mm)
+    settings = ExportSettings(
+        zones, min_zone_ha, step, root_depth_mm, rate_column, rate_unit, isoxml_version, isoxml_form,
+        isoxml_passes, max_cells, max_zones,
+    )  # fmt: skip
 
     def replaces(held: str) -> bool:
         return overwrite or confirmed(out or run / "export", held)

@@ -249,7 +249,7 @@ def contours_layer(source: RunSource, one: ExportedProperty, settings: ExportSet
     columns = {
         one.quantity.column: values,
         "LABEL": texts([f"{value:g} {unit}" for value in values]),
-        **_origin(source, one, len(lines)),
+        **origin(source, one, len(lines)),
     }
     return Layer(f"contours{one.suffix}", "LineString", lines, columns, f"Contours: {one.title}")
 
@@ -293,7 +293,7 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
         columns["ROOT_MM"] = np.full(len(zones), depth)
     if names:
         columns["NAME"] = texts([names[zone.number - 1] for zone in zones])
-    columns |= _origin(source, one, len(zones))
+    columns |= origin(source, one, len(zones))
     return Layer(f"zones{one.suffix}", "Polygon", [zone.shape for zone in zones], columns, f"Zones: {one.title}")
 
 
@@ -313,7 +313,7 @@ def _lost(
             )
 
 
-def _origin(source: RunSource, one: ExportedProperty, count: int) -> dict[str, NDArray[Any]]:
+def origin(source: RunSource, one: ExportedProperty, count: int) -> dict[str, NDArray[Any]]:
     """Columns with what moisture rests on and, if it is known, the last day of the survey (UTC)."""
     columns: dict[str, NDArray[Any]] = {"CALIBRATED": texts([one.calibration] * count)}
     if source.survey:

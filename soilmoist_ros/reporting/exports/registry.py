@@ -14,9 +14,12 @@ from typing import Any
 
 from soilmoist_ros.foundation import InputError, Registry
 from soilmoist_ros.recording import SUMMARY, sync_file
+from soilmoist_ros.reporting.exports.irrigation import write_dose
+from soilmoist_ros.reporting.exports.isoxml import write_isoxml
 from soilmoist_ros.reporting.exports.layers import write_contours, write_zones
 from soilmoist_ros.reporting.exports.qgis import write_geopackage, write_qgis
 from soilmoist_ros.reporting.exports.rasters import write_kmz, write_netcdf, write_styled
+from soilmoist_ros.reporting.exports.sheet import write_sheet
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, open_source
 from soilmoist_ros.reporting.opened_run import open_run
 
@@ -55,6 +58,18 @@ BUILT_IN = {
     "zones": Export(
         write_zones, "management zones",
         "polygons with area, mean moisture and water, for variable-rate terminals (zipped shapefile)", ".zip",
+    ),
+    "dose": Export(
+        write_dose, "irrigation zones",
+        "polygons of one dose with a rate column, for variable-rate terminals (shapefile and GeoJSON)", ".zip",
+    ),
+    "isoxml": Export(
+        write_isoxml, "ISOXML task",
+        "an irrigation task for ISOBUS terminals: ISO 11783-10 TASKDATA in a zip", ".zip",
+    ),
+    "sheet": Export(
+        write_sheet, "irrigation sheet",
+        "one page to print: where to irrigate how much, and how sure that is", ".pdf",
     ),
     "contours": Export(
         write_contours, "contour lines",

@@ -37,12 +37,26 @@ class ExportSettings:
     :param min_zone_ha: minimum area of a part of the field that is a zone [ha]; by default 5 % of the field
     :param step: distance of contour lines in the unit for readers; by default a round one
     :param root_depth_mm: depth of the root zone for its water [mm]; by default that of the run, else 300
+    :param rate_column: name of the column with the irrigation rate, at most ten characters
+    :param rate_unit: its unit, and the unit that a terminal shows: ``mm``, ``l/m2``, ``m3/ha``, ``in``, ``gal/ac``
+    :param isoxml_version: version of ISO 11783-10, 3 or 4; terminals for version 4 read version 3 too
+    :param isoxml_form: ``grid1`` (codes of zones), ``grid2`` (rates) or ``polygons``
+    :param passes: number of passes that share a dose, for rates that one task cannot hold
+    :param max_cells: most cells of the grid that the terminal takes; larger grids get larger cells
+    :param max_zones: most zones that the terminal takes, at most 254
     """
 
     zones: int = 3
     min_zone_ha: float | None = None
     step: float | None = None
     root_depth_mm: float | None = None
+    rate_column: str = "RATE"
+    rate_unit: str = "mm"
+    isoxml_version: int = 3
+    isoxml_form: str = "grid1"
+    passes: int = 1
+    max_cells: int = 40_000
+    max_zones: int = 254
 
 
 def transformed(transform: Any, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:

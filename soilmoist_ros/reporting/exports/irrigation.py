@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Irrigation plan of a run for other programs: zones of one dose, with the rate in the unit of a machine."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.reporting.dose import DoseZone, dose_settings, dose_zones, total_m3
+from soilmoist_ros.reporting.exports.layers import Layer, origin, texts, write_layers, write_shapefile
+from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
+
+RATE_UNITS: dict[str, Fraction] = {
+    "mm": Fraction(1),
+    "l/m2": Fraction(1),
+    "m3/ha": Fraction(10),
+    "in": Fraction(10, 254),
+    "gal/ac": Fraction("4046.8564224") / Fraction("3.785411784"),  # international acre, US gallon
+}
+"""Units of a rate for one millimetre of water; all are exact."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What to irrigate by the map of a property.
+
+    :param zones: from the lowest to the highest dose; together they are the field
+    :param date: last day of the survey (UTC), empty for a clock without a date
+    """
+
+    one: ExportedProperty
+    zones: Sequence[DoseZone]
+    date: str
+
+    @property
+    def irrigated(self) -> list[DoseZone]:
+        """Zones that get water."""
+        return [zone for zone in self.zones if zone.gross_mm > 0]
+
+    @property
+    def volume_m3(self) -> float:
+        """Water for the whole field [m^3]."""
+        return total_m3(self.zones)
+
+    def mean(self, name: str) -> float:
+        """Mean of a figure of the zones over the area of the field."""
+        areas = [zone.area_m2 for zone in self.zones]
+        return float(np.average([getattr(zone, name) for zone in self.zones], weights=areas))
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Calibration, date, interval and total for readers; name and value have 32 letters at most together."""
+        return {
+            "calibration": self.one.calibration,
+            "survey": self.date or "no date",
+            "missing": f"{self.mean('net_mm'):.0f} mm ({self.mean('p05_mm'):.0f} to {self.mean('p95_mm'):.0f})",
+            "dose sure": f"{100 * self.mean('sure'):.0f} % of the field",
+            "water": f"{self.volume_m3:.0f} m3",
+        }
+
+
+def irrigation_plan(source: RunSource) -> Plan:
+    """The plan of the first property with moisture.
+
+    :raises InputError: if the run has no dose, or its map no calibration that deserves one
+    """
+    one = next((one for one in source.properties if one.quantity is MOISTURE), source.properties[0])
+    if (source.run.summary.get("irrigation") or {}).get("moisture_usable") is False:
+        raise InputError(
+            "there is no dose: the moisture is impossible on much of the area",
+            "see the report of the run, and check calibration and records",
+            source.run.folder,
+        )
+    zones = dose_zones(one, source.boundary, dose_settings(source.run.summary, source.run.folder))
+    return Plan(one, zones, source.survey[1].date().isoformat() if source.survey else "")
+
+
+def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer:
+    """Zones of one dose as single polygons, with a column that a terminal takes for its rate.
+
+    :raises InputError: if the name of the rate's column cannot be one
+    """
+    zones, name = plan.zones, settings.rate_column
+    columns: dict[str, NDArray[Any]] = {
+        "UNIT": texts([settings.rate_unit] * len(zones)),
+        "NET_MM": np.round([zone.net_mm for zone in zones], 1),
+        "NET_P05": np.round([zone.p05_mm for zone in zones], 1),
+        "NET_P95": np.round([zone.p95_mm for zone in zones], 1),
+        "NEED_PCT": np.round([100 * zone.needed for zone in zones], 1),
+        "SURE_PCT": np.round([100 * zone.sure for zone in zones], 1),
+        "AREA_HA": np.round([zone.area_m2 / 1e4 for zone in zones], 4),
+        "VOLUME_M3": np.round([zone.volume_m3 for zone in zones], 1),
+        **origin(source, plan.one, len(zones)),
+    }
+    taken = {"ZONE", "DATE", *columns}
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,9}", name) or name.upper() in taken:
+        raise InputError(
+            f"{name!r} cannot name the column of the rate",
+            f"give a letter and at most nine more, digits or underscores; not {', '.join(sorted(taken))}",
+        )
+    first = {
+        "ZONE": np.array([zone.number for zone in zones], np.int32),
+        name: np.array([rate(zone.gross_mm, settings.rate_unit) for zone in zones]),
+    }
+    columns = {**first, **columns}
+    return Layer("dose", "Polygon", [zone.shape for zone in zones], columns, "Zones of one irrigation dose")
+
+
+def rate(gross_mm: float, unit: str) -> float:
+    """A dose in a unit of :data:`RATE_UNITS`.
+
+    :raises InputError: if the unit is unknown
+    """
+    if unit not in RATE_UNITS:
+        raise InputError(f"there is no unit {unit!r} of a rate", f"use one of: {', '.join(RATE_UNITS)}")
+    return float(Fraction(gross_mm) * RATE_UNITS[unit])
+
+
+def write_dose(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
+    """Write ``dose.zip`` and ``dose.geojson``: zones with the rate, WGS-84.
+
+    :raises InputError: if pyogrio is not installed, there is no dose, or the settings are out of range
+    """
+    from pyproj import CRS
+
+    layer = dose_layer(source, irrigation_plan(source), settings)
+    crs = CRS.from_epsg(4326)
+    return [
+        write_shapefile(folder / "dose.zip", layer, source.frame),
+        write_layers(folder / "dose.geojson", [layer], source.frame, crs, "GeoJSON", {}),
+    ]

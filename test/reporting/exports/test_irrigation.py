@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Irrigation zones as shapefile, GeoJSON and sheet: irrigation.py and sheet.py."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reporting.exports.irrigated import OUTLINE, irrigated
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.reporting.exports import irrigation, sheet
+from soilmoist_ros.reporting.exports.irrigation import RATE_UNITS, dose_layer, irrigation_plan, rate, write_dose
+from soilmoist_ros.reporting.exports.registry import EXPORTS
+from soilmoist_ros.reporting.exports.sheet import headline, write_sheet
+from soilmoist_ros.reporting.exports.source import ExportSettings
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+
+
+@pytest.fixture
+def plan(monkeypatch):
+    source, its = irrigated()
+    for module in (irrigation, sheet):
+        monkeypatch.setattr(module, "irrigation_plan", lambda run: its)
+    return source, its
+
+
+@pytest.mark.slow
+@given(st.floats(0, 100))
+def test_units_are_exact(gross_mm):
+    """1 in = 25.4 mm; a US gallon has 231 cubic inches, an acre 43,560 square feet."""
+    assert rate(gross_mm, "m3/ha") == pytest.approx(10 * gross_mm, rel=1e-15)
+    assert rate(gross_mm, "in") == pytest.approx(gross_mm / 25.4, rel=1e-15)
+    assert RATE_UNITS["gal/ac"] / RATE_UNITS["in"] == Fraction(43560 * 144, 231)
+
+
+def test_shapefile_and_geojson_have_the_rate(plan, tmp_path):
+    source, its = plan
+    paths = write_dose(source, tmp_path, ExportSettings(rate_column="GPA", rate_unit="gal/ac"))
+    assert [path.name for path in paths] == ["dose.zip", "dose.geojson"]
+    for path in paths:
+        about, _, wkb, values = pyogrio.raw.read(path)
+        columns = dict(zip(about["fields"], values, strict=True))
+        assert pyogrio.read_info(path)["crs"] == "EPSG:4326"
+        np.testing.assert_allclose(columns["GPA"], [0.0, 10690.66366704162, 16035.99550056243], rtol=1e-14)
+        assert columns["UNIT"].tolist() == ["gal/ac"] * 3
+        assert columns["CALIBRATED"].tolist() == ["own"] * 3
+        np.testing.assert_allclose(columns["VOLUME_M3"], [zone.volume_m3 for zone in its.zones], atol=0.05)
+        assert ((columns["NET_P05"] < columns["NET_MM"]) | (columns["GPA"] == 0)).all()
+        shapes = shapely.transform(shapely.from_wkb(wkb), lambda xy: source.frame.to_local(xy[:, 1], xy[:, 0]))
+        assert shapely.union_all(shapes, grid_size=1e-4).symmetric_difference(OUTLINE).area < 0.1
+        for shape, zone in zip(shapes, its.zones, strict=True):
+            assert shape.symmetric_difference(zone.shape).area < 0.01
+
+
+@pytest.mark.parametrize("name", ["", "1ST", "WATER RATE", "ELEVENCHARS", "zone", "AREA_HA", "date", "Wässerung"])
+def test_a_name_that_no_column_can_have(name):
+    with pytest.raises(InputError, match=r"cannot name the column of the rate -> give a letter"):
+        dose_layer(*irrigated(), ExportSettings(rate_column=name))
+
+
+def test_without_a_dose_the_reason_is_named():
+    source, _ = irrigated()
+    for write in (EXPORTS.get(name).write for name in ("dose", "isoxml", "sheet")):
+        with pytest.raises(InputError, match="there is no dose: "):
+            write(source, source.run.folder, ExportSettings())
+    settings = {"wilting_point": 0.1, "field_capacity": 0.3}
+    for calibration, what in (("none", "is not calibrated"), ("illustrative", "has a guessed calibration")):
+        source, _ = irrigated(dose={"settings": settings})
+        one = source.properties[0]
+        tags, curve = {"SOILMOIST_CALIBRATION": calibration}, CalibrationCurve(7.0, 1.4)
+        source = replace(source, properties=[replace(one, tags=tags, curve=curve)])
+        with pytest.raises(InputError, match=what):
+            irrigation_plan(source)
+    source, _ = irrigated(dose={"settings": settings}, irrigation={"moisture_usable": False})
+    with pytest.raises(InputError, match="moisture is impossible"):
+        irrigation_plan(source)
+
+
+def test_facts_fit_a_designator_and_the_headline_says_what_to_do():
+    _, plan = irrigated((0.0, 60.0, 60.0))
+    assert all(len(f"{name}: {value}") <= 32 for name, value in plan.facts.items())
+    assert headline(plan) == "Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
+    assert headline(replace(plan, zones=plan.zones[:1])) == "No irrigation"
+
+
+@pytest.mark.slow
+def test_the_sheet_is_one_page_with_every_dose(plan, tmp_path):
+    source, its = plan
+    (path,) = write_sheet(source, tmp_path, ExportSettings())
+    content = path.read_bytes()
+    assert (content.count(b"/Type /Page\n") + content.count(b"/Type /Page "), content[:5]) == (1, b"%PDF-")
+    page = sheet.sheet(source, its, ExportSettings(rate_unit="m3/ha"))
+    shown = [text.get_text() for axes in page.axes for text in axes.texts] + [
+        text.get_text() for text in page.texts
+    ]
+    for text in ("West", "10 mm", "15 mm", "100", "150", "N", "  50 m", headline(its)):
+        assert text in shown
+    assert "calibration: own   survey: 2026-05-03" in shown[-1]
+    page.canvas.draw()
+    height, width = page.bbox.height, page.bbox.width
+    for text in page.texts:
+        box = text.get_window_extent()
+        assert 0 < box.x0 < box.x1 < width
+        assert 0 < box.y0 < box.y1 < height
