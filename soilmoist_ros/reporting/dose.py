@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
 from soilmoist_ros.reporting.certainty import CERTAIN
-from soilmoist_ros.reporting.exports.source import ExportedProperty
-from soilmoist_ros.reporting.exports.zones import SHARE_OF_FIELD, divided, workable
+from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, divided, workable
 from soilmoist_ros.sensing import MoistureCurve
 
 if TYPE_CHECKING:
@@ -290,22 +289,6 @@ class DoseZone:
     def volume_m3(self) -> float:
         """Water to apply [m^3]."""
         return self.gross_mm / 1000 * self.area_m2
-
-
-def dose_zones(one: ExportedProperty, boundary: BaseGeometry, settings: DoseSettings) -> list[DoseZone]:
-    """Zones of an opened run by dose, see :func:`zones_of_dose`.
-
-    :param boundary: the field without its no-go areas, in its plane [m]
-    :raises InputError: without a calibration that deserves a dose, or as :class:`DoseSettings`
-    """
-    if one.curve is None or one.calibration in ("none", "illustrative"):
-        what = (
-            "is not calibrated" if one.curve is None or one.calibration == "none" else "has a guessed calibration"
-        )
-        raise InputError(f"there is no dose, since the map {what}", "calibrate with soil cores, and map again")
-    inside, xy = one.cells
-    dose = find_dose(one.bands["rate"][inside], one.bands["rate_sd"][inside], one.curve, settings)
-    return zones_of_dose(dose, xy, one.cell_m, boundary, settings)
 
 
 def zones_of_dose(
