@@ -121,7 +121,7 @@ def _print_summary(run: MapRun) -> None:
     import numpy as np
 
     from soilmoist_ros.foundation import place_text
-    from soilmoist_ros.reporting import at_one_place, mean_moisture
+    from soilmoist_ros.reporting import at_one_place, irrigation, mean_moisture
 
     soil_map = run.soil_map
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
@@ -148,6 +148,7 @@ def _print_summary(run: MapRun) -> None:
         interval = "" if known is None else f" ({100 * known.p05:.1f} to {100 * known.p95:.1f})"
         range_text = f"5 to 95 % of the area have {low:.1f} to {high:.1f}"
         say(f"moisture   mean {100 * mean:.1f}{interval} % by volume; {range_text}")
+        say(f"irrigation {irrigation(run).steps[0]}")
     say(f"map of     {run.support_text}")
     if soil_map.accuracy is not None:
         say(f"kriging    {soil_map.accuracy}")

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
 from soilmoist_ros.reporting.certainty import CERTAIN
-from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, divided, workable
+from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, dissolved, divided, workable
 from soilmoist_ros.sensing import MoistureCurve
 
 if TYPE_CHECKING:
@@ -111,9 +111,12 @@ class DoseSettings:
 
     @property
     def stress_sd(self) -> float:
-        """Standard deviation of the root zone's moisture minus :attr:`stress`, but for the error of the rate."""
-        of_limits = (1 - self.depletion) * self.field_capacity_sd, self.depletion * self.wilting_point_sd
-        return math.hypot(self.below_share * self.below_sd, *of_limits)
+        """Standard deviation of the root zone's moisture minus :attr:`stress`, but for the error of the rate.
+
+        A soil that holds more water at field capacity holds more at the wilting point: errors of both are alike.
+        """
+        of_limits = (1 - self.depletion) * self.field_capacity_sd + self.depletion * self.wilting_point_sd
+        return math.hypot(self.below_share * self.below_sd, of_limits)
 
     @property
     def full_sd(self) -> float:
@@ -315,7 +318,7 @@ def zones_of_dose(
     nearest = cKDTree(xy).query(get_coordinates(point_on_surface(faces)))[1]
     steps = np.concatenate([[0.0], settings.doses_mm])
     number = np.searchsorted(steps, gross[block[nearest]] - 1e-9)
-    shapes, number = workable(faces, number, smallest_m2, TOLERANCE_M)
+    shapes, number = workable(*dissolved(faces, number), smallest_m2, TOLERANCE_M)
     right = {index: dose.right(float(steps[index])) for index in set(number.tolist())}
     used = sorted(right)
     zones = []

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -61,6 +62,18 @@ def distances_m(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.floa
     from shapely import Polygon, distance, points, union_all
 
     return np.asarray(distance(union_all([Polygon(ring) for ring in soil_map.grid.polygons]), points(xy_m)), float)
+
+
+def compass_part(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> str:
+    """Part of the field where points (n, 2) lie, such as "south-west"; empty if they are all over the field."""
+    every = soil_map.grid.cells
+    if not len(xy_m):
+        return ""
+    east, north = (xy_m.mean(axis=0) - every.mean(axis=0)) / np.maximum(np.ptp(every, axis=0), 1e-9)
+    if math.hypot(east, north) < 0.12:
+        return ""
+    points = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
+    return points[round(math.degrees(math.atan2(north, east)) / 45) % 8]
 
 
 def map_extent(soil_map: SoilMap) -> tuple[float, float, float, float]:

@@ -92,7 +92,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "corrections": [{**asdict(row), "parameters": dict(row.parameters)} for row in run.corrections],
         "calibration": _calibration(run),
         "budget": _budget(run),
-        "irrigation": _irrigation(run),
+        **_irrigation(run),
         "warnings": [note.message for note in found],
         "warning_codes": [note.code for note in found],
         "settings": dict(run.settings),
@@ -371,7 +371,7 @@ def _forecast(mission: MissionResult) -> dict[str, Any] | None:
 
 
 def _irrigation(run: MapRun) -> dict[str, Any]:
-    """Zones of the field as in the report; they are relative without ``zone_limits_vwc``."""
+    """Zones of the field as in the report, relative without ``zone_limits_vwc``, and the dose."""
     found, limits = irrigation(run), run.irrigation
     names = ("name", "area_m2", "share", "water_mm", "missing_mm", "missing_mm_p05", "missing_mm_p95")
     zones = []
@@ -379,7 +379,7 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
         sure = zone.certainty
         certain = {"certain": sure.certain, "certain_share": sure.sure, "expected_share": sure.expected}
         zones.append({name: getattr(zone, name) for name in names} | certain)
-    return {
+    about = {
         "root_depth_mm": limits.root_depth_mm,
         "field_capacity_vwc": limits.field_capacity if has_level(run) else None,
         "moisture_usable": statistics.is_usable(run.soil_map) if run.calibrated else None,
@@ -387,6 +387,7 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
         "zones": zones,
         "advice": found.advice,
     }
+    return {"irrigation": about, "dose": found.dose and found.dose.content}
 
 
 def _budget(run: MapRun) -> dict[str, Any] | None:

@@ -34,7 +34,7 @@ def workable(
         from shapely import coverage_simplify
     except ImportError:
         raise InputError("zones need shapely 2.1", install("reports")) from None
-    shapes, number = _dissolved(*_joined(faces, number, smallest_m2))
+    shapes, number = dissolved(*_joined(faces, number, smallest_m2))
     return list(coverage_simplify(shapes, tolerance_m, simplify_boundary=False)), number
 
 
@@ -85,7 +85,7 @@ def _borders(faces: Sequence[BaseGeometry]) -> dict[int, dict[int, float]]:
     return found
 
 
-def _dissolved(
+def dissolved(
     shapes: Sequence[BaseGeometry], number: NDArray[np.intp]
 ) -> tuple[list[BaseGeometry], NDArray[np.intp]]:
     """Neighbours of one class become one polygon; each polygon is connected."""

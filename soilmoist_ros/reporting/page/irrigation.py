@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.pipeline import IrrigationLimits, MapRun
 from soilmoist_ros.reporting.certainty import CERTAIN, Certainty, absolute, certainty, class_probability
-from soilmoist_ros.reporting.geometry import field_polygon
+from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
+from soilmoist_ros.reporting.page.field_dose import FEW_PLACES, FieldDose, NoDose, field_dose
 from soilmoist_ros.reporting.page.frame import part_of_area, percent, volume
 from soilmoist_ros.reporting.page.statistics import calibration_sd, is_usable, mean_moisture, unusable_share
 
@@ -25,7 +26,6 @@ COLOURS = ("#d8b365", "#a6d5cf", "#2166ac")
 RELATIVE = ("driest third", "middle third", "wettest third")
 BY_USER = ("dry", "medium", "moist")
 BY_PLANT = ("too dry", "enough water", "too wet")
-FEW_PLACES = 10
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,8 @@ class IrrigationAdvice:
     :param water: water in the root zone of the mean of the field, as a sentence; empty without a real calibration
     :param level: what is known of the absolute moisture, as a sentence
     :param steps: what to do, a sentence or two each, the most important first
+    :param dose: dose of the field, or why there is none
+    :param doses: rows of its table
     """
 
     zones: tuple[IrrigationZone, ...]
@@ -97,11 +99,28 @@ class IrrigationAdvice:
     water: str
     level: str
     steps: tuple[str, ...] = ()
+    dose: FieldDose | NoDose | None = None
+    doses: tuple[DoseRow, ...] = ()
 
     @property
     def advice(self) -> str:
         """Steps of the advice, as one text."""
         return " ".join(self.steps)
+
+    @property
+    def machine(self) -> str:
+        """What the doses take of the machine, as a sentence; empty without a dose."""
+        if not isinstance(self.dose, FieldDose):
+            return ""
+        one = self.dose.settings
+        wide = (
+            f"a width of {one.width_m:g} m" if one.width_m else "no width of the machine, so a part of the field"
+        )
+        way = "the long side of the field" if one.direction_deg is None else f"{one.direction_deg:g}° from north"
+        return (
+            f"Taken: steps of {one.steps_mm:g} mm up to {one.max_dose_mm:g} mm, an efficiency of "
+            f"{percent(one.efficiency)}, {wide}, driving along {way}."
+        )
 
     @property
     def sure_share(self) -> float:
@@ -125,6 +144,9 @@ def irrigation(run: MapRun) -> IrrigationAdvice:
     by_calibration = (np.abs(dry - 0.5) < CERTAIN - 0.5) & (np.abs(by_counts - 0.5) >= CERTAIN - 0.5)
     limits, sure = None if relative else tuple(edges.tolist()), probability >= CERTAIN
     found = IrrigationAdvice(zones, number, sure, not_dry, by_calibration, limits, basis, _water(run), _level(run))
+    dose = field_dose(run)
+    doses = tuple(dose_rows(run, dose)) if isinstance(dose, FieldDose) else ()
+    found = replace(found, dose=dose, doses=doses)
     return replace(found, steps=tuple(_steps(run, found)))
 
 
@@ -167,7 +189,7 @@ def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
             f"Plants lack water below {volume(stress)} %: there, {percent(limits.depletion)} of the water between "
             f"field capacity ({volume(limits.field_capacity)} %) and wilting point "
             f"({volume(limits.wilting_point)} %) is used up. Above field capacity the soil drains."
-        )
+        ) + (f" Both are typical values of {limits.texture}, not measured." if limits.texture else "")
         return BY_PLANT, np.array([stress, limits.field_capacity]), basis
     edges = np.nanquantile(values, (1 / 3, 2 / 3))
     basis = "The zones only compare places of this field: each is about a third of the area, dry or wet."
@@ -281,6 +303,9 @@ def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
         yield "Next: for a map of the surroundings, drive the sensor over the field or move it between places."
     elif samples < FEW_PLACES:
         yield f"Next: measure at more places; {samples} are too few to know how sure the map is."
+    elif isinstance(found.dose, FieldDose):
+        yield from _on_dose(run, found.dose)
+        yield from _on_wet(found)
     elif found.edges:
         yield from _on_dry(run, found)
         yield from _on_wet(found)
@@ -361,12 +386,92 @@ def _on_wet(found: IrrigationAdvice) -> Iterator[str]:
 
 def _where(run: MapRun, chosen: NDArray[np.bool_]) -> str:
     """Part of the field where cells lie, in words; empty if they are spread over the field."""
-    soil_map = run.soil_map
-    every, own = soil_map.grid.cells, chosen[soil_map.grid.mask]
-    if not own.any():
+    part = compass_part(run.soil_map, run.soil_map.grid.cells[chosen[run.soil_map.grid.mask]])
+    return f" (mostly in the {part})" if part else ""
+
+
+# The dose of the field, in words ---------------------------------------------------------------------------------
+
+
+def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
+    """The dose, how sure it is and what would make it surer; then what it rests on."""
+    whole_m2 = float(field_polygon(run.soil_map).area)
+    share, area = f"sure on {percent(found.sure)}", part_of_area(found.area_m2, whole_m2)
+    doses = [zone.gross_mm for zone in found.irrigated]
+    if not doses:
+        what = f"No irrigation needed now on all {part_of_area(whole_m2, whole_m2)}"
+    else:
+        mean = 1000 * found.volume_m3 / found.area_m2
+        amount = f"{mean:.0f} mm" if min(doses) == max(doses) else f"{min(doses):g} to {max(doses):g} mm"
+        of = f" of {part_of_area(whole_m2, whole_m2)}" if found.area_m2 < 0.999 * whole_m2 else ""
+        what = f"Irrigate {amount} on {area.rsplit(' ', 1)[0] if of else area}{of} ({found.volume_m3:,.0f} m³)"
+    seems = "" if found.certain else "Best estimate, not certain: "
+    what = what if found.certain else what[0].lower() + what[1:]
+    simulated = "Simulated: " if run.simulated else ""
+    yield f"{simulated}{seems}{what}; {share}{_surer(found)}."
+    if doses:
+        settings = found.settings
+        net = sum(zone.net_mm * zone.area_m2 for zone in found.irrigated) / found.area_m2
+        low, high = (
+            sum(getattr(zone, name) * zone.area_m2 for zone in found.irrigated) / found.area_m2
+            for name in ("p05_mm", "p95_mm")
+        )
+        loss = f", and {percent(1 - settings.efficiency)} is lost on the way" if settings.efficiency < 1 else ""
+        yield (
+            f"There {net:.0f} mm ({low:.0f} to {high:.0f} mm) are missing to {volume(settings.full)} % in the "
+            f"upper {settings.root_depth_mm:g} mm{loss}."
+        )
+    if found.below:
+        yield found.below
+
+
+def _surer(found: FieldDose) -> str:
+    """What would make the dose surer, as the end of a sentence."""
+    if not found.remedies:
         return ""
-    east, north = (every[own].mean(axis=0) - every.mean(axis=0)) / np.maximum(np.ptp(every, axis=0), 1e-9)
-    if math.hypot(east, north) < 0.12:
-        return ""
-    points = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
-    return f" (mostly in the {points[round(math.degrees(math.atan2(north, east)) / 45) % 8]})"
+    best = found.remedies[0]
+    if best.what == "counting":
+        where = f" in the {best.part}" if best.part else ""
+        return f"; {best.minutes} more minutes of counting{where} would make it {percent(best.share)}"
+    what = {
+        "calibration": "a core day",
+        "limits": "measured field capacity and wilting point",
+        "below": "a measurement of the soil below the sensed depth",
+    }[best.what]
+    return f"; {what}, not more counting, could make it up to {percent(best.share)}"
+
+
+@dataclass(frozen=True)
+class DoseRow:
+    """A dose of the table, with all its zones."""
+
+    dose: str
+    area: str
+    volume: str
+    missing: str
+    needed: str
+    sure: str
+
+
+def dose_rows(run: MapRun, found: FieldDose) -> list[DoseRow]:
+    """The doses from low to high, and their sum, in words."""
+    whole_m2 = float(field_polygon(run.soil_map).area)
+    rows = []
+    for gross in sorted({zone.gross_mm for zone in found.zones}):
+        zones = [zone for zone in found.zones if zone.gross_mm == gross]
+        size = sum(zone.area_m2 for zone in zones)
+        net, low, high, needed, sure = (
+            sum(getattr(zone, name) * zone.area_m2 for zone in zones) / size
+            for name in ("net_mm", "p05_mm", "p95_mm", "needed", "sure")
+        )
+        rows.append(
+            DoseRow(
+                f"{gross:g} mm" if gross else "none",
+                part_of_area(size, whole_m2),
+                f"{gross / 1000 * size:,.0f} m³" if gross else "–",
+                f"{net:.0f} mm ({low:.0f} to {high:.0f} mm)",
+                percent(needed),
+                percent(sure),
+            )
+        )
+    return rows

@@ -43,6 +43,7 @@ USUAL_CARBON, USUAL_CARBON_SD = 0.015, 0.007
 """Organic carbon of top soils of cropland, and its standard deviation [g/g]: a default range."""
 LATTICE_WATER_SD = 0.01
 """Standard deviation of the lattice water of soils of equal clay [g/g]."""
+_LIMITS_OF_SOIL = {"texture", "wilting_point", "field_capacity", "dry_below", "moist_above"}
 OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}  # times per which other programs give N0 [s]
 
 
@@ -167,7 +168,7 @@ class Calibration(Section):
 
 
 class Irrigation(Section):
-    """Limits of dry and moist soil for the report; terciles of the field if none are given."""
+    """Limits of dry and moist soil for the report, terciles of the field if none are given; and the dose."""
 
     root_depth_mm: Annotated[float, Field(gt=0, le=3000)] = 300.0
     """Depth of the root zone [mm]."""
@@ -175,12 +176,63 @@ class Irrigation(Section):
     """Moisture at the wilting point [m^3/m^3]."""
     field_capacity: WaterFraction | None = None
     """Moisture at field capacity [m^3/m^3]."""
+    texture: TextureName | None = None
+    """Texture class of the soil (USDA); gives wilting point and field capacity if they are left out."""
+    wilting_point_sd: Annotated[float, Field(ge=0, le=0.2)] | None = None
+    """Standard deviation of the wilting point [m^3/m^3]; if left out 0, or that of the texture."""
+    field_capacity_sd: Annotated[float, Field(ge=0, le=0.2)] | None = None
+    """Standard deviation of the field capacity [m^3/m^3], as for the wilting point."""
     depletion: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Share of the water between both that plants use before they lack water (FAO paper 56, table 22)."""
     dry_below: WaterFraction | None = None
     """Your own limit of dry soil [m^3/m^3]; replaces those above."""
     moist_above: WaterFraction | None = None
     """Your own limit of moist soil [m^3/m^3]."""
+    target: WaterFraction | None = None
+    """Moisture to fill the root zone to [m^3/m^3]; field capacity if left out."""
+    efficiency: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Share of the applied water that reaches the root zone."""
+    steps_mm: Annotated[float, Field(gt=0, le=500)] = 5.0
+    """Distance of the doses that the machine can apply [mm]."""
+    min_dose_mm: Annotated[float, Field(ge=0, le=500)] = 0.0
+    """Smallest dose that the machine can apply [mm]."""
+    max_dose_mm: Annotated[float, Field(gt=0, le=500)] = 60.0
+    """Largest dose at a time [mm]."""
+    width_m: Annotated[float, Field(gt=0, le=2000)] | None = None
+    """Width of the machine [m]; a part of the field if left out."""
+    direction_deg: Annotated[float, Field(ge=0, le=360)] | None = None
+    """Driving direction of the machine, clockwise from north [deg]; the long side of the field if left out."""
+    min_zone_ha: Annotated[float, Field(gt=0)] | None = None
+    """Smallest zone of one dose [ha]; 5 % of the field if left out."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_texture(cls, values: Any) -> Any:
+        if not isinstance(values, dict):
+            return values
+        found = next((one for name, one in TEXTURES.items() if name == values.get("texture")), None)
+        if found is None or "wilting_point" in values or "field_capacity" in values:
+            return values
+        names = "wilting_point", "field_capacity", "wilting_point_sd", "field_capacity_sd"
+        return {**{name: getattr(found, name) for name in names}, **values}
+
+    @model_validator(mode="after")
+    def _possible_dose(self) -> Irrigation:
+        typical = None if self.texture is None else TEXTURES[self.texture]
+        given = self.wilting_point, self.field_capacity
+        if typical is not None and given != (typical.wilting_point, typical.field_capacity):
+            raise ValueError("give 'texture', or 'wilting_point' and 'field_capacity', not both")
+        if self.steps_mm > self.max_dose_mm:
+            raise ValueError(f"'steps_mm' {self.steps_mm:g} is larger than 'max_dose_mm' {self.max_dose_mm:g}")
+        if self.min_dose_mm > self.max_dose_mm:
+            raise ValueError(
+                f"'min_dose_mm' {self.min_dose_mm:g} is larger than 'max_dose_mm' {self.max_dose_mm:g}"
+            )
+        if self.target is not None and self.field_capacity is not None and self.wilting_point is not None:
+            stress = self.field_capacity - self.depletion * (self.field_capacity - self.wilting_point)
+            if self.target <= stress:
+                raise ValueError(f"'target' {self.target:g} is not above {stress:.3g}, where plants lack water")
+        return self
 
     @model_validator(mode="after")
     def _in_pairs(self) -> Irrigation:
@@ -229,8 +281,27 @@ class Site(Section):
     def __repr_args__(self) -> Iterator[tuple[str, str]]:
         yield "name", self.name
 
+    @model_validator(mode="before")
+    @classmethod
+    def _texture_of_soil(cls, values: Any) -> Any:
+        """The texture of the soil is that for irrigation, unless this has limits of its own."""
+        if not isinstance(values, dict):
+            return values
+        soil, irrigation = values.get("soil"), values.get("irrigation", {})
+        texture = soil.get("texture") if isinstance(soil, dict) else getattr(soil, "texture", None)
+        if texture is None or not isinstance(irrigation, dict) or irrigation.keys() & _LIMITS_OF_SOIL:
+            return values
+        return {**values, "irrigation": {**irrigation, "texture": texture}}
+
     @model_validator(mode="after")
     def _consistent(self) -> Site:
+        target = self.irrigation.target
+        if self.soil is not None and target is not None:
+            pores = soil_limits(self.soil.bulk_density_gcm3).saturation
+            if target > pores:
+                raise ValueError(
+                    f"irrigation 'target' {target:g} is above the pore volume {pores:.2f} of this soil"
+                )
         if self.logger_time_zone and self.logger_utc_offset_hours is not None:
             raise ValueError("give 'logger_time_zone' or 'logger_utc_offset_hours', not both")
         _ = self.corrections_parameters  # fails for a value that is ``auto`` without a place

@@ -100,7 +100,7 @@ def test_a_probe_at_one_place_has_its_water_at_the_end(make_run, map_of):
     assert unsure == "At the end it was dry here, but that is not certain: count longer first."
 
 
-LIMITS = IrrigationLimits(wilting_point=0.12, field_capacity=0.30)  # too dry below 0.21
+LIMITS = IrrigationLimits(dry_below=0.21, moist_above=0.30, field_capacity=0.30)  # no wilting point, so no dose
 
 
 @pytest.fixture
@@ -120,17 +120,17 @@ def advised(make_run, the_map):
 @pytest.mark.parametrize(
     ("field", "steps"),
     [
-        ((0.15, 0.15, 0.05), ["Irrigate the 0.11 ha that are too dry (certain on all of it).", "Filling"]),
-        ((0.26, 0.26, 0.05), ["No irrigation needed now: no part of the field is too dry."]),
-        ((0.40, 0.40, 0.02), ["No irrigation needed now: no part of", "Too wet on 0.11 ha (certain on"]),
-        ((0.205, 0.26, 0.05), ["Too dry on 0.06 ha, certain on none of it: count longer there first (",
+        ((0.15, 0.15, 0.05), ["Irrigate the 0.11 ha that are dry (certain on all of it).", "Filling"]),
+        ((0.26, 0.26, 0.05), ["No irrigation needed now: no part of the field is dry."]),
+        ((0.40, 0.40, 0.02), ["No irrigation needed now: no part of", "Moist on 0.11 ha (certain on"]),
+        ((0.205, 0.26, 0.05), ["Dry on 0.06 ha, certain on none of it: count longer there first (",
                                "No irrigation needed now on the other 0.05 ha."]),
-        ((0.15, 0.215, 0.05), ["Irrigate the 0.06 ha that are too dry",
+        ((0.15, 0.215, 0.05), ["Irrigate the 0.06 ha that are dry",
                                "Filling their root zone to field capacity takes 45 mm (",
-                               "The other 0.05 ha may be too dry as well: count longer there first (mostly in"]),
-        ((0.214, 0.213, 0.05), ["No part of the field seems too dry, but that is certain on none of it: count"]),
-        ((0.31, 0.29, 0.05), ["No irrigation needed now: no part", "Too wet on 0.06 ha, certain on none of it."]),
-        ((0.19, 0.19, 0.01, LIMITS, 0.5), ["Too dry on 0.11 ha, certain on none of it: take more soil"]),
+                               "The other 0.05 ha may be dry as well: count longer there first (mostly in"]),
+        ((0.214, 0.213, 0.05), ["No part of the field seems dry, but that is certain on none of it: count"]),
+        ((0.31, 0.29, 0.05), ["No irrigation needed now: no part", "Moist on 0.06 ha, certain on none of it."]),
+        ((0.19, 0.19, 0.01, LIMITS, 0.5), ["Dry on 0.11 ha, certain on none of it: take more soil"]),
         ((0.10, 0.26, 0.05, IrrigationLimits(dry_below=0.2, moist_above=0.25)),
          ["Irrigate the 0.06 ha that are dry", "With field capacity in the site file",
           "No irrigation needed now on the other 0.05 ha.", "Moist on 0.05 ha"]),
@@ -151,7 +151,7 @@ def test_advice_never_rests_on_a_zone_that_is_not_certain(advised, west, east, r
     found = advised(west, east, rate_sd, n0_sd=n0_sd)
     dry, _, wet = found.zones
     assert ("Irrigate" in found.advice) == dry.certainty.certain
-    assert ("more water would" in found.advice) == wet.certainty.certain
+    assert ("it needs no water" in found.advice) == wet.certainty.certain
     assert ("No irrigation needed now" in found.advice) == bool(found.not_dry.any())
     assert ("first" in found.advice) == bool(
         (~found.not_dry & np.isfinite(found.number) & ((found.number > 0) | (not dry.certainty.certain))).any()
