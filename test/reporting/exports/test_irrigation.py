@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from dataclasses import replace
 from fractions import Fraction
 
@@ -16,9 +18,10 @@ from hypothesis import strategies as st
 
 from reporting.exports.irrigated import OUTLINE, irrigated
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping import BorderSource
 from soilmoist_ros.reporting.exports import irrigation, sheet
 from soilmoist_ros.reporting.exports.irrigation import RATE_UNITS, dose_layer, irrigation_plan, rate, write_dose
-from soilmoist_ros.reporting.exports.registry import EXPORTS
+from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run, open_run, open_source
 from soilmoist_ros.reporting.exports.sheet import headline, write_sheet
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
@@ -110,3 +113,33 @@ def test_the_sheet_is_one_page_with_every_dose(plan, tmp_path):
         box = text.get_window_extent()
         assert 0 < box.x0 < box.x1 < width
         assert 0 < box.y0 < box.y1 < height
+
+
+@pytest.mark.slow
+def test_a_run_is_exported_as_its_zones(exported, tmp_path):
+    folder = shutil.copytree(exported.folder, tmp_path / "run")
+    about = json.loads((folder / "summary.json").read_text())
+    soil = {
+        "wilting_point": 0.08,
+        "field_capacity": 0.3,
+        "root_depth_mm": 300.0,
+        "efficiency": 0.8,
+        "width_m": 8.0,
+    }
+    about["dose"] = {"settings": soil}
+    (folder / "summary.json").write_text(json.dumps(about))
+    notes = []
+    paths = export_run(folder, ["dose", "isoxml", "sheet"], settings=ExportSettings(passes=3), note=notes.append)
+    assert [path.name for path in paths] == ["dose.zip", "dose.geojson", "taskdata.zip", "irrigation.pdf"]
+    assert any("run the task 3 times" in text for text in notes)
+    source = open_source(open_run(folder))
+    plan = irrigation_plan(source)
+    assert sum(zone.area_m2 for zone in plan.zones) == pytest.approx(source.boundary.area, rel=1e-3)
+    about, _, _, values = pyogrio.raw.read(paths[1])
+    columns = dict(zip(about["fields"], values, strict=True))
+    assert columns["RATE"].tolist() == [zone.gross_mm for zone in plan.zones]
+    assert str(columns["DATE"][0])[:10] == plan.date
+    border = BorderSource(paths[2]).read()
+    rings = [source.frame.to_local(ring[:, 1], ring[:, 0]) for ring in (border.outline, *border.no_go)]
+    found = shapely.Polygon(rings[0], rings[1:])
+    assert found.symmetric_difference(source.boundary).area < 0.01, "the task can be the border of the next survey"
