@@ -29,6 +29,8 @@ MARGIN = 0.09
 """Margin of the page, as a share of its width."""
 MAX_ROWS = 14
 """Doses in the table; more are on the map and in the total only."""
+MIN_LABEL_SHARE = 0.01
+"""Area of a zone, as a share of the field, from which its dose stands on the map."""
 _FONTS = {"pdf.fonttype": 42, "font.size": 10.0}
 
 
@@ -77,7 +79,7 @@ def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
         "mean of the field with the 90 % interval of a place. Sure is the probability that the dose is the right "
         "step. Nothing is given in hatched areas."
     )
-    text = textwrap.fill(facts, 95) + "\n" + textwrap.fill(about, 112)
+    text = textwrap.fill(facts, 112) + "\n" + textwrap.fill(about, 112)
     figure.text(MARGIN, 0.105, text, size=8.5, color=SOFT, va="top", linespacing=1.4)
     return figure
 
@@ -112,6 +114,8 @@ def _map(axes: Axes, source: RunSource, plan: Plan, colours: dict[float, str]) -
     box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
     for zone in plan.zones:
         draw(zone.shape, facecolor=colours[zone.gross_mm])
+        if zone.area_m2 < MIN_LABEL_SHARE * source.boundary.area:
+            continue
         at, text = zone.shape.representative_point(), f"{zone.gross_mm:g} mm"
         axes.text(at.x, at.y, text, bbox=box, ha="center", va="center", size=9, color=INK)
     west, south, east, north = source.boundary.bounds
