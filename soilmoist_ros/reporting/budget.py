@@ -16,6 +16,7 @@ constant errors cancel; only their change since the calibration remains.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -39,20 +40,14 @@ DENSITY, WATER = "bulk density", "lattice and organic water"
 
 
 class Source(NamedTuple):
-    """An influence on the rate that a calibration may not have among its parts.
-
-    :param correction: name of its row among the corrections of a run
-    :param corrected: relative standard deviation of the rate that a correction leaves [-]
-    :param open: relative standard deviation of the rate without a correction [-]
-    :param remains: origin of ``corrected``; ``missing`` that of ``open``
-    """
+    """An influence on the rate, and the relative standard deviations that it has with and without correction."""
 
     name: str
-    correction: str
+    correction: str  # its row among the corrections of a run
     corrected: float
     open: float
-    remains: str
-    missing: str
+    remains: str  # origin of ``corrected``
+    missing: str  # origin of ``open``
 
 
 SOURCES = (
@@ -93,10 +88,9 @@ class Part:
 
     :param sd: standard uncertainty of the value, in its unit; NaN if it has none of its own
     :param distribution: ``Poisson``, ``normal``, or ``uniform`` for a range of ±1.73 ``sd`` (GUM 4.3.7)
-    :param level_rate_cps: standard deviation of the rate that it makes at all places together [counts/s]
-    :param place_rate_cps: standard deviation of the rate that it makes at a place [counts/s]
-    :param level: its contribution to the level, in the unit of the budget
-    :param place: its contribution to a place, in the unit of the budget
+    :param level_rate_cps: standard deviation of the rate that it makes at all places together [counts/s], and
+        ``place_rate_cps`` at a place
+    :param level: its contribution to the level, in the unit of the budget, and ``place`` to a place
     """
 
     name: str
@@ -111,13 +105,10 @@ class Part:
     place: float = 0.0
 
 
-@dataclass(frozen=True)
-class Beyond:
-    """A source of error that is not in the stated uncertainty.
+class Beyond(NamedTuple):
+    """A source of error that is not in the stated uncertainty, and whether a correction is applied.
 
-    :param corrected: whether a correction is applied
-    :param remainder: assumed standard deviation of the level that remains, in the unit of the budget; NaN if
-        nothing is known of it
+    :param remainder: assumed standard deviation of the level that remains, in the unit of the budget, or NaN
     """
 
     name: str
@@ -134,13 +125,10 @@ class Budget:
     :param rate_cps: mean rate of the map, at which the level is [counts/s]
     :param vwc: its moisture [m^3/m^3], NaN without a calibration
     :param level_sd: standard uncertainty that all places share; NaN without one
-    :param level_p05: quantile 0.05 of the moisture of the mean rate, by the calibration alone
-    :param level_p95: its quantile 0.95
+    :param level_p05: quantile 0.05 of this moisture by the calibration alone; ``level_p95`` quantile 0.95
     :param place_sd: standard uncertainty of a place against the level: the median of the map
-    :param place_rate_cps: rate of the place that stands for it [counts/s]
-    :param place_rate_sd_cps: its kriging standard deviation [counts/s]
-    :param largest: name of the largest part; empty if there is none
-    :param remedy: what would lower the largest part
+    :param place_rate_cps: rate of the place that stands for it, and its kriging standard deviation [counts/s]
+    :param largest: name of the largest part, and what would lower it; empty if there is none
     """
 
     unit: str
@@ -163,7 +151,7 @@ def make_budget(run: MapRun) -> Budget | None:
     """Uncertainty budget of the map of a run; ``None`` if no cell has a value."""
     soil_map, curve = run.soil_map, run.soil_map.curve
     if at_one_place(run):
-        mean, place, here, of_place = _at_one_place(run)
+        mean, place, here, parts = _at_one_place(run)
     else:
         spread = soil_map.rate_sd if curve is None else soil_map.vwc_sd
         known = np.argwhere(np.isfinite(spread) & np.isfinite(soil_map.rate))
@@ -175,20 +163,20 @@ def make_budget(run: MapRun) -> Budget | None:
         xy = np.array([[soil_map.grid.x_m[column], soil_map.grid.y_m[row]]])
         here = float(soil_map.rate[row, column]), float(soil_map.variance[row, column])
         place /= mean if curve is None else 1
-        of_place = _of_place(soil_map, xy, here[1], place)
-    level, low, high, of_level = math.nan, math.nan, math.nan, list[Part]()
+        parts = _of_place(soil_map, xy, here[1], place)
+    remedies = {COUNTING: _counting_remedy(soil_map, parts, place), **REMEDIES}
+    level, low, high, vwc = (math.nan,) * 4
+    if curve is not None:
+        vwc = float(possible_moisture(curve, mean))
     if curve is not None and absolute(run):
         level, low, high, of_level = level_parts(run, curve, mean)
-    parts = (*of_place, *of_level)
-    largest = max(parts, key=lambda part: max(part.level, part.place), default=None)
-    if largest is not None and not max(largest.level, largest.place) > 0:
-        largest = None
-    remedy = "" if largest is None else REMEDIES.get(largest.name) or _counting_remedy(soil_map, of_place, place)
+        parts = [*parts, *of_level]
+    size, largest = max(((max(part.level, part.place), part.name) for part in parts), default=(0.0, ""))
+    largest = largest if size > 0 else ""
     return Budget(
-        "share of the rate" if curve is None else "m3/m3", mean,
-        math.nan if curve is None else float(possible_moisture(curve, mean)), level, low, high, place,
-        here[0], math.sqrt(here[1]), parts, tuple(_beyond(run, mean)),
-        largest.name if largest else "", remedy, _text(run, level, place),
+        "share of the rate" if curve is None else "m3/m3", mean, vwc, level, low, high, place, here[0],
+        math.sqrt(here[1]), tuple(parts), tuple(_beyond(run, mean)), largest, remedies.get(largest, ""),
+        _text(run, level, place),
     )  # fmt: skip
 
 
@@ -196,7 +184,7 @@ def _at_one_place(run: MapRun) -> tuple[float, float, tuple[float, float], list[
     """Rate, uncertainty, rate and variance, and the only part of all counts at one place."""
     bands = moisture_of_all(run.track, run.soil_map.curve)
     rate, sd, counts = float(bands.rate), float(bands.rate_sd), float(sum(one.raw_counts for one in run.track))
-    place = sd / rate if run.soil_map.curve is None else float(bands.vwc_sd)
+    place = sd / max(rate, sd) if run.soil_map.curve is None else float(bands.vwc_sd)
     part = Part(COUNTING, counts, "counts", math.sqrt(counts), "Poisson", "measured", 0.0, sd, 0.0, place)
     return rate, place, (rate, sd**2), [part]
 
@@ -223,14 +211,11 @@ def _of_place(soil_map: SoilMap, xy: Array, variance: float, total: float) -> li
 
 def _kriging(soil_map: SoilMap, xy: Array) -> PoissonKriging | None:
     """Kriging that knows its weights: of all samples, or of those around a place; ``None`` if it is singular."""
-    samples = soil_map.samples
     if isinstance(soil_map.made_by, PoissonKriging):
         return soil_map.made_by
     try:
-        if len(samples) <= NEAREST:
-            return soil_map.exact_kriging
-        near = samples.some(np.argsort(np.hypot(*(samples.xy - xy[0]).T))[:NEAREST])
-        return replace(soil_map, samples=near, made_by=None).exact_kriging
+        near = np.argsort(np.hypot(*(soil_map.samples.xy - xy[0]).T))[:NEAREST]
+        return replace(soil_map, samples=soil_map.samples.some(near), made_by=None).exact_kriging
     except np.linalg.LinAlgError:
         return None
 
@@ -251,12 +236,11 @@ def level_parts(run: MapRun, curve: MoistureCurve, rate: float) -> tuple[float, 
         found = common_rate_sd(replace(curve, **{**none, name: getattr(curve, name)}), at)
         return 0.0 if found is None else float(found[0])
 
-    of_n0, parts = alone("n0_sd_cps"), list[Part]()
-    told = {str(part.name): part for part in (known.parts if known else ())}
-    shares = [part for part in told.values() if part.share > 0]
+    of_n0, told = alone("n0_sd_cps"), known.parts if known else ()
+    shares = [part for part in told if part.share > 0]
     summed = math.sqrt(sum(part.share**2 for part in shares)) * rate
     scale = min(1.0, of_n0 / summed) if summed > 0 else 0.0
-    parts += [_told(part, scale * part.share * rate) for part in shares]
+    parts = [_told(part, scale * part.share * rate) for part in shares]
     rest = math.sqrt(max(of_n0**2 - (scale * summed) ** 2, 0.0))
     if rest > 1e-6 * total:
         cores = known is not None and known.method == "cores" and not run.simulated
@@ -267,10 +251,9 @@ def level_parts(run: MapRun, curve: MoistureCurve, rate: float) -> tuple[float, 
         (DENSITY, curve.bulk_density_gcm3, "g/cm3", curve.bulk_density_sd_gcm3, alone("bulk_density_sd_gcm3")),
         (WATER, water, "g/g", curve.bound_water_sd, alone("bound_water_sd")),
     ):
-        if made > 0 and name in told:
-            parts.append(_told(told[name], made))
-        elif made > 0:
-            parts.append(Part(name, value, unit, sd, "normal", "given", made))
+        of_soil = [_told(part, made) for part in told if part.name == name]
+        if made > 0:
+            parts += of_soil[:1] or [Part(name, value, unit, sd, "normal", "given", made)]
     return level, low, high, [replace(part, level=level * part.level_rate_cps / total) for part in parts]
 
 
@@ -289,53 +272,50 @@ def _counting_remedy(soil_map: SoilMap, parts: list[Part], place: float) -> str:
     return f"{duration(seconds)} more of counting at the same places: ± {100 * left:.1f} % {of} or less at a place"
 
 
-def _beyond(run: MapRun, rate: float) -> list[Beyond]:
+def _beyond(run: MapRun, rate: float) -> Iterator[Beyond]:
     """Sources that are not in the stated uncertainty."""
     curve, known = run.soil_map.curve, run.calibration
-    rows = {row.name: row for row in run.corrections}
+    applied = {row.name for row in run.corrections if row.remark != "not applied"}
     inside = {part.name for part in (known.parts if known else ())}
-    reference = REFERENCE in rows
     of_cores = curve is not None and known is not None and known.method != "general" and not known.illustrative
-    found = []
-    for source in SOURCES if not run.simulated else ():
-        row = rows.get(source.correction)
-        corrected = (row is not None and row.remark != "not applied") or (reference and source.name != "biomass")
+    for source in SOURCES if run.corrections and not run.simulated else ():
+        corrected = source.correction in applied or (REFERENCE in applied and source.name != "biomass")
         share = source.corrected if corrected else source.open
+        if curve is not None:
+            dry, wet = possible_moisture(curve, np.array([rate * (1 + share), rate * (1 - share)])).tolist()
+            share = (wet - dry) / 2
         remark = f"{source.remains if corrected else source.missing} (assumed)"
-        if of_cores:
-            remark += "; what was so during the calibration too cancels"
         if source.name not in inside:
-            found.append(Beyond(source.name, corrected, _effect(curve, rate, share), remark))
-    if curve is not None and not curve.bulk_density_sd_gcm3 > 0:
-        found.append(Beyond(DENSITY, False, math.nan, "no ± is given: bulk_density_sd_gcm3"))
-    if curve is not None and not curve.bound_water_sd > 0:
-        found.append(Beyond(WATER, False, math.nan, "no ± is given: bound_water_sd"))
-    if run.soil_map.deconvolved_m:
-        found.append(Beyond("footprint", True, math.nan, "de-convolved; its radius counts as known"))
-    elif run.footprint_radius_m != 0:
-        found.append(Beyond("footprint", False, math.nan, f"each value is a {run.support_text}"))
-    return found
-
-
-def _effect(curve: MoistureCurve | None, rate: float, share: float) -> float:
-    """Effect of a relative standard deviation of the rate, in the unit of the budget."""
-    if curve is None:
-        return share
-    dry, wet = possible_moisture(curve, np.array([rate * (1 + share), rate * (1 - share)])).tolist()
-    return float(wet - dry) / 2
+            cancels = "; what was so during the calibration too cancels" if of_cores else ""
+            yield Beyond(source.name, corrected, share, remark + cancels)
+    if not (run.corrections or run.simulated):
+        yield Beyond("corrections", False, math.nan, "the run does not say which were applied")
+    for part in known.parts if known else ():
+        if not part.share > 0 and part.name not in (DENSITY, WATER):
+            yield Beyond(part.name, False, math.nan, "possible in this survey, and nothing is known of it")
+    for name, key in ((DENSITY, "bulk_density_sd_gcm3"), (WATER, "bound_water_sd")):
+        if curve is not None and not getattr(curve, key) > 0:
+            yield Beyond(name, False, math.nan, f"no ± is given: {key}")
+    if run.soil_map.deconvolved_m and not at_one_place(run):
+        yield Beyond("footprint", True, math.nan, "de-convolved; its radius counts as known")
+    elif run.footprint_radius_m != 0 and not at_one_place(run):
+        yield Beyond("footprint", False, math.nan, f"each value is a {run.support_text}")
 
 
 def _text(run: MapRun, level: float, place: float) -> str:
     """The two uncertainties in a sentence."""
-    whose = "In this simulation, " if run.simulated else ""
     if not run.calibrated:
         text = f"the rate of a place is known to ± {100 * place:.1f} % of the rate; moisture needs a calibration."
     elif math.isnan(level):
         why = "the calibration has no ±" if absolute(run) else "N0 is a guess"
         text = f"places are known to ± {100 * place:.1f} % by volume against the level; the level is not: {why}."
+    elif at_one_place(run):
+        text = (
+            f"the moisture is known to ± {100 * level:.1f} % by volume, and counting adds ± {100 * place:.1f} %."
+        )
     else:
         text = (
             f"the level of the whole map is known to ± {100 * level:.1f} % by volume, a place against this level "
             f"to ± {100 * place:.1f} % (one standard deviation)."
         )
-    return whose + text if whose else text[0].upper() + text[1:]
+    return f"In this simulation, {text}" if run.simulated else text[0].upper() + text[1:]

@@ -393,7 +393,7 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
 def _budget(run: MapRun) -> dict[str, Any] | None:
     """The uncertainty budget of a map; ``None`` if no cell has a value."""
     found = make_budget(run)
-    return None if found is None else asdict(found)
+    return None if found is None else {**asdict(found), "beyond": [one._asdict() for one in found.beyond]}
 
 
 def _calibration(run: MapRun) -> dict[str, Any] | None:

@@ -224,6 +224,18 @@ def test_summary_has_the_budget(make_run):
     assert about["properties"][0]["budget"] == about["budget"]
 
 
+def test_what_the_calibration_leaves_out_is_beyond(make_run, the_map):
+    curve = CalibrationCurve(7.0, 1.4, n0_sd_cps=0.4)
+    snow = part("snow", math.nan, "default range", math.nan, 0.0, "mm")
+    run = general(make_run, the_map, curve, part("general N0", 0.05), snow)
+    found = make_budget(run)
+    beyond = {one.name: one for one in found.beyond}
+    assert "snow" not in {one.name for one in found.parts}
+    assert "nothing is known" in beyond["snow"].remark
+    assert "does not say" in beyond["corrections"].remark  # this run names no corrections
+    assert "nan" not in render_report(run)
+
+
 @pytest.mark.slow
 def test_intervals_are_honest_in_simulation():
     """Sites drawn from the default ranges: 90 % intervals of level, mean and places cover 85 to 95 %."""

@@ -111,7 +111,8 @@ def budget_part(run: MapRun) -> Part | None:
 
     rows = []
     for part in found.parts:
-        value = f"{with_sd(part.value, part.sd) if part.sd > 0 else plain(part.value)} {part.unit}".strip(" –")
+        sure = with_sd(part.value, part.sd) if math.isfinite(part.value) else f"± {number(part.sd)}"
+        value = f"{sure if part.sd > 0 else plain(part.value)} {part.unit}".strip(" –")
         about = ", ".join(filter(None, (value, part.origin, part.distribution)))
         rows.append((part.name[:1].upper() + part.name[1:], about, shown(part.level), shown(part.place)))
     beyond = [

@@ -52,6 +52,25 @@ def test_against_fifty_digits(reference_data):
         np.testing.assert_allclose(variance, float(case["variance"]), rtol=0, atol=1e-12)
 
 
+def test_part_of_counting_against_fifty_digits(reference_data):
+    """The squared weights times the Poisson noise, and the slope of the variance with the noise."""
+    data = json.loads((reference_data / "poisson_kriging_cases.json").read_text())
+    parameters = [float(data[key]) for key in ("nugget_p0", "range_p1", "sill_p2")]
+    counts, exposure = np.array(data["counts"], float), np.array(data["t"], float)
+    for case in data["cases"]:
+        variogram = Variogram(case["model"], *parameters)
+        noise = float(data["m_hat"]) / exposure
+        expected = float(np.array(case["weights"], float) ** 2 @ noise)
+        variances = []
+        for less in (1.0, 1 + 1e-6):
+            kriging = PoissonKriging(variogram, not case["nugget_filtered"], float(data["m_hat"]))
+            kriging.fit(data["points"], counts, exposure * less)
+            variances.append(kriging.predict([case["target"]])[1][0])
+            if less == 1:
+                assert kriging.counting_variance([case["target"]])[0] == pytest.approx(expected, rel=1e-7)
+        assert (variances[0] - variances[1]) / 1e-6 == pytest.approx(expected, rel=1e-3)
+
+
 @pytest.mark.parametrize("keep_nugget", [True, False])
 @pytest.mark.parametrize("model", ["matern32", "matern52"])
 def test_matern_against_forty_digits(model, keep_nugget):
