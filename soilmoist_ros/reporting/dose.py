@@ -311,8 +311,8 @@ def zones_of_dose(
 
     smallest_m2 = SHARE_OF_FIELD * boundary.area if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
     along, across, size = swaths(boundary, settings, cell_m)
-    block = _blocks(xy @ along, xy @ across, size)
-    faces = divided(_grid_lines(xy, along, across, size, cell_m, boundary), boundary)
+    block, lines = _blocks(xy, along, across, size, cell_m, boundary)
+    faces = divided(lines, boundary)
     net, needed = (np.bincount(block, values) / np.bincount(block) for values in (dose.net_mm, dose.needed))
     gross = np.array([settings.step_mm(n) if p >= 0.5 else 0.0 for n, p in zip(net, needed, strict=True)])
     nearest = cKDTree(xy).query(get_coordinates(point_on_surface(faces)))[1]
@@ -360,25 +360,27 @@ def swaths(boundary: BaseGeometry, settings: DoseSettings, cell_m: float) -> tup
     return along, across, settings.width_m
 
 
-def _blocks(along: Array, across: Array, size_m: float) -> NDArray[np.intp]:
-    """Number of the block of each place, from 0."""
-    column, row = (np.floor((v - v.min()) / size_m).astype(int) for v in (along, across))
-    return np.unique(column * (row.max() + 1) + row, return_inverse=True)[1].reshape(-1)
-
-
-def _grid_lines(
+def _blocks(
     xy: Array, along: Array, across: Array, size_m: float, cell_m: float, boundary: BaseGeometry
-) -> list[BaseGeometry]:
-    """Lines between blocks, over the whole field."""
+) -> tuple[NDArray[np.intp], list[BaseGeometry]]:
+    """Number of the block of each place, from 0, and the lines between blocks, over the whole field.
+
+    The last block along and across takes the remainder, so that no block is narrower than the machine.
+    """
     from shapely import LineString, get_coordinates
 
-    axes, corners = np.column_stack([along, across]), get_coordinates(boundary)
-    low, high = (corners @ axes).min(axis=0) - 1, (corners @ axes).max(axis=0) + 1
-    return [
+    axes = np.column_stack([along, across])
+    corners, places = get_coordinates(boundary) @ axes, xy @ axes
+    start = places.min(axis=0) - cell_m / 2
+    count = np.maximum(((places.max(axis=0) + cell_m / 2 - start) / size_m + 1e-6).astype(int), 1)
+    index = np.minimum(((places - start) / size_m).astype(int), count - 1)
+    low, high = corners.min(axis=0) - 1, corners.max(axis=0) + 1
+    lines = [
         LineString([at * axes[:, axis] + end * axes[:, 1 - axis] for end in (low[1 - axis], high[1 - axis])])
         for axis in (0, 1)
-        for at in np.arange((xy @ axes[:, axis]).min() - cell_m / 2 + size_m, high[axis], size_m)
+        for at in start[axis] + size_m * np.arange(1, count[axis])
     ]
+    return np.unique(index @ [count[1], 1], return_inverse=True)[1].reshape(-1), lines
 
 
 def dose_settings(summary: Any, where: object = None) -> DoseSettings:

@@ -74,6 +74,36 @@ def test_limits_for_irrigation_come_in_pairs(tmp_path, text, mistake):
         load_site(path)
 
 
+@pytest.mark.parametrize(
+    ("keys", "mistake"),
+    [
+        ({"irrigation": {"efficiency": 0}}, "greater than 0"),
+        ({"irrigation": {"efficiency": 1.1}}, "less than or equal to 1"),
+        ({"irrigation": {"steps_mm": 0}}, "greater than 0"),
+        ({"irrigation": {"steps_mm": 70}}, "'steps_mm' 70 is larger than 'max_dose_mm' 60"),
+        ({"irrigation": {"min_dose_mm": 70}}, "'min_dose_mm' 70 is larger"),
+        ({"irrigation": {"texture": "mud"}}, "sandy loam"),
+        ({"irrigation": {"texture": "loam", "wilting_point": 0.1, "field_capacity": 0.3}}, "not both"),
+        ({"irrigation": {"texture": "loam", "target": 0.2}}, "not above 0.21, where plants lack water"),
+        ({"irrigation": {"target": 0.5}, "soil": {"bulk_density_gcm3": 1.6}}, "above the pore volume 0.40"),
+    ],
+)
+def test_impossible_doses_are_refused(keys, mistake):
+    with pytest.raises(ValidationError, match=mistake):
+        Site(**keys)
+
+
+def test_the_texture_of_the_soil_gives_limits_for_irrigation_unless_they_are_given():
+    loam = Site(soil={"bulk_density_gcm3": 1.4, "texture": "loam"})
+    limits = loam.irrigation
+    assert (limits.wilting_point, limits.field_capacity) == (0.14, 0.28)  # Saxton & Rawls (2006), table 3
+    assert limits.field_capacity_sd > limits.wilting_point_sd > 0.02
+    assert Site(**loam.model_dump()).irrigation == limits
+    own = {"wilting_point": 0.1, "field_capacity": 0.3}
+    given = Site(soil={"bulk_density_gcm3": 1.4, "texture": "loam"}, irrigation=own).irrigation
+    assert (given.wilting_point, given.texture, given.wilting_point_sd) == (0.1, None, None)
+
+
 def test_bound_water_follows_from_clay_and_carbon_unless_it_was_measured():
     soil = Soil(bulk_density_gcm3=1.4, clay=0.3, organic_carbon=0.02)
     assert soil.lattice_water == pytest.approx(float(crnpy.lattice_water(30.0)) / 100)
