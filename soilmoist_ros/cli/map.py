@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     type=options.Name("site"),
     help="Site file: corrections, soil, calibration. Default: standard corrections.",
 )
+@click.option("--sensor", type=options.SensorType(), metavar="MODEL|NUMBER",
+              help="Sensor of a site without calibration: CRS-1000, CRS-1000B, CRS-2000, CRS-2000B, or its counts "
+              "per count of the reference detector. Gives moisture by the general calibration.")  # fmt: skip
 @click.option(
     "--field",
     type=options.Name("field"),
@@ -134,13 +137,17 @@ def _print_summary(run: MapRun) -> None:
     for key, text in run.settings.items():
         if key.startswith("log: ") and key != "log: not used":
             say(f"{key.removeprefix('log: '):<10} {text}")
+    origin = run.calibration
+    if origin is not None and origin.method == "general" and origin.n0_sd_cps:
+        error = f"{origin.n0_sd_cps / origin.n0_cps:.0%}"
+        say(f"N0         {origin.n0_cps:.4g} counts/s +- {error}, {origin.source}")
     if at_one_place(run):
         _print_place(run)
         return
     rate, sd = np.nanmean(soil_map.rate), np.nanmean(soil_map.rate_sd)
     say(f"rate       mean {rate:.3f} counts/s, standard deviation of a cell {sd:.3f}")
     if soil_map.curve is None:
-        say("moisture   not mapped: the site file has no soil properties or calibration")
+        say(f"moisture   not mapped: {_why_no_moisture(run)}")
     else:
         low, high = 100 * np.nanquantile(soil_map.vwc, [0.05, 0.95])
         known = mean_moisture(soil_map)
@@ -164,7 +171,7 @@ def _print_place(run: MapRun) -> None:
     mean, series = moisture_of_all(run.track, curve), moisture_series(run.track, curve)
     say(f"rate       mean {mean.rate:.4f} +- {mean.rate_sd:.4f} counts/s")
     if curve is None:
-        say("moisture   not computed: the site file has no soil properties or calibration")
+        say(f"moisture   not computed: {_why_no_moisture(run)}")
     else:
         low, high = 100 * series.bands.vwc.min(), 100 * series.bands.vwc.max()
         steps = f"{len(series.begin_s)} steps of {series.step_s / 3600:g} h"
@@ -172,3 +179,12 @@ def _print_place(run: MapRun) -> None:
         say(f"moisture   mean {100 * mean.vwc:.1f} % by volume, {interval}")
         say(f"           {low:.1f} to {high:.1f} over time, in {steps}")
     print_notes(run)
+
+
+def _why_no_moisture(run: MapRun) -> str:
+    if run.calibration is not None:
+        return "the site file has no soil properties or calibration"
+    return (
+        "there is no calibration. --sensor MODEL, or 'sensor_sensitivity' in the site file, gives moisture by the "
+        "general calibration; a station beside yours gives the sensitivity of another sensor"
+    )

@@ -109,6 +109,35 @@ class MomentType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
             )
 
 
+class SensorType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A sensor model with a known sensitivity, or a sensitivity in units of the reference detector."""
+
+    name = "sensor"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | float:
+        """The name of the model, or the sensitivity [-]."""
+        from soilmoist_ros.sensing import SENSITIVITIES
+
+        if isinstance(value, float):
+            return value
+        name = re.sub(r"[\s_-]", "", str(value).upper())
+        for model in SENSITIVITIES:
+            if name == model.replace("-", ""):
+                return model
+        try:
+            number = float(value)
+        except ValueError:
+            number = 0.0
+        if not 0 < number <= 100:
+            known = ", ".join(f"{model} ({of:g})" for model, of in SENSITIVITIES.items())
+            self.fail(
+                f"{value!r} is no sensor: give {known}, or the counts of yours per count of the reference "
+                "detector, found by standing beside a station: soilmoist calibrate --beside STATION_LOG",
+                param,
+            )
+        return number
+
+
 class ShiftType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     """A duration with a sign and a unit, as seconds."""
 

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline.logs import skipped_text as skipped_text
     from soilmoist_ros.pipeline.properties import PropertyComparison as PropertyComparison
     from soilmoist_ros.pipeline.results import REMEDY as REMEDY
+    from soilmoist_ros.pipeline.results import calibration_method as calibration_method
     from soilmoist_ros.pipeline.results import curve_of as curve_of
     from soilmoist_ros.pipeline.results import is_illustrative as is_illustrative
     from soilmoist_ros.pipeline.results import read_features as read_features
@@ -74,7 +75,7 @@ __getattr__, __dir__, __all__ = open_door(
         "log_map": "MapSettings map_logs",
         "logs": "log_positions log_times position_source read_logs read_track reading_of skipped_text",
         "properties": "PropertyComparison",
-        "results": "REMEDY curve_of is_illustrative read_features read_summary shape_of",
+        "results": "REMEDY calibration_method curve_of is_illustrative read_features read_summary shape_of",
         "run": "CalibrationInfo EARLIEST_STAMP_S EarlierRun FailedRun IrrigationLimits LossRow MapRun NoMapError Note NoteCode REFERENCE RunChange date_text local_time track_xy",
     },
 )

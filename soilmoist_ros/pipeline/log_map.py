@@ -62,8 +62,10 @@ from soilmoist_ros.sensing import (
     Problem,
     Reference,
     Site,
+    SurveyAir,
     SurveyRecords,
     Track,
+    general_calibration,
     load_site,
     process_logs,
     utc_text,
@@ -89,6 +91,7 @@ class MapSettings(MappingSettings):
     :param logger_topic: topic with the lines of the logger in bags; see :func:`.logger_topic` if empty
     :param fix_topic: topic with the positions in bags; see :func:`.fix_topic` if empty
     :param gnss_shift_s: time added to those of the positions, such as 1024 weeks after a roll-over [s]
+    :param sensor: model of the sensor or its sensitivity, for a site without N0, see :func:`general_calibration`
     :param times_s: begin and end of the part of the logs that is mapped [s since 1970-01-01 UTC]
     """
 
@@ -106,6 +109,7 @@ class MapSettings(MappingSettings):
     fix_topic: str = ""
     gnss_shift_s: float = 0.0
     times_s: tuple[float, float] = (-math.inf, math.inf)
+    sensor: str | float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +212,7 @@ def _read_files(paths: Sequence[Path], settings: MapSettings, progress: Progress
     """Read the files of a survey; what can be checked comes before the logs, which may take long to read."""
     site_file = resource("sites", str(settings.site)) if settings.site else None
     field_file = resource("fields", str(settings.field)) if settings.field else None
-    site = load_site(site_file) if site_file else Site()
+    site = with_sensor(load_site(site_file) if site_file else Site(), settings.sensor, site_file)
     field = load_field(field_file) if field_file else None
     require_crs(settings.crs, field.frame if field else None)
     covariates = (*(field.covariates if field else ()), *settings.covariates)
@@ -222,7 +226,46 @@ def _read_files(paths: Sequence[Path], settings: MapSettings, progress: Progress
     track, problems = read_track(settings.nmea, others, settings.fix_topic, log_times(part), settings.gnss_shift_s)
     places = log_positions(part, track, site)
     source = position_source(part, settings.nmea, site, field_file)
+    site = with_general_calibration(site, part, places)
     return _Logs(site, site_file, field, field_file, covariates, logs, skipped, track, problems, places, source)
+
+
+def with_sensor(site: Site, sensor: str | float | None, site_file: Path | None) -> Site:
+    """Site whose sensor is that of an option.
+
+    :raises InputError: if the site has a calibration, which knows its sensor already
+    """
+    if sensor is None:
+        return site
+    if site.calibration is not None:
+        message = "has a calibration, whose N0 is that of its own sensor"
+        raise InputError(message, "leave --sensor out, or remove 'calibration' from the site file", site_file)
+    return site.model_copy(update={"sensor_sensitivity": sensor})
+
+
+def with_general_calibration(site: Site, logs: Sequence[LogFile], places: NDArray[np.float64]) -> Site:
+    """Site with the general calibration, where it has no N0, knows its sensor and does not ask for the rate alone.
+
+    :param places: latitude and longitude of the records, shape (n, 2) [deg]
+    """
+    asked_off = site.calibration is None and "calibration" in site.model_fields_set
+    if site.calibration is not None or asked_off or site.sensor_sensitivity is None or not len(places):
+        return site
+    records = [record for log in logs for record in log.records]
+    pressure, temperature = (
+        _median([getattr(record, name) for record in records]) for name in ("pressure_hpa", "temperature_degc")
+    )
+    latitude, longitude = np.median(places, axis=0).tolist()
+    found = general_calibration(site, SurveyAir(latitude, longitude, pressure, temperature))
+    if found is None:
+        return site
+    calibration, soil = found
+    return site.model_copy(update={"calibration": calibration, "soil": soil})
+
+
+def _median(values: Sequence[float]) -> float:
+    known = [value for value in values if not math.isnan(value)]
+    return float(np.median(known)) if known else math.nan
 
 
 def _notes(read: _Logs, survey: SurveyRecords) -> list[Note]:

@@ -131,6 +131,14 @@ def is_illustrative(about: Mapping[str, Any]) -> bool:
     return "illustrative_calibration" in (about.get("warning_codes") or ()) if told is None else bool(told)
 
 
+def calibration_method(about: Mapping[str, Any]) -> str:
+    """Method of the calibration of a run: ``cores``, ``general`` or ``combined``.
+
+    :param about: its summary, see :func:`read_summary`
+    """
+    return str((about.get("calibration") or {}).get("method") or "cores")
+
+
 def read_features(path: Path) -> list[dict[str, Any]]:
     """Features of a GeoJSON file of a run; each has a geometry and properties.
 

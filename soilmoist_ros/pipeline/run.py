@@ -216,6 +216,7 @@ class NoteCode(StrEnum):
     NOT_MAPPED = "not_mapped"
     LOST_MESSAGES = "lost_messages"
     OTHER_CORRECTIONS = "other_corrections"
+    GENERAL_CALIBRATION = "general_calibration"
     ILLUSTRATIVE_CALIBRATION = "illustrative_calibration"
     RATE_BELOW_CURVE = "rate_below_curve"
     TILE_ERROR = "tile_error"

@@ -29,11 +29,18 @@ CALIBRATION_TAG = "SOILMOIST_CALIBRATION"
 ILLUSTRATIVE = "illustrative"
 
 
-def calibration_state(calibrated: bool, absolute: bool, simulated: bool) -> str:
-    """Origin of the calibration: ``own``, ``illustrative`` (a guess), ``simulated`` or ``none`` (a rate map)."""
+def calibration_state(calibrated: bool, absolute: bool, simulated: bool, method: str = "cores") -> str:
+    """Origin of the calibration.
+
+    It is ``own`` (soil cores of the site), ``general`` (no core of the site), ``combined`` (both),
+    ``illustrative`` (a guess), ``simulated`` or ``none`` (a rate map).
+
+    :param method: method of the calibration, see :class:`soilmoist_ros.sensing.Calibration`
+    """
     if not calibrated:
         return "none"
-    return ILLUSTRATIVE if not absolute else "simulated" if simulated else "own"
+    of_method = "own" if method == "cores" else method
+    return ILLUSTRATIVE if not absolute else "simulated" if simulated else of_method
 
 
 def absolute(run: MapRun) -> bool:
@@ -43,7 +50,8 @@ def absolute(run: MapRun) -> bool:
 
 def calibration_of(run: MapRun) -> str:
     """Origin of the calibration of a map, see :func:`calibration_state`."""
-    return calibration_state(run.calibrated, absolute(run), run.simulated)
+    method = "cores" if run.calibration is None else run.calibration.method
+    return calibration_state(run.calibrated, absolute(run), run.simulated, method)
 
 
 def class_probability(

@@ -37,6 +37,7 @@ from soilmoist_ros.mapping import (
 from soilmoist_ros.pipeline import (
     EarlierRun,
     EarlierTarget,
+    calibration_method,
     curve_of,
     date_text,
     earlier_doubts,
@@ -103,6 +104,7 @@ class SeasonField:
     :param property_name: name of the first property of the runs
     :param illustrative: whether the calibration is a guess
     :param time_zone: name of the time zone of the field; empty if it is not known
+    :param method: method of the calibration: ``cores``, ``general`` or ``combined``
     """
 
     field_name: str
@@ -113,6 +115,7 @@ class SeasonField:
     simulated: bool
     illustrative: bool
     time_zone: str
+    method: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,7 +260,7 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
     field = load_field(settings.field) if settings.field else None
     curve, simulated = curve_of(about, home), bool(about.get("simulated"))
     illustrative, time_zone = curve is not None and is_illustrative(about), str(about.get("time_zone") or "")
-    recorded = None if summaries else read_run(home)
+    method, recorded = calibration_method(about), None if summaries else read_run(home)
     if recorded is not None:
         mapper = read_parameters(configuration_of(bag_of(home)), "mapper")  # which read_run has found
         field = field or load_field(resource("fields", str(mapper["field"])))
@@ -266,6 +269,7 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
         site = load_site(settings.site)
         curve, time_zone = site.curve, site.time_zone or time_zone
         illustrative = site.calibration is not None and site.calibration.illustrative
+        method = "cores" if site.calibration is None else site.calibration.method
     given_m = settings.cell_m
     if field is not None:
         name, frame = field.name, field.frame
@@ -279,7 +283,7 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
         grid = _sized(make, given_m, make(given_m or float(about.get("cell_m") or 1.0)))
     names = [str(one.get("name", "")) for one in about.get("properties") or ()]
     return SeasonField(
-        str(name), frame, grid, curve, names[0] if names else "", simulated, illustrative, time_zone
+        str(name), frame, grid, curve, names[0] if names else "", simulated, illustrative, time_zone, method
     )
 
 

@@ -111,7 +111,7 @@ def summary(season: Season) -> dict[str, Any]:
 
 
 def _calibration(season: Season) -> str:
-    return calibration_state(season.curve is not None, not season.illustrative, season.simulated)
+    return calibration_state(season.curve is not None, not season.illustrative, season.simulated, season.method)
 
 
 def rows(season: Season) -> list[dict[str, Any]]:

@@ -77,6 +77,10 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.footprint import Weighting as Weighting
     from soilmoist_ros.sensing.moisture.footprint import mean_of_cores as mean_of_cores
     from soilmoist_ros.sensing.moisture.footprint import sensed_soil as sensed_soil
+    from soilmoist_ros.sensing.moisture.general import SENSITIVITIES as SENSITIVITIES
+    from soilmoist_ros.sensing.moisture.general import SurveyAir as SurveyAir
+    from soilmoist_ros.sensing.moisture.general import general_calibration as general_calibration
+    from soilmoist_ros.sensing.moisture.general import sensitivity_of as sensitivity_of
     from soilmoist_ros.sensing.moisture.site import Calibration as Calibration
     from soilmoist_ros.sensing.moisture.site import Site as Site
     from soilmoist_ros.sensing.moisture.site import Soil as Soil
@@ -150,6 +154,7 @@ __getattr__, __dir__, __all__ = open_door(
         "moisture.cores": "possible_days read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
+        "moisture.general": "SENSITIVITIES SurveyAir general_calibration sensitivity_of",
         "moisture.site": "Calibration Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration",
         "moisture.texture": "SoilTexture TEXTURES",
         "position.nmea": "parse_nmea",

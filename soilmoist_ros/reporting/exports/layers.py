@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError, LocalFrame, optional_module
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.exports.source import (
     MOISTURE,
     ROOT_DEPTH_MM,
@@ -264,7 +265,7 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
     """
     about: Mapping[str, Any] = source.run.summary.get("irrigation") or {}
     moist, usable = one.quantity is MOISTURE and not one.name, about.get("moisture_usable") is not False
-    absolute = moist and usable and one.calibration in ("own", "simulated")
+    absolute = moist and usable and one.calibration not in ("none", ILLUSTRATIVE)
     limits = [100 * limit for limit in about.get("zone_limits_vwc") or ()] if absolute else []
     full = about.get("field_capacity_vwc") if absolute else None
     full_percent = None if full is None else 100 * full

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, install
 from soilmoist_ros.mapping import SoilMap
-from soilmoist_ros.pipeline import EARLIEST_STAMP_S, curve_of, is_illustrative, shape_of
+from soilmoist_ros.pipeline import EARLIEST_STAMP_S, calibration_method, curve_of, is_illustrative, shape_of
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_state, class_probability
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
 from soilmoist_ros.sensing import MoistureCurve
@@ -245,7 +245,8 @@ def open_source(run: OpenedRun) -> RunSource:
     for name in run.properties:
         label = labels.get(name) or name or next(iter(labels.values()), "")
         bands, transform, crs, tags = run.raster(name)
-        state = calibration_state(MOISTURE.band in bands, not is_illustrative(about), bool(about.get("simulated")))
+        real, simulated = not is_illustrative(about), bool(about.get("simulated"))
+        state = calibration_state(MOISTURE.band in bands, real, simulated, calibration_method(about))
         tags = {CALIBRATION_TAG: state, **tags}  # older GeoTIFFs do not say it
         one = ExportedProperty(
             name, label, bands, transform, crs, tags, frame, run.samples(name), run.records(name),

@@ -12,7 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.pipeline import IrrigationLimits, MapRun
-from soilmoist_ros.reporting.certainty import CERTAIN, Certainty, absolute, certainty, class_probability
+from soilmoist_ros.reporting.certainty import (
+    CERTAIN,
+    Certainty,
+    absolute,
+    calibration_of,
+    certainty,
+    class_probability,
+)
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.field_dose import FEW_PLACES, FieldDose, NoDose, field_dose
@@ -274,6 +281,11 @@ def _level(run: MapRun) -> str:
     if not is_usable(run.soil_map):
         return "The count rate does not fit the calibration: do not use the percentages and millimetres."
     source = f" ({run.calibration.source})" if run.calibration and run.calibration.source else ""
+    if calibration_of(run) == "general":
+        return (
+            f"By the general calibration{source}: no soil core of this field. The level of the percentages and "
+            "millimetres is as uncertain as their intervals say; the pattern does not depend on it."
+        )
     if calibration_sd(run.soil_map) is None:
         return (
             f"Calibrated{source}, but the site file has no standard deviation of N0: intervals and certainty "

@@ -270,7 +270,8 @@ def _on_records(run: MapRun) -> Iterator[Note]:
 def _on_corrections(run: MapRun) -> Iterator[Note]:
     """Notes on a reference pressure that is not one of the place, and on factors far from 1."""
     row = next((row for row in run.corrections if "beta [1/hPa]" in row.parameters), None)
-    if row is not None:
+    general = run.calibration is not None and run.calibration.method == "general"  # its N0 knows the reference
+    if row is not None and not general:
         above_hpa = math.log(row.mean_factor) / float(row.parameters["beta [1/hPa]"])
         if abs(above_hpa) > MAX_FROM_REFERENCE_HPA:
             yield Note(
@@ -299,6 +300,14 @@ def _on_calibration(run: MapRun) -> Iterator[Note]:
             "The site file does not say where N0 comes from. If it is not from cores around this probe, write "
             "'illustrative: true' below 'calibration': patterns are real, absolute soil moisture is not.",
         )
+    elif known is not None and known.method == "general":
+        ranges = [part.name for part in known.parts if part.origin == "default range" and part.name != "snow"]
+        text = "No soil core of this field: the level of the moisture is that of the general calibration."
+        if ranges:
+            text += f" Default ranges, not measured: {', '.join(ranges)}."
+        if any(part.name == "snow" for part in known.parts):
+            text += " It was near freezing: snow is not accounted for, and would count as soil water."
+        yield Note(NoteCode.GENERAL_CALIBRATION, text)
     curve = run.soil_map.curve
     if not run.simulated and curve and (doubt := n0_in_other_time(mean_rate(run.soil_map.samples), curve)):
         yield Note(NoteCode.OTHER_TIME_OF_N0, f"{doubt}.")

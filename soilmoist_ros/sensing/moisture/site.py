@@ -37,6 +37,12 @@ _log = logging.getLogger(__name__)
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 WaterFraction = Annotated[float, Field(ge=0, lt=1)]
+SensorModel = Literal["CRS-1000", "CRS-1000B", "CRS-2000", "CRS-2000B"]
+"""Sensor models whose sensitivity is published."""
+Crop = Literal[
+    "bare", "grass", "alfalfa", "wheat", "barley", "rapeseed", "maize", "soybean", "sugar beet", "potato"
+]
+Stage = Literal["emerged", "growing", "full"]
 USUAL_N0_CPS = (0.05, 30.0)
 """N0 of sensors from one small tube at sea level to twelve large ones in the mountains [counts/s]."""
 USUAL_CARBON, USUAL_CARBON_SD = 0.015, 0.007
@@ -167,6 +173,15 @@ class Calibration(Section):
         return CalibrationCurve(*common, bound_water_sd=bound_water_sd)
 
 
+class Vegetation(Section):
+    """Crop on the field, for the default range of its biomass in a general calibration."""
+
+    crop: Crop
+    """Crop: bare, grass, alfalfa, wheat, barley, rapeseed, maize, soybean, sugar beet or potato."""
+    stage: Stage = "full"
+    """Stage of its growth: emerged, growing or full."""
+
+
 class Irrigation(Section):
     """Limits of dry and moist soil for the report, terciles of the field if none are given; and the dose."""
 
@@ -269,12 +284,20 @@ class Site(Section):
     """Height of the vegetation during the calibration [m]; it shortens the footprint."""
     corrections: CorrectionSettings = CorrectionSettings()
     """Correction of the counts."""
+    vegetation: Vegetation | None = None
+    """Crop, for the biomass in a general calibration where ``corrections.biomass`` is left out."""
+    sensor_sensitivity: Annotated[float, Field(gt=0, le=100)] | SensorModel | None = None
+    """Counts of the whole sensor in units of the reference detector of the general calibration, or the model:
+    CRS-1000, CRS-1000B, CRS-2000 or CRS-2000B. With it, a site without N0 has a general calibration."""
+    sensor_sensitivity_sd: NotNegative | None = None
+    """Standard deviation of the sensitivity; 3 % if left out, 4 % of a model."""
     tube_shares: list[NotNegative] | None = None
     """Share of each tube in the rate of the whole sensor; estimated from the log if left out."""
     soil: Soil | None = None
     """Soil properties; without them only the rate is mapped."""
     calibration: Calibration | None = None
-    """Calibration; without it only the rate is mapped."""
+    """Calibration; without it the general one where the sensitivity is known, else only the rate is mapped. A
+    calibration that is ``null`` asks for the rate alone."""
     irrigation: Irrigation = Irrigation()
     """Limits of dry and moist soil for the report."""
 

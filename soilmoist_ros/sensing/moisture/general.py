@@ -1,0 +1,329 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""General calibration: N0 of a sensor without soil cores, and what is uncertain about it.
+
+Heistermann, Francke, Schrön & Oswald (2024), Hydrology and Earth System Sciences 28:989-1000, found that one N0
+fits 75 sites in Europe, once the counts are divided by the sensitivity of the sensor and scaled to one place.
+Their table of 104 calibrations (``data/caldata.csv`` of github.com/cosmic-sense/local-or-global, MIT licence; an
+extract is in ``test/data``) was fitted again with the corrections and the scaling of this package, with one weight
+a site (``test/sensing/moisture/test_general.py``):
+
+* :data:`GENERAL_N0_CPS` is the rate over dry soil of their reference detector, the "calibrator" of Jülich, in dry
+  air at 1013.25 hPa, a cutoff rigidity of :data:`RIGIDITY_GV` and the intensity at which Jungfraujoch counts
+  :data:`JUNG_CPS`;
+* the sites scatter by 0.055 of N0 around it. Their cores, densities and biomass are not exact, so this is more
+  than the error of N0: the intervals of a new site are on the safe side. The authors' standard deviation of the
+  *mean* N0, 15 to 18 of 2306 counts/h, is not the error of one site.
+
+A range that nobody measured is a *default range*; no message calls it a measurement.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from soilmoist_ros.sensing.corrections.factors import (
+    DRY_BIOMASS_SHARE_M2KG,
+    SEA_LEVEL_HPA,
+    barometric_coefficient,
+    gravity_ms2,
+    standard_pressure_hpa,
+)
+from soilmoist_ros.sensing.corrections.intensity import cosmic_place
+from soilmoist_ros.sensing.moisture.site import Calibration, Crop, SensorModel, Site, Soil, Stage, UncertaintyPart
+
+Origin = Literal["measured", "given", "default range", "literature"]
+
+GENERAL_N0_CPS = 0.6905
+"""N0 of the reference detector [counts/s]: 2486 counts/h, see the module."""
+RIGIDITY_GV = 2.893
+"""Vertical cutoff rigidity of the reference place, Marquardt near Potsdam, by the table of this package [GV]."""
+GENERAL_SD, SCALING_SD = 0.051, 0.021
+"""Relative standard deviations of N0: between sites, and of the scaling between places against the model PARMA."""
+SCALED_HPA, SCALED_GV = (840.0, 1060.0), (1.5, 8.6)
+"""Pressures and rigidities of the 75 sites; the scaling is twice as uncertain beyond."""
+JUNG_CPS, JUNG_SD = 161.8, 0.004
+"""Rate of the monitor Jungfraujoch (IGY) at the intensity of N0 [counts/s], and its relative standard deviation:
+the authors' factors times the rates of NMDB at the same times, ten days of 2011 to 2016."""
+INTENSITY, INTENSITY_SD = 0.985, 0.035
+"""Default range of the intensity in units of that of N0: Jungfraujoch 2010 to 2019, values of NMDB, has
+0.985 +- 0.029, and 0.935 to 1.026 nine times in ten; older solar maxima were lower."""
+HUMIDITY_GM3, HUMIDITY_SD_GM3 = 8.0, 4.0
+"""Default range of the absolute humidity [g/m^3]: 4 to 14 in the calibrations of the table."""
+WEATHER_HPA, BAROMETER_HPA = 8.0, 1.5
+"""Standard deviations of the air pressure of a day around the mean of its altitude, and of a barometer [hPa]."""
+DENSITY_GCM3, DENSITY_SD_GCM3 = 1.3, 0.15
+"""Default range of the dry bulk density [g/cm^3]: cropland of the table has 1.26 +- 0.12, texture classes 1.26 to
+1.50."""
+BOUND_WATER, BOUND_WATER_SD = 0.035, 0.018
+"""Default range of lattice and organic water [g/g]: cropland of the table has 0.029 +- 0.011, grassland more."""
+DENSITY_ERROR, WATER_ERROR = 0.07, 0.01
+"""Errors of a density (relative) and of bound water [g/g] that a user gives without one."""
+BIOMASS_KGM2, BIOMASS_SD_KGM2 = 0.5, 0.5
+"""Default range of the dry biomass above the ground [kg/m^2]: bare soil to a full crop, without forest."""
+COLD_DEGC = 2.0
+"""Mean temperature below which snow may lie [degC]."""
+
+SENSITIVITIES: dict[SensorModel, float] = {
+    "CRS-1000": 0.45,
+    "CRS-1000B": 0.67,
+    "CRS-2000": 0.87,
+    "CRS-2000B": 1.15,
+}
+"""Counts of sensor models of Hydroinnova in units of the reference detector (``docs/README.md`` of the
+authors)."""
+MODEL_SD, GIVEN_SD = 0.04, 0.03
+"""Relative standard deviations of a sensitivity: of single sensors around their model (four CRS-1000 and nine
+CRS-2000B that stood beside the reference), and of a given one without a statement."""
+
+CROPS: dict[Crop, float] = {
+    "bare": 0.0,
+    "grass": 0.4,
+    "alfalfa": 0.5,
+    "wheat": 1.5,
+    "barley": 1.3,
+    "rapeseed": 1.2,
+    "maize": 2.0,
+    "soybean": 0.8,
+    "sugar beet": 0.6,
+    "potato": 0.4,
+}
+"""Dry biomass above the ground of a full stand [kg/m^2]: usual yields over the harvest indices of Hay (1995),
+Annals of Applied Biology 126:197-216, such as 0.7 kg/m^2 of grain over 0.45 for wheat; of roots and tubers the
+leaves only."""
+STAGES: dict[Stage, tuple[float, float]] = {"emerged": (0.1, 0.1), "growing": (0.5, 0.25), "full": (1.0, 0.3)}
+"""Share of the full stand at a stage, and its standard deviation."""
+
+
+@dataclass(frozen=True)
+class SurveyAir:
+    """Place and air of a survey, NaN for what is unknown.
+
+    :param pressure_hpa: mean air pressure of the records [hPa]
+    :param temperature_degc: their mean temperature [degC]
+    """
+
+    latitude_deg: float = math.nan
+    longitude_deg: float = math.nan
+    pressure_hpa: float = math.nan
+    temperature_degc: float = math.nan
+
+
+class Sensitivity(NamedTuple):
+    """Counts in units of the reference detector, their standard deviation, and where they are from."""
+
+    value: float
+    sd: float
+    origin: Origin
+
+
+def _part(
+    name: Any, value: float, unit: str, sd: float, origin: Origin, share: float = math.nan
+) -> UncertaintyPart:
+    return UncertaintyPart(name=name, value=value, unit=unit, sd=sd, origin=origin, share=share)
+
+
+def sensitivity_of(site: Site) -> Sensitivity | None:
+    """Sensitivity of the sensor of a site; ``None`` if the site file does not say it."""
+    given, sd = site.sensor_sensitivity, site.sensor_sensitivity_sd
+    if given is None:
+        return None
+    if isinstance(given, str):
+        value = SENSITIVITIES[given]
+        return Sensitivity(value, MODEL_SD * value if sd is None else sd, "literature")
+    return Sensitivity(given, GIVEN_SD * given if sd is None else sd, "given")
+
+
+def location_factor(pressure_hpa: float, rigidity_gv: float, latitude_deg: float) -> float:
+    """Rate of a sensor at a place in units of that at the reference place, 1013.25 hPa and :data:`RIGIDITY_GV`
+    [-].
+
+    Down from the pressure the flux falls by the barometric coefficient of Desilets (2021); with the rigidity R it
+    changes as ``1 - exp(-9.694 R^-0.9954)`` (Dorman's function with the parameters of Desilets, Zreda & Prabu
+    2006, Earth and Planetary Science Letters 246:265-276). Against the model PARMA, which the authors use, it
+    scatters by :data:`SCALING_SD` over the 75 sites.
+    """
+    pressures = np.linspace(pressure_hpa, SEA_LEVEL_HPA, 41)
+    gravity = gravity_ms2(latitude_deg, 0.0)
+    betas = [barometric_coefficient(float(10 * one / gravity), rigidity_gv) for one in pressures]
+    attenuated = float(np.trapezoid(betas, pressures))
+    return math.exp(attenuated) * _dorman(rigidity_gv) / _dorman(RIGIDITY_GV)
+
+
+def _dorman(rigidity_gv: float) -> float:
+    return 1 - math.exp(-9.694 * max(rigidity_gv, 0.1) ** -0.9954)
+
+
+def soil_of(site: Site) -> tuple[Soil, list[UncertaintyPart]]:
+    """Soil of a site with a range for what its file leaves out, and the two parts of the uncertainty."""
+    soil = site.soil or Soil(bulk_density_gcm3=DENSITY_GCM3, bulk_density_sd_gcm3=DENSITY_SD_GCM3)
+    by_class = soil.texture is not None and soil == Soil.model_validate({"texture": soil.texture})
+    given: Origin = "default range" if site.soil is None or by_class else "given"
+    density_sd = soil.bulk_density_sd_gcm3
+    if density_sd is None:
+        density_sd = DENSITY_ERROR * soil.bulk_density_gcm3
+    known = {"lattice_water", "organic_water", "clay", "organic_carbon"} & soil.model_fields_set
+    changed: dict[str, float] = {"bulk_density_sd_gcm3": density_sd}
+    if not known:
+        changed |= {"lattice_water": BOUND_WATER, "bound_water_sd": BOUND_WATER_SD}
+    elif soil.bound_water_sd is None:
+        changed["bound_water_sd"] = WATER_ERROR
+    full = soil.model_copy(update=changed)
+    water = full.lattice_water + full.organic_water
+    return full, [
+        _part("bulk density", full.bulk_density_gcm3, "g/cm3", density_sd, given),
+        _part(
+            "lattice and organic water",
+            round(water, 5),
+            "g/g",
+            full.bound_water_sd or 0.0,
+            given if known else "default range",
+        ),
+    ]
+
+
+def general_calibration(site: Site, air: SurveyAir) -> tuple[Calibration, Soil] | None:
+    """Calibration and soil of a site without N0, in the references of its corrections.
+
+    ``N0 = N0_general * sensitivity * location * intensity * biomass / humidity``, the location at the pressure to
+    which the site corrects. The relative errors of the factors are independent and add up by their squares.
+
+    :returns: ``None`` without a sensitivity, or where neither the place nor the pressure of its altitude is known
+    """
+    sensitivity, scale = sensitivity_of(site), _scaling(site, air)
+    if sensitivity is None or scale is None:
+        return None
+    share = sensitivity.sd / sensitivity.value
+    parts = [
+        _part("general N0", GENERAL_N0_CPS, "counts/s", GENERAL_SD * GENERAL_N0_CPS, "literature", GENERAL_SD),
+        _part("sensitivity", sensitivity.value, "of the reference", sensitivity.sd, sensitivity.origin, share),
+        *scale.parts,
+        *_changing_parts(site, air),
+    ]
+    soil, of_soil = soil_of(site)
+    factor = scale.factor * _humidity(site) * _intensity(site, air)[0] * _plants(site)
+    n0_cps = GENERAL_N0_CPS * sensitivity.value * factor
+    total = math.hypot(*(part.share for part in parts if not math.isnan(part.share)))
+    snow = "; snow is not accounted for" if air.temperature_degc < COLD_DEGC else ""
+    note = (
+        f"general calibration after Heistermann et al. (2024): sensitivity {sensitivity.value:g}, "
+        f"{scale.rigidity_gv:.1f} GV, {scale.pressure_hpa:.0f} hPa{snow}"
+    )
+    calibration = Calibration(
+        n0_cps=float(f"{n0_cps:.5g}"),
+        n0_sd_cps=float(f"{total * n0_cps:.4g}"),
+        method="general",
+        parts=[*parts, *of_soil],
+        note=note,
+    )
+    return calibration, soil
+
+
+class _Scaling(NamedTuple):
+    """Factor from the reference place to the rates of a site at its reference pressure, and its parts."""
+
+    factor: float
+    rigidity_gv: float
+    pressure_hpa: float
+    parts: list[UncertaintyPart]
+
+
+def _scaling(site: Site, air: SurveyAir) -> _Scaling | None:
+    place = site.corrections.place or site.location
+    latitude = air.latitude_deg if place is None else place.latitude_deg
+    longitude = air.longitude_deg if place is None else place.longitude_deg
+    altitude = None if place is None else place.altitude_m
+    if math.isnan(latitude) or math.isnan(longitude):
+        return None
+    pressure, sd_hpa = air.pressure_hpa, BAROMETER_HPA
+    origin: Origin = "measured"
+    if math.isnan(pressure):
+        if altitude is None:
+            return None
+        pressure, sd_hpa, origin = standard_pressure_hpa(latitude, altitude), WEATHER_HPA, "default range"
+    rigidity = cosmic_place(latitude, longitude, 0.0, site.corrections.cutoff_rigidity_gv).cutoff_rigidity_gv
+    factor, parameters = location_factor(pressure, rigidity, latitude), site.corrections_parameters
+    if site.corrections.pressure is not None:
+        factor *= parameters.f_pressure(pressure)
+    inside = SCALED_HPA[0] <= pressure <= SCALED_HPA[1] and SCALED_GV[0] <= rigidity <= SCALED_GV[1]
+    scaling_sd = SCALING_SD if inside else 2 * SCALING_SD
+    parts = [
+        _part("site scaling", factor, "factor", scaling_sd * factor, "literature", scaling_sd),
+        _part("pressure", pressure, "hPa", sd_hpa, origin, parameters.beta_per_hpa * sd_hpa),
+    ]
+    return _Scaling(factor, rigidity, pressure, parts)
+
+
+def _changing_parts(site: Site, air: SurveyAir) -> Iterator[UncertaintyPart]:
+    """Parts of what changes in time: intensity, humidity, plants and road."""
+    level, intensity_sd = _intensity(site, air)
+    known = site.corrections.intensity is not None and _of_jungfraujoch(site)
+    yield _part(
+        "intensity",
+        level,
+        "of that of N0",
+        level * intensity_sd,
+        "measured" if known else "default range",
+        intensity_sd,
+    )
+    corrected, coefficient = site.corrections.humidity is not None, 0.0054
+    yield _part(
+        "humidity",
+        site.reference_humidity_gm3 if corrected else HUMIDITY_GM3,
+        "g/m3",
+        0.3 if corrected else HUMIDITY_SD_GM3,
+        "measured" if corrected else "default range",
+        coefficient * (0.3 if corrected else HUMIDITY_SD_GM3),
+    )
+    biomass, biomass_sd, origin = biomass_of(site)
+    yield _part("biomass", biomass, "kg/m2", biomass_sd, origin, DRY_BIOMASS_SHARE_M2KG * biomass_sd)
+    if site.corrections.road is not None:
+        sd = abs(site.corrections.f_road - 1) / 3  # the road's moisture and width are rough
+        yield _part("road", site.corrections.f_road, "factor", sd, "given", sd)
+    if air.temperature_degc < COLD_DEGC:
+        yield _part("snow", math.nan, "mm", 0.0, "default range")
+
+
+def biomass_of(site: Site) -> tuple[float, float, Origin]:
+    """Biomass above the ground [kg/m^2], its standard deviation, and where it is from; dry but where the site file
+    gives a water equivalent.
+    """
+    if site.corrections.biomass is not None:
+        value = site.corrections.biomass.used[0]
+        return value, 0.25 * value, "given"
+    if site.vegetation is None:
+        return BIOMASS_KGM2, BIOMASS_SD_KGM2, "default range"
+    full, (share, share_sd) = CROPS[site.vegetation.crop], STAGES[site.vegetation.stage]
+    return full * share, max(full * share_sd, 0.05), "default range"
+
+
+def _plants(site: Site) -> float:
+    """Share of the counts that plants leave; 1 where the counts are corrected for them."""
+    if site.corrections.biomass is not None:
+        return 1.0
+    return 1 - DRY_BIOMASS_SHARE_M2KG * biomass_of(site)[0]
+
+
+def _humidity(site: Site) -> float:
+    """Rate at the humidity to which a site corrects, in units of that in dry air."""
+    corrected = site.corrections.humidity is not None
+    return 1 / (1 + 0.0054 * (site.reference_humidity_gm3 if corrected else HUMIDITY_GM3))
+
+
+def _of_jungfraujoch(site: Site) -> bool:
+    monitor = None if site.corrections.intensity is None else site.corrections.intensity.monitor
+    return monitor is not None and monitor.name == "JUNG"
+
+
+def _intensity(site: Site, air: SurveyAir) -> tuple[float, float]:
+    """Intensity to which a site corrects, in units of that of N0, and its relative standard deviation."""
+    settings = site.corrections.intensity
+    if settings is None or not _of_jungfraujoch(site):
+        return INTENSITY, INTENSITY_SD
+    scale = site.corrections_parameters.intensity_scale
+    return 1 + scale * (settings.reference / JUNG_CPS - 1), JUNG_SD

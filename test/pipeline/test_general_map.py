@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``soilmoist map`` of a log whose site has no N0."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from soilmoist_ros.cli.main import main
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.pipeline.log_map import with_general_calibration, with_sensor
+from soilmoist_ros.reporting.certainty import calibration_state
+from soilmoist_ros.sensing import Calibration, Site, load_site, read_log
+
+LOG = Path("examples/station_kansas_2021-10.dat")
+STATION = load_site("station_kansas")
+PLACE = np.array([[38.2346, -97.571]])
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return [read_log(LOG, utc_offset_hours=-6)]
+
+
+def without(site, **keys):
+    """A site file without its calibration."""
+    known = {name: getattr(site, name) for name in site.model_fields_set - {"calibration"}}
+    return Site.model_validate(known | keys)
+
+
+def test_a_site_with_n0_or_without_a_known_sensor_stays_as_it_is(logs):
+    for site in (STATION, without(STATION), without(STATION, sensor_sensitivity=1, calibration=None)):
+        assert with_general_calibration(site, logs, PLACE) is site
+
+
+def test_a_known_sensor_gives_a_calibration_with_parts(logs):
+    site = with_general_calibration(without(STATION, sensor_sensitivity=0.83), logs, PLACE)
+    assert site.calibration.method == "general"
+    assert site.soil.bulk_density_gcm3 == STATION.soil.bulk_density_gcm3
+    assert site.calibration.n0_cps == pytest.approx(STATION.calibration.n0_cps, rel=0.03)
+    assert {part.name for part in site.calibration.parts} >= {"general N0", "sensitivity", "intensity", "biomass"}
+
+
+def test_a_calibrated_site_refuses_another_sensor():
+    with pytest.raises(InputError, match="--sensor"):
+        with_sensor(STATION, "CRS-1000", Path("site.yaml"))
+    assert with_sensor(Site(), "CRS-1000", None).sensor_sensitivity == "CRS-1000"
+
+
+def test_the_state_of_the_calibration_has_a_word_of_its_own():
+    assert calibration_state(True, True, False, "general") == "general"
+    assert calibration_state(True, True, False, "combined") == "combined"
+    assert calibration_state(True, True, False) == "own"
+    assert calibration_state(True, False, False, "general") == "illustrative"
+    assert calibration_state(True, True, True, "general") == "simulated"
+    assert Calibration(n0_cps=1.0).method == "cores"
+
+
+@pytest.mark.slow
+def test_the_command_says_where_the_moisture_is_from(tmp_path):
+    site = tmp_path / "site.yaml"
+    place = "{latitude_deg: 38.2346, longitude_deg: -97.571, altitude_m: 455}"
+    site.write_text(f"name: a station\nlogger_utc_offset_hours: -6\nlocation: {place}\n")
+    command = ["map", str(LOG), "--site", str(site), "--overwrite"]
+    plain = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "rate")])
+    assert "--sensor MODEL" in plain.output
+    found = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "moist"), "--sensor", "0.83"])
+    assert found.exit_code == 0, found.output
+    assert "counts/s +- 7%, general calibration after Heistermann" in found.output
+    about = json.loads((tmp_path / "moist" / "summary.json").read_text())
+    assert about["calibration"]["method"] == "general"
+    assert {part["origin"] for part in about["calibration"]["parts"]} >= {"given", "measured", "default range"}
+    assert "general_calibration" in about["warning_codes"]
+    report = (tmp_path / "moist" / "report.html").read_text()
+    assert "Default ranges, not measured: intensity, biomass, bulk density" in report
+    assert (tmp_path / "moist" / "moisture.csv").read_text().splitlines()[1].endswith("general")
+
+
+@pytest.mark.parametrize("sensor", ["CRS-3000", "0", "-1", "nan", "101"])
+def test_an_unknown_sensor_is_refused_with_the_known_ones(sensor, tmp_path):
+    found = CliRunner().invoke(main, ["map", str(LOG), "--sensor", sensor, "--out", str(tmp_path / "out")])
+    assert found.exit_code != 0
+    assert "CRS-1000 (0.45)" in found.output
