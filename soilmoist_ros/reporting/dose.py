@@ -24,6 +24,7 @@ from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, dissolved, divided,
 from soilmoist_ros.sensing import MoistureCurve
 
 if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
     from shapely.geometry.base import BaseGeometry
 
 Array = NDArray[np.float64]
@@ -129,11 +130,6 @@ class DoseSettings:
         """Gross doses that the machine can apply, rising, without 0 [mm]."""
         doses: Array = self.steps_mm * np.arange(1.0, math.floor(self.max_dose_mm / self.steps_mm + 1e-9) + 1)
         return np.asarray(doses[doses >= min(self.min_dose_mm, doses[-1]) - 1e-9])
-
-    def step_mm(self, net_mm: float) -> float:
-        """The gross dose nearest to a net need that is there [mm]."""
-        doses = self.doses_mm
-        return float(doses[np.argmin(np.abs(doses - net_mm / self.efficiency))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,30 +303,47 @@ def zones_of_dose(
     :raises InputError: if the machine is wider than the field
     """
     from scipy.spatial import cKDTree
-    from shapely import contains_xy, get_coordinates, point_on_surface, prepare
+    from shapely import get_coordinates, point_on_surface
 
     smallest_m2 = SHARE_OF_FIELD * boundary.area if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
     along, across, size = swaths(boundary, settings, cell_m)
     block, lines = _blocks(xy, along, across, size, cell_m, boundary)
     faces = divided(lines, boundary)
-    net, needed = (np.bincount(block, values) / np.bincount(block) for values in (dose.net_mm, dose.needed))
-    gross = np.array([settings.step_mm(n) if p >= 0.5 else 0.0 for n, p in zip(net, needed, strict=True)])
-    nearest = cKDTree(xy).query(get_coordinates(point_on_surface(faces)))[1]
     steps = np.concatenate([[0.0], settings.doses_mm])
-    number = np.searchsorted(steps, gross[block[nearest]] - 1e-9)
-    shapes, number = workable(*dissolved(faces, number), smallest_m2, TOLERANCE_M)
+
+    def step(chosen: NDArray[Any]) -> int:
+        """Number of the step that the mean need of some places asks for."""
+        irrigated = dose.needed[chosen].mean() >= 0.5
+        return (
+            int(np.argmin(np.abs(steps[1:] - dose.net_mm[chosen].mean() / settings.efficiency))) + 1
+            if irrigated
+            else 0
+        )
+
+    tree = cKDTree(xy)
+    order = np.argsort(block, kind="stable")
+    of_block = np.array([step(some) for some in np.split(order, np.cumsum(np.bincount(block))[:-1])])
+    number = of_block[block[tree.query(get_coordinates(point_on_surface(faces)))[1]]]
+    shapes, _ = workable(*dissolved(faces, number), smallest_m2, TOLERANCE_M, alike=True)
+    # What has joined counts in the dose of its zone.
+    shapes, number = dissolved(shapes, np.array([step(_places(shape, xy, tree)) for shape in shapes]))
     right = {index: dose.right(float(steps[index])) for index in set(number.tolist())}
-    used = sorted(right)
-    zones = []
+    used, zones = sorted(right), []
     for shape, index in zip(shapes, number.tolist(), strict=True):
-        prepare(shape)
-        own = np.asarray(contains_xy(shape, xy[:, 0], xy[:, 1]), bool)
-        if not own.any():
-            own[cKDTree(xy).query(get_coordinates(point_on_surface(shape))[0])[1]] = True
+        own = _places(shape, xy, tree)
         figures = (dose.net_mm, dose.p05_mm, dose.p95_mm, dose.needed, right[index])
         means = [float(figure[own].mean()) for figure in figures]
         zones.append(DoseZone(shape, used.index(index) + 1, float(steps[index]), *means))
     return sorted(zones, key=lambda zone: (zone.number, -zone.area_m2))
+
+
+def _places(shape: BaseGeometry, xy: Array, tree: cKDTree) -> NDArray[np.intp]:
+    """Numbers of the places in a zone; of the nearest one if there is none."""
+    from shapely import contains_xy, get_coordinates, point_on_surface, prepare
+
+    prepare(shape)
+    own = np.flatnonzero(contains_xy(shape, xy[:, 0], xy[:, 1]))
+    return own if own.size else np.atleast_1d(tree.query(get_coordinates(point_on_surface(shape))[0])[1])
 
 
 def swaths(boundary: BaseGeometry, settings: DoseSettings, cell_m: float) -> tuple[Array, Array, float]:

@@ -22,19 +22,24 @@ NODE_M = 1e-3
 
 
 def workable(
-    faces: Sequence[BaseGeometry], number: NDArray[np.intp], smallest_m2: float, tolerance_m: float
+    faces: Sequence[BaseGeometry],
+    number: NDArray[np.intp],
+    smallest_m2: float,
+    tolerance_m: float,
+    alike: bool = False,
 ) -> tuple[list[BaseGeometry], NDArray[np.intp]]:
     """Connected polygons of one class each, none smaller than the smallest where it has a neighbour.
 
     :param faces: parts of the field with common corners, see :func:`divided`, and the class of each
     :param tolerance_m: distance that common borders may move to get fewer corners; the boundary of the field stays
+    :param alike: whether small parts join the neighbour of the nearest class, not that of the longest border
     :raises InputError: for an old shapely
     """
     try:
         from shapely import coverage_simplify
     except ImportError:
         raise InputError("zones need shapely 2.1", install("reports")) from None
-    shapes, number = dissolved(*_joined(faces, number, smallest_m2))
+    shapes, number = dissolved(*_joined(faces, number, smallest_m2, alike))
     return list(coverage_simplify(shapes, tolerance_m, simplify_boundary=False)), number
 
 
@@ -48,9 +53,11 @@ def divided(lines: Sequence[BaseGeometry], boundary: BaseGeometry) -> list[BaseG
 
 
 def _joined(
-    faces: Sequence[BaseGeometry], number: NDArray[np.intp], smallest_m2: float
+    faces: Sequence[BaseGeometry], number: NDArray[np.intp], smallest_m2: float, alike: bool
 ) -> tuple[list[BaseGeometry], NDArray[np.intp]]:
-    """Faces of at least the smallest area: smaller ones join the neighbour with the longest common border."""
+    """Faces of at least the smallest area: smaller ones join the neighbour with the longest common border, or the
+    one of the nearest class.
+    """
     from shapely import area, union_all
 
     areas = np.asarray(area(faces), float)
@@ -58,7 +65,8 @@ def _joined(
     members = {i: [i] for i in range(len(faces))}
     for small in np.argsort(areas, kind="stable").tolist():
         while small in members and areas[small] < smallest_m2 and borders[small]:
-            into = max(borders[small], key=lambda other: (borders[small][other], -other))
+            apart = {other: abs(int(number[small] - number[other])) * alike for other in borders[small]}
+            into = min(apart, key=lambda other: (apart[other], -borders[small][other], other))
             into, small = (into, small) if areas[into] >= areas[small] else (small, into)
             members[into] += members.pop(small)
             areas[into] += areas[small]
