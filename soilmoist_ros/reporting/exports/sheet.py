@@ -67,19 +67,20 @@ def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     wide = 1 - 2 * MARGIN
     figure.text(MARGIN, 0.945, textwrap.shorten(source.title, 42), size=20, weight="bold", color=INK)
     figure.text(MARGIN, 0.918, headline(plan), size=14, color=INK)
+    facts = "   ".join(f"{name}: {value}" for name, value in plan.facts.items() if name != "water")
+    figure.text(MARGIN, 0.896, facts, size=9.5, color=INK)
     if source.simulated:
-        figure.text(MARGIN, 0.895, "Simulated counts: this is an example, not a field", size=11, color="#b00020")
+        figure.text(MARGIN, 0.876, "Simulated counts: this is an example, not a field", size=11, color="#b00020")
     doses = _doses(plan)
     colours = dict(zip(doses, _colours(list(doses)), strict=True))
-    _map(figure.add_axes((MARGIN, 0.40, wide, 0.48)), source, plan, colours)
+    _map(figure.add_axes((MARGIN, 0.40, wide, 0.46)), source, plan, colours)
     _table(figure.add_axes((MARGIN, 0.13, wide, 0.24)), doses, colours, settings)
-    facts = "   ".join(f"{name}: {value}" for name, value in plan.facts.items() if name != "water")
     about = (
         "Doses are gross: with the losses of the irrigation. Missing is the water that the root zone lacks, the "
         "mean of the field with the 90 % interval of a place. Sure is the probability that the dose is the right "
         "step. Nothing is given in hatched areas."
     )
-    text = textwrap.fill(facts, 112) + "\n" + textwrap.fill(about, 112)
+    text = textwrap.fill(about, 112)
     figure.text(MARGIN, 0.105, text, size=8.5, color=SOFT, va="top", linespacing=1.4)
     return figure
 
