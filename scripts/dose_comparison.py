@@ -26,9 +26,7 @@ import results
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from shapely import contains_xy, prepare
-
-from soilmoist_ros.reporting.dose import DoseSettings, find_dose, zones_of_dose
+from soilmoist_ros.reporting.dose import DoseSettings, dose_at, find_dose, zones_of_dose
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.sensing import CalibrationCurve
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
@@ -52,12 +50,8 @@ def shares(field: str, hours: float, seed: int) -> tuple[float, float, float, fl
     need = np.where(truth < stress, (one.full - truth) * DEPTH_MM, 0.0)
     dose = find_dose(soil_map.rate[mask], soil_map.rate_sd[mask], curve, one)
     zones = zones_of_dose(dose, cells, soil_map.grid.cell_m, field_polygon(soil_map), one)
-    given = np.zeros(len(cells))
-    for zone in zones:
-        prepare(zone.shape)
-        given[contains_xy(zone.shape, cells[:, 0], cells[:, 1])] = zone.gross_mm
     found = []
-    for plan in (np.full(len(cells), need.mean()), given):
+    for plan in (np.full(len(cells), need.mean()), dose_at(zones, cells)):
         found += [float(np.maximum(sign * (plan - need), 0).sum() / need.sum()) for sign in (1, -1)]
     sure = sum(zone.sure * zone.area_m2 for zone in zones) / sum(zone.area_m2 for zone in zones)
     return found[0], found[1], found[2], found[3], sure

@@ -413,6 +413,17 @@ def sure_share(dose: Dose) -> float:
     return float((np.maximum(dose.needed, 1 - dose.needed) >= CERTAIN).mean())
 
 
+def dose_at(zones: Sequence[DoseZone], xy: Array) -> Array:
+    """Gross dose of places, shape (n,) [mm]."""
+    from shapely import contains_xy, prepare
+
+    found = np.zeros(len(xy))
+    for zone in zones:
+        prepare(zone.shape)
+        found[contains_xy(zone.shape, xy[:, 0], xy[:, 1])] = zone.gross_mm
+    return found
+
+
 def total_m3(zones: Sequence[DoseZone]) -> float:
     """Water for the whole field [m^3]."""
     return sum(zone.volume_m3 for zone in zones)

@@ -417,10 +417,10 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
         amount = f"{mean:.0f} mm" if min(doses) == max(doses) else f"{min(doses):g} to {max(doses):g} mm"
         of = f" of {part_of_area(whole_m2, whole_m2)}" if found.area_m2 < 0.999 * whole_m2 else ""
         what = f"Irrigate {amount} on {area.rsplit(' ', 1)[0] if of else area}{of} ({found.volume_m3:,.0f} m³)"
-    seems = "" if found.certain else "Best estimate, not certain: "
-    what = what if found.certain else what[0].lower() + what[1:]
-    simulated = "Simulated: " if run.simulated else ""
-    yield f"{simulated}{seems}{what}; {share}{_surer(found)}."
+    before: tuple[str, ...] = ("simulated",) if run.simulated else ()
+    before += () if found.certain else ("best estimate, not certain",)
+    what = ": ".join([*before, what[0].lower() + what[1:]])
+    yield f"{what[0].upper()}{what[1:]}; {share}{_surer(found)}."
     if doses:
         settings = found.settings
         net = sum(zone.net_mm * zone.area_m2 for zone in found.irrigated) / found.area_m2
@@ -461,6 +461,7 @@ class DoseRow:
     area: str
     volume: str
     missing: str
+    interval: str
     needed: str
     sure: str
 
@@ -481,7 +482,8 @@ def dose_rows(run: MapRun, found: FieldDose) -> list[DoseRow]:
                 f"{gross:g} mm" if gross else "none",
                 part_of_area(size, whole_m2),
                 f"{gross / 1000 * size:,.0f} m³" if gross else "–",
-                f"{net:.0f} mm ({low:.0f} to {high:.0f} mm)",
+                f"{net:.0f} mm",
+                f"{low:.0f} to {high:.0f} mm",
                 percent(needed),
                 percent(sure),
             )

@@ -27,8 +27,10 @@ from soilmoist_ros.reporting.colours import (
     hex_ramp,
     robust_range,
 )
+from soilmoist_ros.reporting.dose import dose_at
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts import round_ticks
+from soilmoist_ros.reporting.page.field_dose import FieldDose
 from soilmoist_ros.reporting.page.frame import percent, plain, round_step
 from soilmoist_ros.reporting.page.irrigation import IrrigationAdvice, has_level
 
@@ -174,6 +176,8 @@ def _layers(run: MapRun, found: IrrigationAdvice) -> Iterator[dict[str, Any]]:
                 hatch=_hatch(one, np.isfinite(found.number) & ~found.sure), hatchText="zone not certain",
                 about=f"Zones as in the table. Hatched: the probability of the zone is below {percent(CERTAIN)}.",
             )  # fmt: skip
+            if isinstance(found.dose, FieldDose) and found.dose.irrigated:
+                yield _dose(one, found.dose)
         yield from more
         if one.change is not None:
             yield from _change(one, one.change.change, index, name)
@@ -207,6 +211,20 @@ def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]
     look = shown_as(f"{name}Rate uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(sd)[1]))
     about = "One standard deviation of the true rate, given all counts."
     yield _layer(run, index, "rate_sd", sd, **look, about=about)
+
+
+def _dose(run: MapRun, found: FieldDose) -> dict[str, Any]:
+    """What the machine applies."""
+    mask = run.soil_map.grid.mask
+    values, unsure = np.full(mask.shape, np.nan), np.zeros(mask.shape, bool)
+    values[mask] = dose_at(found.zones, run.soil_map.grid.cells)
+    unsure[mask] = np.maximum(found.dose.needed, 1 - found.dose.needed) < CERTAIN
+    most = max(zone.gross_mm for zone in found.zones)
+    return _layer(
+        run, 0, "dose", values, **shown_as("Dose", "mm", 0, WATER, (0.0, most)),
+        hatch=_hatch(run, unsure), hatchText="not certain if it needs water now",
+        about=f"What the machine applies. Hatched: certain of the need with less than {percent(CERTAIN)}.",
+    )  # fmt: skip
 
 
 def _change(run: MapRun, change: FieldChange, index: int, name: str) -> Iterator[dict[str, Any]]:
