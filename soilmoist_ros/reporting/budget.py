@@ -172,7 +172,7 @@ def make_budget(run: MapRun) -> Budget | None:
         level, low, high, of_level = level_parts(run, curve, mean)
         parts = [*parts, *of_level]
     size, largest = max(((max(part.level, part.place), part.name) for part in parts), default=(0.0, ""))
-    largest = largest if size > 0 else ""
+    largest = N0 if curve is not None and not absolute(run) else largest if size > 0 else ""  # a guess beats all
     return Budget(
         "share of the rate" if curve is None else "m3/m3", mean, vwc, level, low, high, place, here[0],
         math.sqrt(here[1]), tuple(parts), tuple(_beyond(run, mean)), largest, remedies.get(largest, ""),

@@ -120,9 +120,10 @@ def budget_part(run: MapRun) -> Part | None:
          f"± {shown(one.remainder)}" if one.remainder > 0 else "unknown")
         for one in found.beyond
     ]  # fmt: skip
+    level = "unknown" if moist and math.isnan(found.level_sd) else shown(found.level_sd)
     return Part(
         name=run.label or run.name, unit="% vol." if moist else "% of the rate",
-        rows=rows, sums=(shown(found.level_sd), shown(found.place_sd)), beyond=beyond, text=found.text,
+        rows=rows, sums=(level, shown(found.place_sd)), beyond=beyond, text=found.text,
         largest=found.largest, remedy=found.remedy,
     )  # fmt: skip
 
