@@ -22,7 +22,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[_variable] = "1"  # before numpy is imported
@@ -37,32 +37,21 @@ from soilmoist_ros.foundation import LocalFrame, squared_distances
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, estimate_variogram, make_soil_map
 from soilmoist_ros.pipeline import CalibrationInfo, MapRun
 from soilmoist_ros.reporting import make_budget, mean_moisture
-from soilmoist_ros.sensing import CalibrationCurve, UncertaintyPart
+from soilmoist_ros.sensing import Calibration, MoistureCurve, Site, Soil, SurveyAir, general_calibration
 
 SIDE_M, CELL_M, STOPS, DWELL_S = 60.0, 5.0, 30, 300.0
 MOISTURE, SPREAD, RANGE_M = (0.12, 0.30), 0.03, 15.0
 DENSITY, WATER = "bulk density", "lattice and organic water"
 
 
-def _part(name: str, value: float, unit: str, sd: float, origin: str, share: float = np.nan) -> UncertaintyPart:
-    return UncertaintyPart.model_validate(
-        {"name": name, "value": value, "unit": unit, "sd": sd, "origin": origin, "share": share}
-    )
-
-
-GENERAL = [_part("general N0", 6.0, "counts/s", 0.33, "literature", 0.055)]
-KNOWN = [*GENERAL, _part(DENSITY, 1.4, "g/cm3", 0.05, "measured"), _part(WATER, 0.03, "g/g", 0.005, "measured")]
-RANGES = [
-    *GENERAL,
-    _part("sensitivity", 0.87, "-", 0.017, "given", 0.02),
-    _part("site scaling", 1.0, "-", 0.02, "literature", 0.02),
-    _part("intensity", 1.0, "-", 0.03, "default range", 0.03),
-    _part("biomass", 0.5, "kg/m2", 0.3, "default range", 0.0027),
-    _part(DENSITY, 1.4, "g/cm3", 0.12, "default range"),
-    _part(WATER, 0.03, "g/g", 0.01, "default range"),
-]
-CORES = [_part("cores", 6.0, "counts/s", 0.09, "measured", 0.015), _part(DENSITY, 1.4, "g/cm3", 0.05, "measured")]
-CALIBRATIONS = {"general, soil known": KNOWN, "general, default ranges": RANGES, "soil cores": CORES}
+PLACE = SurveyAir(52.0, 0.0, 1005.0, 12.0)
+CORES = {"soil": {"bulk_density_gcm3": 1.4, "bulk_density_sd_gcm3": 0.05, "bound_water_sd": 0.005}}
+CALIBRATIONS: dict[str, dict[str, Any]] = {
+    "general, default ranges": {"sensor_sensitivity": 10.0},
+    "general, soil known": {"sensor_sensitivity": 10.0, **CORES},
+    "soil cores": {"calibration": {"n0_cps": 6.0, "n0_sd_cps": 0.09}, **CORES},
+}
+"""Site files, as far as they matter: a sensor of ten times the counts of the reference detector."""
 
 
 class Draw(NamedTuple):
@@ -75,36 +64,50 @@ class Draw(NamedTuple):
     places: float
 
 
-def curve_of(parts: Sequence[UncertaintyPart]) -> CalibrationCurve:
-    """The curve of a calibration of these parts."""
-    soil = {part.name: part for part in parts}
-    n0 = 6.0 * float(np.sqrt(np.nansum([part.share**2 for part in parts])))
-    water = soil.get(WATER)
-    held, unsure = (water.value, water.sd) if water else (0.0, 0.0)
-    return CalibrationCurve(
-        6.0, soil[DENSITY].value, held, 0.0, n0, soil[DENSITY].sd, bound_water_sd=unsure
-    )  # fmt: skip
+def calibration_of(name: str) -> tuple[Calibration, Soil]:
+    """Calibration and soil of a site file; the general one if it has none."""
+    site = Site.model_validate(CALIBRATIONS[name])
+    found = general_calibration(site, PLACE) if site.calibration is None else None
+    if found is not None:
+        return found
+    assert site.calibration is not None
+    assert site.soil is not None
+    return site.calibration, site.soil
 
 
-def true_curve(parts: Sequence[UncertaintyPart], quantiles: Sequence[float]) -> CalibrationCurve:
+def parts_of(calibration: Calibration, soil: Soil) -> list[tuple[str, float, bool]]:
+    """Uncertain parts: name, standard deviation (of N0 the relative one), and whether it is a default range."""
+    parts = [
+        (part.name, part.share, part.origin == "default range") for part in calibration.parts if part.share > 0
+    ]
+    if not parts:
+        parts = [("N0", (calibration.n0_sd_cps or 0.0) / calibration.n0_cps, False)]
+    ranged = {part.name for part in calibration.parts if part.origin == "default range"}
+    of_soil = ((DENSITY, soil.bulk_density_sd_gcm3), (WATER, soil.bound_water_sd))
+    return [*parts, *((name, sd or 0.0, name in ranged) for name, sd in of_soil)]
+
+
+def true_curve(
+    curve: MoistureCurve, parts: Sequence[tuple[str, float, bool]], quantiles: Sequence[float]
+) -> MoistureCurve:
     """A curve of true values: a quantile [0..1] of each part."""
-    curve = curve_of(parts)
-    for part, quantile in zip(parts, quantiles, strict=True):
-        ranged = part.origin == "default range"
-        away = np.sqrt(3) * (2 * quantile - 1) if ranged else NormalDist().inv_cdf(quantile)
-        if part.name == DENSITY:
-            curve = replace(curve, bulk_density_gcm3=part.value + part.sd * away)
-        elif part.name == WATER:
-            curve = replace(curve, lattice_water=max(part.value + part.sd * away, 0.0))
+    for (name, sd, ranged), quantile in zip(parts, quantiles, strict=True):
+        away = sd * (np.sqrt(3) * (2 * quantile - 1) if ranged else NormalDist().inv_cdf(quantile))
+        if name == DENSITY:
+            curve = replace(curve, bulk_density_gcm3=curve.bulk_density_gcm3 + away)
+        elif name == WATER:
+            curve = replace(curve, lattice_water=max(curve.lattice_water + away, 0.0))
         else:
-            curve = replace(curve, n0_cps=curve.n0_cps * (1 + part.share * away))
+            curve = replace(curve, n0_cps=curve.n0_cps * (1 + away))
     return curve
 
 
-def survey(parts: Sequence[UncertaintyPart], quantiles: Sequence[float], seed: int) -> Draw:
+def survey(name: str, quantiles: Sequence[float], seed: int) -> Draw:
     """Survey a site of drawn values and map it."""
     rng = np.random.default_rng(seed)
-    curve, truth = curve_of(parts), true_curve(parts, quantiles)
+    calibration, soil = calibration_of(name)
+    curve = calibration.curve_of(soil)
+    truth = true_curve(curve, parts_of(calibration, soil), quantiles)
     corners = [(0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M)]
     grid = FieldGrid.from_polygon(corners, CELL_M)
     cells, stops = grid.cells, rng.uniform(0, SIDE_M, (STOPS, 2))
@@ -119,7 +122,7 @@ def survey(parts: Sequence[UncertaintyPart], quantiles: Sequence[float], seed: i
     fit = estimate_variogram(stops, counts, exposure_s, extent_m=SIDE_M, anisotropy=False)
     soil_map = make_soil_map(Samples(stops, counts, exposure_s), grid, fit, curve)
     about = CalibrationInfo(
-        curve.n0_cps, curve.bulk_density_gcm3, curve.n0_sd_cps, method="general", parts=tuple(parts)
+        curve.n0_cps, curve.bulk_density_gcm3, curve.n0_sd_cps, method=calibration.method, parts=calibration.parts
     )
     run = MapRun(soil_map, LocalFrame(52.0, 0.0), datetime(2026, 5, 1, tzinfo=UTC), calibration=about)
     budget, mean = make_budget(run), mean_moisture(soil_map)
@@ -134,10 +137,11 @@ def survey(parts: Sequence[UncertaintyPart], quantiles: Sequence[float], seed: i
     )  # fmt: skip
 
 
-def coverage(parts: Sequence[UncertaintyPart], draws: int) -> Draw:
+def coverage(name: str, draws: int) -> Draw:
     """Means over draws: uncertainties, and shares inside the 90 % intervals."""
+    parts = parts_of(*calibration_of(name))
     quantiles = LatinHypercube(len(parts), seed=1).random(draws).tolist()
-    found = [survey(parts, drawn, seed) for seed, drawn in enumerate(quantiles)]
+    found = [survey(name, drawn, seed) for seed, drawn in enumerate(quantiles)]
     return Draw(*np.mean(found, axis=0).tolist())
 
 
@@ -147,8 +151,8 @@ def main() -> None:
     options.add_argument("--draws", type=int, default=200, help="number of sites (default: 200)")
     chosen = options.parse_args()
     rows = []
-    for name, parts in CALIBRATIONS.items():
-        found = coverage(parts, chosen.draws)
+    for name in CALIBRATIONS:
+        found = coverage(name, chosen.draws)
         shares = [f"{100 * share:.0f} %" for share in (found.level, found.mean, found.places)]
         rows.append([name, f"{100 * found.level_sd:.1f}", f"{100 * found.place_sd:.1f}", *shares])
     columns = ("calibration", "level, ± % vol.", "place, ± % vol.", "level inside", "mean inside", "places inside")

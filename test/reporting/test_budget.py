@@ -245,6 +245,6 @@ def test_intervals_are_honest_in_simulation():
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(ROOT / "scripts"))
         bench = importlib.import_module("budget_coverage")
-    found = bench.coverage(bench.CALIBRATIONS["general, default ranges"], 200)
+    found = bench.coverage("general, default ranges", 200)
     for share in (found.level, found.mean, found.places):
         assert 0.85 <= share <= 0.95
