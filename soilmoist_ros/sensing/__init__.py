@@ -64,7 +64,19 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.lines import log_files as log_files
     from soilmoist_ros.sensing.lines import read_data as read_data
     from soilmoist_ros.sensing.lines import split_lines as split_lines
+    from soilmoist_ros.sensing.moisture.combined import DISAGREEMENT_SD as DISAGREEMENT_SD
+    from soilmoist_ros.sensing.moisture.combined import PROFILE_SD as PROFILE_SD
+    from soilmoist_ros.sensing.moisture.combined import SITE_SCATTER as SITE_SCATTER
+    from soilmoist_ros.sensing.moisture.combined import CombinedN0 as CombinedN0
+    from soilmoist_ros.sensing.moisture.combined import N0Source as N0Source
+    from soilmoist_ros.sensing.moisture.combined import combine_n0 as combine_n0
+    from soilmoist_ros.sensing.moisture.combined import combined_calibration as combined_calibration
+    from soilmoist_ros.sensing.moisture.combined import difference_sd as difference_sd
+    from soilmoist_ros.sensing.moisture.combined import earlier_source as earlier_source
+    from soilmoist_ros.sensing.moisture.combined import level_vwc_sd as level_vwc_sd
+    from soilmoist_ros.sensing.moisture.cores import SoilCore as SoilCore
     from soilmoist_ros.sensing.moisture.cores import possible_days as possible_days
+    from soilmoist_ros.sensing.moisture.cores import profiles_of as profiles_of
     from soilmoist_ros.sensing.moisture.cores import read_soil_cores as read_soil_cores
     from soilmoist_ros.sensing.moisture.curve import CalibrationCurve as CalibrationCurve
     from soilmoist_ros.sensing.moisture.curve import MoistureCurve as MoistureCurve
@@ -82,6 +94,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.general import general_calibration as general_calibration
     from soilmoist_ros.sensing.moisture.general import sensitivity_of as sensitivity_of
     from soilmoist_ros.sensing.moisture.site import Calibration as Calibration
+    from soilmoist_ros.sensing.moisture.site import N0Estimate as N0Estimate
     from soilmoist_ros.sensing.moisture.site import Site as Site
     from soilmoist_ros.sensing.moisture.site import Soil as Soil
     from soilmoist_ros.sensing.moisture.site import UncertaintyPart as UncertaintyPart
@@ -90,6 +103,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.site import n0_in_other_time as n0_in_other_time
     from soilmoist_ros.sensing.moisture.site import unusual_n0 as unusual_n0
     from soilmoist_ros.sensing.moisture.site import write_calibration as write_calibration
+    from soilmoist_ros.sensing.moisture.site import write_site_values as write_site_values
     from soilmoist_ros.sensing.moisture.texture import TEXTURES as TEXTURES
     from soilmoist_ros.sensing.moisture.texture import SoilTexture as SoilTexture
     from soilmoist_ros.sensing.position.nmea import parse_nmea as parse_nmea
@@ -134,6 +148,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.survey.logs import process_logs as process_logs
     from soilmoist_ros.sensing.survey.logs import stationary_records as stationary_records
     from soilmoist_ros.sensing.survey.logs import why_unplaced as why_unplaced
+    from soilmoist_ros.sensing.survey.side_by_side import SideBySide as SideBySide
+    from soilmoist_ros.sensing.survey.side_by_side import compare_side_by_side as compare_side_by_side
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,
@@ -151,11 +167,12 @@ __getattr__, __dir__, __all__ = open_door(
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of utc_text",
         "lines": "log_files read_data split_lines",
-        "moisture.cores": "possible_days read_soil_cores",
+        "moisture.combined": "DISAGREEMENT_SD PROFILE_SD SITE_SCATTER CombinedN0 N0Source combine_n0 combined_calibration difference_sd earlier_source level_vwc_sd",
+        "moisture.cores": "SoilCore possible_days profiles_of read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
         "moisture.general": "SENSITIVITIES SurveyAir general_calibration sensitivity_of",
-        "moisture.site": "Calibration Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration",
+        "moisture.site": "Calibration N0Estimate Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration write_site_values",
         "moisture.texture": "SoilTexture TEXTURES",
         "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",
@@ -167,5 +184,6 @@ __getattr__, __dir__, __all__ = open_door(
         "survey.correction": "intensity_source unusual_factors",
         "survey.driver": "Batch Driver DriverSettings logger_fault",
         "survey.logs": "CalibrationCounts SurveyRecords calibration_counts log_doubts process_logs stationary_records why_unplaced",
+        "survey.side_by_side": "SideBySide compare_side_by_side",
     },
 )

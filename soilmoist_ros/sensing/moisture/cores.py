@@ -24,6 +24,8 @@ _LIMITS = {
     "bulk_density_gcm3": (0.02, 2.8, "dry bulk density is in g/cm3; name a column in kg/m3 bulk_density_kgm3"),
     "weight": (0, math.inf, "a weight is zero or positive"),
     "distance_m": (0, 600, "the distance from the probe is in metres, at most 600"),
+    "latitude_deg": (-90, 90, "the latitude is in degrees, north positive"),
+    "longitude_deg": (-180, 180, "the longitude is in degrees, east positive"),
     **{
         f"{end}_cm": (
             0,
@@ -63,6 +65,7 @@ class SoilCore:
     :param distance_m: distance from the probe [m], NaN if unknown
     :param top_cm: upper end of the core [cm], NaN if unknown
     :param bottom_cm: lower end of the core [cm]; the upper end for a depth without thickness
+    :param latitude_deg: place of the core, ``longitude_deg`` too [deg], NaN if unknown
     """
 
     vwc: float
@@ -72,6 +75,8 @@ class SoilCore:
     distance_m: float = math.nan
     top_cm: float = math.nan
     bottom_cm: float = math.nan
+    latitude_deg: float = math.nan
+    longitude_deg: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,8 @@ def read_soil_cores(path: Path, bulk_density_gcm3: float | None = None, days: Se
     """Read a CSV of soil cores, one row per core.
 
     Columns, by name in the first line: ``vwc`` [m^3/m^3], or ``gravimetric_water`` [g/g] together with a bulk
-    density. Optional: ``bulk_density_gcm3``, ``weight``, ``profile``, ``distance_m`` from the probe; ``depth_cm``
+    density. Optional: ``bulk_density_gcm3``, ``weight``, ``profile``, ``distance_m`` from the probe; the place,
+    ``latitude_deg`` and ``longitude_deg``; ``depth_cm``
     (also intervals such as 0-5), or ``top_cm`` and ``bottom_cm``; ``date``. Columns in other units have other
     names, such as ``vwc_percent``. Whether numbers have a decimal comma is decided once for the file.
 
@@ -263,8 +269,9 @@ def _core(row: _Row, default_density: float | None) -> SoilCore:
             raise _CellError("gravimetric_water", message, remedy)
     layer = _layer(row)
     return SoilCore(
-        vwc, density, 1.0 if math.isnan(weight) else weight, row.cells.get("profile", ""), distance, *layer
-    )
+        vwc, density, 1.0 if math.isnan(weight) else weight, row.cells.get("profile", ""), distance, *layer,
+        _number(row, "latitude_deg"), _number(row, "longitude_deg"),
+    )  # fmt: skip
 
 
 def _layer(row: _Row) -> tuple[float, float]:

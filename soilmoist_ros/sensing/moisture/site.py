@@ -7,7 +7,7 @@ from __future__ import annotations
 import logging
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from io import StringIO
@@ -504,14 +504,23 @@ def n0_in_other_time(rate_cps: float, curve: MoistureCurve) -> str:
 def write_calibration(site_file: Path, calibration: Calibration, soil: Soil | None = None) -> None:
     """Write a calibration (and soil properties, if given) into a site file, preserving comments and order.
 
+    :raises InputError: if the file cannot be read or written
+    """
+    values: dict[str, Any] = {"calibration": calibration.model_dump(exclude_defaults=True)}
+    if soil is not None:
+        values["soil"] = soil.model_dump(exclude_none=True)
+    write_site_values(site_file, values)
+
+
+def write_site_values(site_file: Path, values: Mapping[str, Any]) -> None:
+    """Write values of keys into a site file, preserving comments and order.
+
     The file is replaced atomically: a crash leaves either the old or the new file.
 
     :raises InputError: if the file cannot be read or written
     """
     content = read_yaml(site_file)
-    content["calibration"] = calibration.model_dump(exclude_defaults=True)
-    if soil is not None:
-        content["soil"] = soil.model_dump(exclude_none=True)
+    content.update(values)
     text = StringIO()
     yaml = YAML(typ="rt")
     yaml.width = 120

@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The sensitivity of a sensor from counts next to another one.
+
+Two sensors at one place see the same soil, air and incoming neutrons, so the ratio of their corrected rates is
+that of their sensitivities. Only time that both counted is used.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.sensing.formats.logger_reader import LogFile
+from soilmoist_ros.sensing.gnss import utc_text
+from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing.survey.logs import stationary_records
+
+Array = NDArray[np.float64]
+MAX_RATIO_SD = 0.05
+"""Relative standard deviation of the ratio above which it is of no use."""
+MIN_COVERAGE = 0.9
+"""Share of an interval of the slower logger that the faster one must have counted."""
+_CLOCK_STEP_S = 900.0
+_MAX_CLOCK_H = 14  # the largest difference of a time zone and UTC
+_MIN_PRESSURE_RMS_HPA = 0.2  # difference of two pressures that a resolution of 0.1 hPa does not explain
+
+
+@dataclass(frozen=True)
+class SideBySide:
+    """Corrected counts of two sensors over the time that both counted.
+
+    :param ratio: rate of the own sensor divided by that of the other one [-]
+    :param ratio_sd: standard deviation of the ratio from the counts of both
+    :param counted_s: time that both counted [s]
+    :param first_s: begin of the first common interval [s since 1970-01-01 UTC]; ``last_s`` end of the last one
+    :param gaps: begin and end of each time between them that one of both did not count [s since 1970-01-01 UTC]
+    """
+
+    ratio: float
+    ratio_sd: float
+    own_counts: int
+    other_counts: int
+    counted_s: float
+    first_s: float
+    last_s: float
+    gaps: tuple[tuple[float, float], ...]
+
+    def sensitivity(self, other: float, other_sd: float = 0.0) -> tuple[float, float]:
+        """Sensitivity of the own sensor and its standard deviation, from those of the other one."""
+        own = self.ratio * other
+        return own, own * math.hypot(self.ratio_sd / self.ratio, other_sd / other)
+
+
+def compare_side_by_side(
+    own: Sequence[LogFile], site: Site, other: Sequence[LogFile], other_site: Site
+) -> SideBySide:
+    """Compare two sensors that stood side by side.
+
+    :param own: logs of the own sensor, ``other`` of the other one; each corrected by its site
+    :raises InputError: if both do not overlap, their clocks differ, or there are too few counts
+    """
+    ours, theirs = (stationary_records(logs, of) for logs, of in ((own, site), (other, other_site)))
+    if not ours or not theirs:
+        path = (own if not ours else other)[0].path
+        raise InputError("has no good record", "soilmoist check says what is wrong with the log", path)
+    if shift_h := _clock_shift_h(own, other):
+        remedy = "set logger_utc_offset_hours in the site file of the logger whose clock is wrong"
+        about = f"the pressures agree only if one clock is shifted by {abs(shift_h):g} h"
+        raise InputError(f"its clock differs from that of {other[0].path.name}: {about}", remedy, own[0].path)
+    swapped = _interval_s(ours) > _interval_s(theirs)
+    slow, fast = (ours, theirs) if swapped else (theirs, ours)
+    kept, of_frame = _common(slow, fast)
+    if not kept.any():
+        spans = (f"{utc_text(float(_begins(r)[0]))} to {utc_text(r[-1].stamp_s)}" for r in (ours, theirs))
+        message = "has no time that both sensors counted: here {}, the other one {} UTC".format(*spans)
+        raise InputError(message, "give logs of the same time; check the clock of both loggers", own[0].path)
+    slow_used = [record for record, use in zip(slow, kept, strict=True) if use]
+    fast_used = [record for record, frame in zip(fast, of_frame, strict=True) if frame >= 0 and kept[frame]]
+    (own_counts, own_s), (other_counts, other_s) = (
+        (sum(r.raw_counts for r in used), math.fsum(r.effective_exposure_s for r in used))
+        for used in ((slow_used, fast_used) if swapped else (fast_used, slow_used))
+    )
+    counted_s = math.fsum(r.stamp_s - begin for r, begin in zip(slow_used, _begins(slow)[kept], strict=True))
+    for counts, logs in ((own_counts, own), (other_counts, other)):
+        if not counts:
+            raise InputError("has no counts in the time that both counted", "check the detector", logs[0].path)
+    ratio, relative = own_counts / own_s / (other_counts / other_s), math.sqrt(1 / own_counts + 1 / other_counts)
+    if relative > MAX_RATIO_SD:
+        wanted_h = counted_s / 3600 * (relative / MAX_RATIO_SD) ** 2
+        message = f"has {own_counts} counts, the other sensor {other_counts}: a ratio +- {100 * relative:.0f} %"
+        raise InputError(message, f"count for {math.ceil(wanted_h)} h: more than 5 % is of no use", own[0].path)
+    begins, ends = _begins(slow)[kept], np.array([record.stamp_s for record in slow_used])
+    pauses = np.flatnonzero(begins[1:] - ends[:-1] > 1.0)
+    return SideBySide(
+        ratio, ratio * relative, own_counts, other_counts, counted_s, float(begins[0]), float(ends[-1]),
+        tuple((float(ends[index]), float(begins[index + 1])) for index in pauses),
+    )  # fmt: skip
+
+
+def _interval_s(records: Sequence[CountRecord]) -> float:
+    """Usual time from record to record [s]."""
+    steps = np.diff([record.stamp_s for record in records])
+    return float(np.median(steps)) if len(steps) else records[0].exposure_s
+
+
+def _begins(records: Sequence[CountRecord]) -> Array:
+    """Begin of each interval: the usual interval before its end, or the previous end [s]."""
+    ends = np.array([record.stamp_s for record in records])
+    begins = ends - _interval_s(records)
+    begins[1:] = np.maximum(begins[1:], ends[:-1])
+    return begins
+
+
+def _common(
+    slow: Sequence[CountRecord], fast: Sequence[CountRecord]
+) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+    """Intervals of the slower logger that the faster one counted, and that of each fast record (-1: none)."""
+    begins, ends = _begins(slow), np.array([record.stamp_s for record in slow])
+    fast_begins, fast_ends = _begins(fast), np.array([record.stamp_s for record in fast])
+    middle = (fast_begins + fast_ends) / 2
+    frame = np.searchsorted(ends, middle)
+    inside = frame < len(ends)
+    inside[inside] = middle[inside] > begins[frame[inside]]
+    frame = np.where(inside, frame, -1)
+    length = np.bincount(frame[inside], (fast_ends - fast_begins)[inside], len(ends))
+    return length >= MIN_COVERAGE * (ends - begins), np.asarray(frame, np.intp)
+
+
+def _clock_shift_h(own: Sequence[LogFile], other: Sequence[LogFile]) -> float:
+    """Time by which the clock of one logger differs [h], by the pressure that both saw; 0 if nothing shows one."""
+    series = []
+    for logs in (own, other):
+        found = sorted(
+            (r.stamp_s, r.pressure_hpa) for log in logs for r in log.records if math.isfinite(r.pressure_hpa)
+        )
+        if len(found) < 12:
+            return 0.0
+        series.append(np.array(found).T)
+    (our_s, ours), (their_s, theirs) = series
+
+    def misfit(shift_s: float) -> float:
+        first, last = max(our_s[0] + shift_s, their_s[0]), min(our_s[-1] + shift_s, their_s[-1])
+        if last - first < 12 * 3600:
+            return math.nan
+        at = np.arange(first, last, _CLOCK_STEP_S)
+        return float(np.std(np.interp(at, our_s + shift_s, ours) - np.interp(at, their_s, theirs)))
+
+    shifts = np.arange(-_MAX_CLOCK_H, _MAX_CLOCK_H + 0.1, 0.5)
+    errors = np.array([misfit(3600 * shift) for shift in shifts])
+    now = misfit(0.0)
+    if not np.isfinite(errors).any() or not (math.isnan(now) or now > _MIN_PRESSURE_RMS_HPA):
+        return 0.0
+    best = int(np.nanargmin(errors))
+    if math.isnan(now):  # clocks so different that too little is left in common
+        return float(shifts[best]) if errors[best] < _MIN_PRESSURE_RMS_HPA / 2 else 0.0
+    return float(shifts[best]) if errors[best] < 0.4 * now else 0.0
