@@ -21,11 +21,17 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.colours import data_uri as data_uri
     from soilmoist_ros.reporting.colours import palette_png as palette_png
     from soilmoist_ros.reporting.colours import robust_range as robust_range
+    from soilmoist_ros.reporting.core_plan import CorePlan as CorePlan
+    from soilmoist_ros.reporting.core_plan import LevelOfPlaces as LevelOfPlaces
+    from soilmoist_ros.reporting.core_plan import n0_at_places as n0_at_places
+    from soilmoist_ros.reporting.core_plan import plan_cores as plan_cores
+    from soilmoist_ros.reporting.core_plan import write_plan as write_plan
     from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS
     from soilmoist_ros.reporting.exports.registry import Export as Export
     from soilmoist_ros.reporting.exports.registry import export_run as export_run
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings
     from soilmoist_ros.reporting.exports.source import RunSource as RunSource
+    from soilmoist_ros.reporting.exports.source import open_source as open_source
     from soilmoist_ros.reporting.geotiff import write_geotiff as write_geotiff
     from soilmoist_ros.reporting.live_view import DRY_TO_WET as DRY_TO_WET
     from soilmoist_ros.reporting.live_view import LiveMap as LiveMap
@@ -80,8 +86,9 @@ _open, __dir__, __all__ = open_door(
     {
         "budget": "Budget make_budget",
         "colours": "BLUE FAINT INK ORANGE RATE SOFT UNCERTAIN between data_uri palette_png robust_range",
+        "core_plan": "CorePlan LevelOfPlaces n0_at_places plan_cores write_plan",
         "exports.registry": "EXPORTS Export export_run",
-        "exports.source": "ExportSettings RunSource",
+        "exports.source": "ExportSettings RunSource open_source",
         "geotiff": "write_geotiff",
         "live_view": "DRY_TO_WET LiveMap LiveMission LiveRobot render",
         "moisture_steps": "at_one_place moisture_of_all moisture_series",

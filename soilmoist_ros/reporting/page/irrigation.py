@@ -416,7 +416,7 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
         mean = 1000 * found.volume_m3 / found.area_m2
         amount = f"{mean:.0f} mm" if min(doses) == max(doses) else f"{min(doses):g} to {max(doses):g} mm"
         of = f" of {part_of_area(whole_m2, whole_m2)}" if found.area_m2 < 0.999 * whole_m2 else ""
-        what = f"Irrigate {amount} on {area.rsplit(' ', 1)[0] if of else area}{of} ({_volume(found.volume_m3)})"
+        what = f"Irrigate {amount} on {area.rsplit(' ', 1)[0] if of else area}{of} ({found.volume_m3:,.0f} m³)"
     before: tuple[str, ...] = ("simulated",) if run.simulated else ()
     before += () if found.certain else ("best estimate, not certain",)
     what = ": ".join([*before, what[0].lower() + what[1:]])
@@ -435,11 +435,6 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
         )
     if found.below:
         yield found.below
-
-
-def _volume(volume_m3: float) -> str:
-    """A volume of water."""
-    return f"{volume_m3:,.0f} m³".replace(",", "\u202f")
 
 
 def _surer(found: FieldDose) -> str:
@@ -486,7 +481,7 @@ def dose_rows(run: MapRun, found: FieldDose) -> list[DoseRow]:
             DoseRow(
                 f"{gross:g} mm" if gross else "none",
                 part_of_area(size, whole_m2),
-                _volume(gross / 1000 * size) if gross else "–",
+                f"{gross / 1000 * size:,.0f} m³" if gross else "–",
                 f"{net:.0f} mm",
                 f"{low:.0f} to {high:.0f} mm",
                 percent(needed),

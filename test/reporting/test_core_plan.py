@@ -1,0 +1,232 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Places for soil cores on a map: the design, N0 from them, and the round trip of the sheet."""
+
+import csv
+import json
+import math
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.cli.main import main
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping import PoissonKriging, Variogram
+from soilmoist_ros.reporting import open_run, open_source, plan_cores, write_mission
+from soilmoist_ros.reporting.core_plan import SHEET_COLUMNS, LevelModel, choose_places, core_layers_cm, fit_level
+from soilmoist_ros.sensing import PROFILE_SD, SITE_SCATTER, CalibrationCurve, load_site, read_soil_cores
+from soilmoist_ros.simulation import MissionSettings, simulate_mission
+
+UNIT = CalibrationCurve(1.0, 1.4)
+
+
+def per_level(curve, vwc):
+    rate = curve.rate_cps(vwc)
+    return -curve.slope(rate) * rate
+
+
+def model_of(curve, vwc, covariance):
+    heavier = replace(curve, bulk_density_gcm3=curve.bulk_density_gcm3 + 1e-3)
+    effect = np.log(curve.rate_cps(vwc) / heavier.rate_cps(vwc)) / 1e-3
+    return LevelModel(covariance, (PROFILE_SD / per_level(curve, vwc)) ** 2, effect, SITE_SCATTER)
+
+
+# -- Design ----------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10_000), st.integers(1, 6), st.floats(0, 30))
+def test_each_place_makes_the_level_surer_and_places_keep_their_distance(seed, count, spacing_m):
+    rng = np.random.default_rng(seed)
+    xy, vwc = rng.uniform(0, 100, (30, 2)), rng.uniform(0.05, 0.45, 30)
+    root = 0.02 * rng.standard_normal((30, 30)) / 5
+    chosen, sd = choose_places(model_of(UNIT, vwc, root @ root.T + 1e-4 * np.eye(30)), xy, vwc, count, spacing_m)
+    assert 1 <= len(chosen) <= count
+    assert all(np.diff([SITE_SCATTER, *sd]) < 0)
+    distance = np.hypot(*np.moveaxis(xy[chosen][:, None] - xy[chosen], -1, 0)) + 1e9 * np.eye(len(chosen))
+    assert distance.min() >= spacing_m
+    if 1 < len(chosen) == count and spacing_m == 0:
+        assert vwc[chosen].min() <= np.quantile(vwc, 1 / 3)
+        assert vwc[chosen].max() >= np.quantile(vwc, 2 / 3)
+
+
+def test_the_stated_error_is_that_of_the_regression():
+    rng = np.random.default_rng(3)
+    vwc, xy = np.linspace(0.1, 0.4, 12), rng.uniform(0, 100, (12, 2))
+    root = 0.02 * rng.standard_normal((12, 12)) / 3
+    covariance = root @ root.T
+    model = replace(model_of(UNIT, vwc, covariance), density_sd=1e-9)
+    chosen, sd = choose_places(model, xy, vwc, 4, 0.0)
+    of_core = covariance[np.ix_(chosen, chosen)] + np.diag(model.core_variance[chosen])
+    assert sd[-1] == pytest.approx((np.linalg.inv(of_core).sum() + SITE_SCATTER**-2) ** -0.5)
+
+
+def test_layers_reach_as_deep_as_the_probe_sees():
+    wet, dry = core_layers_cm(0.4, UNIT), core_layers_cm(0.03, UNIT)
+    assert wet == ((0, 5), (5, 10), (10, 20))
+    assert dry[-1] == (40, 50)
+
+
+def test_n0_from_exact_cores_is_exact_and_from_many_has_no_bias():
+    vwc, curve = np.array([0.08, 0.2, 0.35]), CalibrationCurve(2.5, 1.4)
+    level, *_ = fit_level(vwc, curve.rate_cps(vwc), np.zeros((3, 3)), UNIT)
+    assert math.exp(level) == pytest.approx(2.5)
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(300):
+        truth = rng.uniform(0.08, 0.3, 6)
+        level, variance, weights, excess = fit_level(
+            truth + PROFILE_SD * rng.standard_normal(6), curve.rate_cps(truth), np.zeros((6, 6)), UNIT
+        )
+        found.append((level - math.log(2.5), math.sqrt(variance), excess))
+    error, sd, excess = np.array(found).T
+    assert abs(error.mean()) < 0.2 * sd.mean()
+    assert error.std() == pytest.approx(sd.mean(), rel=0.15)
+    assert np.sqrt(np.mean(excess**2)) == pytest.approx(1, abs=0.1)
+    assert weights.sum() == pytest.approx(1)
+
+
+def compare_designs(seed, count, cells=12, side_m=120.0):
+    """Error of log N0 and the stated one by planned, random and gridded places of a field; the promised one."""
+    rng = np.random.default_rng(seed)
+    true, prior = (
+        CalibrationCurve(2 * math.exp(SITE_SCATTER * rng.standard_normal()), 1.4),
+        CalibrationCurve(2.0, 1.4),
+    )
+    axis = (np.arange(cells) + 0.5) * side_m / cells
+    xy = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
+    range_m = rng.uniform(20, 60)
+    lag = math.sqrt(3) * np.hypot(*np.moveaxis(xy[:, None] - xy, -1, 0)) / range_m
+    pattern = np.linalg.cholesky((1 + lag) * np.exp(-lag) + 1e-6 * np.eye(len(xy))) @ rng.standard_normal(len(xy))
+    vwc = np.clip(rng.uniform(0.12, 0.32) + 0.06 * pattern, 0.03, 0.5)
+    rate = true.rate_cps(vwc)
+    at = rng.choice(len(xy), 40, replace=False)
+    kriging = PoissonKriging(Variogram("matern32", 0.0, range_m, max(float(rate.var()), 1e-5)))
+    kriging.fit(xy[at], rng.poisson(rate[at] * 300.0), np.full(40, 300.0))
+    mapped, covariance = kriging.rate_and_covariance(xy)
+    covariance /= np.multiply.outer(mapped, mapped)
+    expected = np.clip(np.nan_to_num(prior.vwc(mapped), nan=0.47), 0.01, 0.47)
+    spacing = max(10.0, range_m)
+    planned, sd = [], []
+    while len(planned) < count:
+        planned, sd = choose_places(model_of(prior, expected, covariance), xy, expected, count, spacing)
+        spacing *= 0.8
+    rows = max(n for n in range(1, count + 1) if count % n == 0 and n * n <= count)
+    columns = count // rows
+    nodes = [
+        ((i + 0.5) * side_m / columns, (j + 0.5) * side_m / rows) for i in range(columns) for j in range(rows)
+    ]
+    gridded = [int(np.hypot(*(xy - node).T).argmin()) for node in nodes]
+    cores = vwc + PROFILE_SD * rng.standard_normal(len(xy))
+    errors = []
+    for places in (planned, rng.choice(len(xy), count, replace=False), gridded):
+        found = np.array(places)
+        level, variance, *_ = fit_level(cores[found], mapped[found], covariance[np.ix_(found, found)], UNIT)
+        errors += [level - math.log(true.n0_cps), math.sqrt(variance)]
+    return [*errors, (sd[-1] ** -2 - SITE_SCATTER**-2) ** -0.5]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [4, 6])
+def test_planned_places_give_a_surer_level_than_random_ones_and_a_grid(count):
+    rms = np.sqrt(np.mean(np.square([compare_designs(seed, count) for seed in range(200)]), axis=0))
+    planned, _, at_random, _, gridded, _, promised = rms
+    _, planned_sd, _, random_sd, _, grid_sd, _ = rms
+    print(f"{count} places: error to random {planned / at_random:.2f}, to a grid {planned / gridded:.2f}; stated")
+    print(f"{planned_sd / random_sd:.2f}, {planned_sd / grid_sd:.2f}; promised to found {promised / planned:.2f}")
+    assert planned < 0.95 * at_random
+    assert planned < 0.95 * gridded
+    assert planned_sd < 0.95 * min(random_sd, grid_sd)
+    assert promised == pytest.approx(planned, rel=0.2)  # the plan does not promise too much
+
+
+# -- Files of a run --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    found = tmp_path_factory.mktemp("mission")
+    write_mission(found, simulate_mission(MissionSettings(hours=0.5, cell_m=4.0, dwell="fmi:60", preset="paper")))
+    return found
+
+
+def run(*arguments):
+    result = CliRunner().invoke(main, ["calibrate", *map(str, arguments), "--json"])
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    return json.loads(result.stdout)
+
+
+@pytest.mark.slow
+def test_the_filled_sheet_goes_back_into_the_command(folder, tmp_path):
+    answer = run("--plan", folder, "--cores", 4, "--out", tmp_path)
+    places = answer["places"]
+    assert len(places) == 4
+    sheet = tmp_path / "cores.csv"
+    with sheet.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert tuple(rows[0]) == SHEET_COLUMNS
+    with pytest.raises(InputError, match="the core has no moisture"):
+        read_soil_cores(sheet, 1.1)
+    assert "may be filled in" in run("--plan", folder, "--out", tmp_path)["errors"][0]["message"]
+    expected = {f"core place {place['number']}": place["vwc"] for place in places}
+    for row in rows:
+        row |= {"gravimetric_water": f"{expected[row['profile']] / 1.1:.5f}", "bulk_density_gcm3": "1.1"}
+    with sheet.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, SHEET_COLUMNS)
+        writer.writeheader()
+        writer.writerows(rows)
+    assert read_soil_cores(sheet).notes == ()
+    site = tmp_path / "site.yaml"
+    site.write_text("# kept\nsoil: {bulk_density_gcm3: 1.1}\n")
+    found = run(sheet, "--site", site, "--run", folder, "--cores-only")
+    n0_cps = open_run(folder).summary["calibration"]["n0_cps"]
+    assert not found["errors"]
+    assert found["n0_cps"] == pytest.approx(n0_cps, rel=0.01)
+    assert load_site(site).calibration.n0_cps == pytest.approx(n0_cps, rel=0.01)
+    assert site.read_text().startswith("# kept")
+    assert found["n0_sd_cps"] / n0_cps == pytest.approx(
+        (places[-1]["level_sd"] ** -2 - SITE_SCATTER**-2) ** -0.5, rel=0.3
+    )
+    assert (
+        "leave out --log"
+        in run(sheet, "--site", site, "--run", folder, "--counts", 5, "--exposure", 5)["errors"][0]["message"]
+    )
+    rows[0]["latitude_deg"] = "53.4"
+    sheet.write_text("\n".join([",".join(SHEET_COLUMNS), *(",".join(row.values()) for row in rows)]))
+    assert "outside the map" in run(sheet, "--site", site, "--run", folder)["errors"][0]["message"]
+
+
+@pytest.mark.slow
+def test_waypoints_are_read_by_another_program(folder, tmp_path):
+    pyogrio = pytest.importorskip("pyogrio")
+    places = run("--plan", folder, "--cores", 3, "--out", tmp_path)["places"]
+    root = ElementTree.parse(tmp_path / "cores.gpx").getroot()
+    assert root.tag == "{http://www.topografix.com/GPX/1/1}gpx"
+    found = pyogrio.read_dataframe(tmp_path / "cores.gpx", layer="waypoints")
+    assert list(found["name"]) == ["core place 1", "core place 2", "core place 3"]
+    np.testing.assert_allclose(found.geometry.x, [place["longitude_deg"] for place in places], atol=1e-7)
+    np.testing.assert_allclose(found.geometry.y, [place["latitude_deg"] for place in places], atol=1e-7)
+
+
+@pytest.mark.slow
+def test_places_lie_in_the_field_and_far_from_no_go_areas(folder):
+    from shapely import Point, box
+
+    source = open_source(open_run(folder))
+    west, south, east, north = source.boundary.bounds
+    barred = box(west, south, (west + east) / 2, north)
+    plan = plan_cores(replace(source, no_go=[barred]), 3)
+    allowed = source.boundary.difference(barred)
+    for place in plan.places:
+        point = Point(place.xy_m)
+        assert allowed.contains(point)
+        assert allowed.exterior.distance(point) >= plan.edge_m - 1e-6
+    crowded = plan_cores(source, 30)
+    assert any("too small" in note for note in crowded.notes)
+    with pytest.raises(InputError, match="no calibration"):
+        plan_cores(replace(source, properties=[replace(source.properties[0], curve=None)]), 3)
