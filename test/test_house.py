@@ -24,7 +24,7 @@ BUDGET_ROW = re.compile(r"^\| `([\w/]+)/` \| ([\d,]+) \| (\d+) \|$", re.MULTILIN
 LICENCE = (b"SPDX-FileCopyrightText: ", b"SPDX-License-Identifier: ")
 CODE = (".py", ".js", ".css", ".cmake")
 """Endings of source files; those that begin with ``#!`` are, too."""
-AVOIDED = re.compile(r"\b(beside|errands?)\b", re.IGNORECASE)
+AVOIDED = re.compile(r"(?<!--)\b(beside|errands?)\b", re.IGNORECASE)  # an option is called --beside
 LIMITS = re.compile(r"\b_?(MOST|FEWEST|LEAST|LONGEST|SHORTEST)_[A-Z]")
 
 

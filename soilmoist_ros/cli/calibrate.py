@@ -6,26 +6,42 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import click
 
 from soilmoist_ros.cli.answer import answering, put, say, warn, wrote
-from soilmoist_ros.cli.options import InputFileType, MomentType, Name
+from soilmoist_ros.cli.options import FILE, InputFileType, MomentType, Name
 from soilmoist_ros.foundation import InputError, Mistake, listing
 
 if TYPE_CHECKING:
-    from soilmoist_ros.sensing import Calibration, CalibrationCounts, CoreMean, Footprint, Site, Soil, Weighting
+    from soilmoist_ros.reporting import LevelOfPlaces
+    from soilmoist_ros.sensing import (
+        Calibration,
+        CalibrationCounts,
+        CoreMean,
+        Footprint,
+        LogFile,
+        MoistureCurve,
+        N0Estimate,
+        Site,
+        Soil,
+        SoilCore,
+        SurveyAir,
+        Weighting,
+    )
 
 DAY_S = 86_400.0
 TIME = MomentType()
 
 
 @click.command("calibrate")
-@click.argument("cores", type=InputFileType())
-@click.option("--site", type=InputFileType(), required=True, help="Site file to read; N0 is written to it.")
+@click.argument("cores", type=InputFileType(), required=False)
+@click.option("--site", type=InputFileType(), help="Site file to read; N0 or the sensitivity is written to it.")
 @click.option(
     "--log", "logs", type=InputFileType(), multiple=True, help="Neutron log of the calibration. Repeatable."
 )
@@ -39,6 +55,8 @@ TIME = MomentType()
     type=click.FloatRange(min=0, min_open=True),
     help="Effective exposure of --counts: live time divided by the product of the correction factors [s].",
 )
+@click.option("--run", type=FILE,
+              help="Instead of --log: map (output folder) with the rates at the places of the cores.")  # fmt: skip
 @click.option("--from", "start", type=TIME, metavar="TIME",
               help="Use records of the log after this time (UTC), such as 2026-05-02T14:30.")  # fmt: skip
 @click.option("--to", "end", type=TIME, metavar="TIME", help="Use records of the log up to this time (UTC).")
@@ -53,20 +71,46 @@ TIME = MomentType()
     metavar="DAY",
     help="Day of the calibration; written to the site file. Chooses among the days of the cores. Repeatable.",
 )
+@click.option("--cores-only", is_flag=True, help="Use the cores alone, not the general calibration.")
+@click.option("--earlier", type=InputFileType(), multiple=True,
+              help="Site file with an earlier calibration of this sensor, anywhere. Repeatable.")  # fmt: skip
+@click.option("--beside", "station_logs", type=InputFileType(), multiple=True,
+              help="Instead of CORES: log of a station next to the sensor of --log. Repeatable.")  # fmt: skip
+@click.option("--station-logger", type=Name("logger"), help="Logger format of --beside. Default: detected.")
+@click.option("--station-site", type=InputFileType(), help="Site file of the station. Default: that of --site.")
+@click.option("--station-sensitivity", type=click.FloatRange(min=0, min_open=True),
+              help="Sensitivity of the station to the reference detector. Default: by its site file.")  # fmt: skip
+@click.option("--station-sensitivity-sd", type=click.FloatRange(min=0),
+              help="Standard deviation of --station-sensitivity. Default: 3 %.")  # fmt: skip
+@click.option("--plan", type=FILE, help="Instead of CORES: map (output folder) to plan the places of cores with.")
+@click.option("--cores", "places", type=click.IntRange(1, 50), default=5, show_default=True,
+              help="Number of places of --plan.")  # fmt: skip
+@click.option("--out", type=FILE, help="Folder of the sheet of --plan. Default: RUN/cores.")
 @click.option("--dry-run", is_flag=True, help="Print the result; do not write the site file.")
 @answering
 def command(
-    cores: Path,
-    site: Path,
+    cores: Path | None,
+    site: Path | None,
     logs: tuple[Path, ...],
     logger: str | None,
     counts: int | None,
     exposure_s: float | None,
+    run: Path | None,
     start: datetime | None,
     end: datetime | None,
     curve: Literal["desilets", "universal"] | None,
     weighting: Weighting,
     dates: tuple[str, ...],
+    cores_only: bool,
+    earlier: tuple[Path, ...],
+    station_logs: tuple[Path, ...],
+    station_logger: str | None,
+    station_site: Path | None,
+    station_sensitivity: float | None,
+    station_sensitivity_sd: float | None,
+    plan: Path | None,
+    places: int,
+    out: Path | None,
     dry_run: bool,
 ) -> None:
     """Find N0 from soil CORES (a CSV file) and the counts at the calibration.
@@ -74,7 +118,41 @@ def command(
     CORES has one row per core. Its first line names the columns: vwc [m3/m3], or gravimetric_water [g/g] and
     bulk_density_gcm3 [g/cm3]. Optional are distance_m from the probe, depth_cm (or top_cm and bottom_cm), profile
     (cores of one place), date and weight. Columns in other units have other names, such as vwc_percent.
+
+    With --beside, find the sensitivity of a sensor from counts next to a station. With --plan, find the places in
+    a field where cores tell most, and write a sheet to fill in.
     """
+    if sum((cores is not None, bool(station_logs), plan is not None)) != 1:
+        raise click.UsageError("give one of CORES, --beside and --plan")
+    if plan is not None:
+        _plan(plan, places, out)
+        return
+    if site is None:
+        raise click.UsageError("Missing option '--site'.")
+    if station_logs:
+        station = station_site, station_sensitivity, station_sensitivity_sd
+        _compare(site, logs, logger, station_logs, station_logger, station, dry_run)
+        return
+    assert cores is not None
+    counting = logs, logger, counts, exposure_s, (start, end)
+    _calibrate(cores, site, counting, run, curve, weighting, dates, cores_only, earlier, dry_run)
+
+
+def _calibrate(
+    cores: Path,
+    site: Path,
+    counting: tuple[
+        tuple[Path, ...], str | None, int | None, float | None, tuple[datetime | None, datetime | None]
+    ],
+    run: Path | None,
+    curve: Literal["desilets", "universal"] | None,
+    weighting: Weighting,
+    dates: tuple[str, ...],
+    cores_only: bool,
+    earlier: tuple[Path, ...],
+    dry_run: bool,
+) -> None:
+    """N0 from cores, written to the site file."""
     from soilmoist_ros.sensing import (
         Calibration,
         Soil,
@@ -101,14 +179,20 @@ def command(
     unit = unit.model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None, "curve": curve or unit.curve})
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
-    counted = _counted(known, logs, logger, counts, exposure_s, (start, end))
+    counted = _counted(known, *counting) if run is None else _no_counts(*counting)
     _require_days_of_counts(table.days or dates, counted, cores)
-    rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
     air, bound_water = _air(known, counted), soil.lattice_water + soil.organic_water
+    unit_curve = unit.curve_of(soil, known.reference_humidity_gm3)
     try:
         mean = mean_of_cores(sampled, weighting, air, bound_water, soil.bulk_density_gcm3)
-        unit_curve = unit.curve_of(soil, known.reference_humidity_gm3)
-        estimate = estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve)
+        if run is not None:
+            level = _at_places(run, sampled, unit_curve, weighting, air)
+            estimate, rate = level.estimate, level.rate_cps
+            rate_sd = rate * estimate.from_counting_cps / estimate.n0_cps
+            mean = replace(mean, vwc=level.vwc, vwc_sd=level.vwc_sd)
+        else:
+            rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
+            estimate = estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve)
     except ValueError as error:
         raise InputError(
             f"the calibration has no solution: {error}", "check the cores and the soil properties", cores
@@ -119,7 +203,7 @@ def command(
         vwc=mean.vwc, vwc_sd=mean.vwc_sd, weights=mean.weights,
     )  # fmt: skip
     say(f"cores      {_about(mean)}{f', of {listing(table.days)}' if table.days else ''}")
-    if mean.weights == "equal weights" and weighting != "equal":
+    if mean.weights == "equal weights" and weighting != "equal" and run is None:
         warn(f"note       the {weighting} weights need distance_m, or depths of several cores in a profile")
     assumed = "" if counted.records and math.isfinite(counted.pressure_hpa) else " (assumed for the weights)"
     say(f"air        {air.pressure_hpa:.1f} hPa, {air.humidity_gm3:.1f} g/m3{assumed}")
@@ -127,6 +211,7 @@ def command(
         say(f"factors    {counted.factors_text}")
     records = f", {counted.records} records" if counted.records else ""
     records += f", {counted.left_out} left out" if counted.records and counted.left_out else ""
+    records += f", the map at {mean.profiles} places" if run is not None else ""
     say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{records}")
     say(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s, curve {unit.curve}")
     of_cores = "an unknown part" if math.isnan(estimate.from_cores_cps) else f"{estimate.from_cores_cps:.4f}"
@@ -135,9 +220,6 @@ def command(
         before = None  # its N0 is of another kind
     for doubt in (*counted.doubts(known), *_doubts(estimate.n0_cps, before, mean.bulk_density_gcm3, soil)):
         warn(f"doubt      {doubt}")
-    if dry_run:
-        say(f"dry run: {site} is not changed")
-        return
     result = Calibration(
         n0_cps=round(estimate.n0_cps, 5),
         curve=unit.curve,
@@ -146,8 +228,85 @@ def command(
         date=", ".join(dates or table.days) or None,
         note=f"{mean.count} soil cores, mean VWC {mean.vwc:.3f} m3/m3, {mean.weights}",
     )
+    if not cores_only:
+        days = tuple(table.days) or dates
+        result = _combined(result, estimate, mean, rate, unit_curve, known, _survey_air(counted), earlier, days)
+    elif earlier:
+        raise click.UsageError("--earlier is not used with --cores-only")
+    if dry_run:
+        say(f"dry run: {site} is not changed")
+        return
     write_calibration(site, result, soil if load_site(site).soil is None else None)
     wrote([site])
+
+
+def _combined(
+    alone: Calibration,
+    cores: N0Estimate,
+    mean: CoreMean,
+    rate_cps: float,
+    unit_curve: MoistureCurve,
+    known: Site,
+    air: SurveyAir,
+    earlier: tuple[Path, ...],
+    days: Sequence[str],
+) -> Calibration:
+    """The calibration by the cores together with the general and earlier ones; as it was where there is none."""
+    from soilmoist_ros.sensing import (
+        DISAGREEMENT_SD,
+        PROFILE_SD,
+        SITE_SCATTER,
+        N0Source,
+        combine_n0,
+        combined_calibration,
+        difference_sd,
+        earlier_source,
+        estimate_n0,
+        level_vwc_sd,
+        load_site,
+    )
+
+    prior, why = _general(known, air)
+    if prior is None:
+        say(f"general    not used: {why}")
+        if not earlier:
+            return alone
+    assumed = math.isnan(mean.vwc_sd)
+    if assumed:
+        warn(f"assumption the profile is within {PROFILE_SD:g} m3/m3 (1 sd) of its footprint's mean")
+        rate_sd = cores.from_counting_cps / cores.n0_cps * rate_cps
+        cores = estimate_n0(rate_cps, rate_sd, mean.vwc, PROFILE_SD, unit_curve)
+    sources = [N0Source("cores", cores.n0_cps, cores.n0_sd_cps / cores.n0_cps)]
+    if prior is not None:
+        sd = (prior.n0_sd_cps or 0.0) / prior.n0_cps
+        sources.append(N0Source("general", prior.n0_cps, sd, min(SITE_SCATTER, sd)))
+    for one in earlier:
+        before = load_site(one)
+        sources.append(earlier_source(before, one, known, days, partial(_scale, known, before, one)))
+    result, both = combined_calibration(alone, cores, sources, prior, assumed)
+    without = combine_n0(sources[1:])
+    curve = replace(unit_curve, n0_cps=result.n0_cps)
+    before_sd, after_sd = (100 * level_vwc_sd(curve, rate_cps, sd) for sd in (without.sd, both.sd))
+    differ = difference_sd(sources[0], N0Source("", without.n0_cps, without.sd))
+    names = listing([one.name for one in sources[1:]])
+    for source in sources:
+        say(f"{source.name:<10} N0 {source.n0_cps:.4f} +- {source.n0_cps * source.sd:.4f} counts/s")
+    say(f"together   N0 {result.n0_cps:.4f} +- {result.n0_sd_cps:.4f} counts/s")
+    say(
+        f"worth      {names} alone +- {before_sd:.1f} % by volume, with the cores +- {after_sd:.1f}; the cores "
+        f"weigh {100 * both.weights[0]:.0f} %; they agree within {differ:.1f} sd"
+    )
+    put(
+        method="combined", n0_cps=result.n0_cps, n0_sd_cps=result.n0_sd_cps, n0_of_cores_cps=cores.n0_cps,
+        weight_of_cores=both.weights[0], disagreement_sd=differ, level_vwc_sd_before=before_sd / 100,
+        level_vwc_sd=after_sd / 100,
+    )  # fmt: skip
+    if differ > DISAGREEMENT_SD:
+        warn(
+            f"doubt      the cores and {names} contradict each other by {differ:.1f} sd: check cores, density and "
+            "sensitivity; --cores-only uses the cores alone"
+        )
+    return result
 
 
 def _about(mean: CoreMean) -> str:
@@ -217,8 +376,7 @@ def _counted(
     exposure_s: float | None,
     window: tuple[datetime | None, datetime | None],
 ) -> CalibrationCounts:
-    from soilmoist_ros.pipeline import read_logs, reading_of, skipped_text
-    from soilmoist_ros.sensing import CalibrationCounts, calibration_counts, log_doubts
+    from soilmoist_ros.sensing import CalibrationCounts, calibration_counts
 
     if (counts is None) != (exposure_s is None) or bool(logs) == (counts is not None):
         raise click.UsageError("give the counts of the calibration with --log, or with --counts and --exposure")
@@ -228,10 +386,188 @@ def _counted(
             raise click.UsageError("--from and --to select records of a log; they require --log")
         return CalibrationCounts(counts, exposure_s, 0, 0, math.nan, math.nan, math.nan, math.nan)
     first_s, last_s = start.timestamp() if start else -math.inf, end.timestamp() if end else math.inf
+    return calibration_counts(_read(site, logs, logger), site, first_s, last_s)
+
+
+# Places of cores on a map, and a sensor next to a station ------------------------------------------------------
+
+
+def _no_counts(
+    logs: tuple[Path, ...],
+    logger: str | None,
+    counts: int | None,
+    exposure_s: float | None,
+    window: tuple[datetime | None, datetime | None],
+) -> CalibrationCounts:
+    """Stand-in for counts where the rates are those of a map."""
+    from soilmoist_ros.sensing import CalibrationCounts
+
+    if logs or counts is not None or exposure_s is not None or any(window):
+        raise click.UsageError(
+            "--run has the counts already: leave out --log, --counts, --exposure, --from and --to"
+        )
+    return CalibrationCounts(0, 1.0, 0, 0, math.nan, math.nan)
+
+
+def _at_places(
+    run: Path, cores: Sequence[SoilCore], unit_curve: MoistureCurve, weighting: Weighting, air: Footprint
+) -> LevelOfPlaces:
+    """N0 from the cores and a map at their places."""
+    from soilmoist_ros.reporting import n0_at_places, open_run, open_source
+
+    level = n0_at_places(open_source(open_run(run)), cores, unit_curve, weighting, air)
+    if level.spread > 1.5:
+        warn(
+            f"doubt      cores and map differ {level.spread:.1f} times more from place to place than both errors "
+            "explain: was there rain between them? The error of N0 is that much larger"
+        )
+    return level
+
+
+def _plan(run: Path, count: int, out: Path | None) -> None:
+    """Print where cores tell most, and write the sheet and the waypoints."""
+    from soilmoist_ros.reporting import open_run, open_source, plan_cores, write_plan
+
+    source = open_source(open_run(run))
+    plan = plan_cores(source, count)
+    for note in (*source.notes, *plan.notes):
+        warn(f"note       {note}")
+    say(
+        f"before     N0 +- {100 * plan.prior_sd:.1f} %, the mean moisture +- {100 * plan.prior_vwc_sd:.1f} % by "
+        "volume"
+    )
+    say("place  latitude    longitude    expected        cores [cm]                     after it")
+    for one in plan.places:
+        layers = ", ".join(f"{top}-{bottom}" for top, bottom in one.layers_cm)
+        expected = f"{100 * one.vwc:.0f} +- {100 * one.vwc_sd:.0f} %"
+        say(
+            f"{one.number:<5}  {one.latitude_deg:10.6f}  {one.longitude_deg:11.6f}  {expected:<14}  {layers:<29}  "
+            f"N0 +- {100 * one.level_sd:.1f} %, moisture +- {100 * one.level_vwc_sd:.1f} %"
+        )
+    say(f"distances  {plan.spacing_m:.0f} m to the next place, {plan.edge_m:.0f} m to the edge at least")
+    put(
+        places=[one._asdict() for one in plan.places], prior_sd=plan.prior_sd, prior_vwc_sd=plan.prior_vwc_sd,
+        spacing_m=plan.spacing_m, edge_m=plan.edge_m,
+    )  # fmt: skip
+    wrote(write_plan(plan, out or run / "cores", source.title))
+    say("then       fill in the sheet, and: soilmoist calibrate cores.csv --site SITE --run RUN")
+
+
+def _compare(
+    site: Path,
+    logs: tuple[Path, ...],
+    logger: str | None,
+    station_logs: tuple[Path, ...],
+    station_logger: str | None,
+    station: tuple[Path | None, float | None, float | None],
+    dry_run: bool,
+) -> None:
+    """The sensitivity of a sensor from counts next to a station, written to the site file."""
+    from soilmoist_ros.sensing import compare_side_by_side, load_site, utc_text, write_site_values
+
+    if not logs:
+        raise click.UsageError("--beside requires --log, the log of your own sensor")
+    station_site, given, given_sd = station
+    known = load_site(site)
+    of_station = load_site(station_site) if station_site else known
+    sensitivity, sensitivity_sd, origin = _sensitivity_of(of_station, station_site, given, given_sd)
+    own, other = _read(known, logs, logger), _read(of_station, station_logs, station_logger)
+    found = compare_side_by_side(own, known, other, of_station)
+    value, sd = found.sensitivity(sensitivity, sensitivity_sd)
+    put(
+        ratio=found.ratio, ratio_sd=found.ratio_sd, sensor_sensitivity=value, sensor_sensitivity_sd=sd,
+        own_counts=found.own_counts, station_counts=found.other_counts, counted_s=found.counted_s, gaps=found.gaps,
+    )  # fmt: skip
+    say(
+        f"together   {found.counted_s / 3600:.1f} h of {utc_text(found.first_s)} to {utc_text(found.last_s)} UTC, "
+        f"{len(found.gaps)} gaps"
+    )
+    for begin, end in sorted(found.gaps, key=lambda gap: gap[0] - gap[1])[:3]:
+        say(f"gap        {(end - begin) / 3600:.1f} h of {utc_text(begin)} to {utc_text(end)} UTC")
+    say(f"counts     {found.own_counts} here, {found.other_counts} of the station")
+    say(f"ratio      {found.ratio:.4f} +- {found.ratio_sd:.4f}, from counting")
+    say(f"station    sensitivity {sensitivity:.3f} +- {sensitivity_sd:.3f}, {origin}")
+    say(f"sensor     sensitivity {value:.3f} +- {sd:.3f}")
+    if dry_run:
+        say(f"dry run: {site} is not changed")
+        return
+    write_site_values(site, {"sensor_sensitivity": round(value, 4), "sensor_sensitivity_sd": round(sd, 4)})
+    wrote([site])
+
+
+def _read(site: Site, logs: tuple[Path, ...], logger: str | None) -> list[LogFile]:
+    """Logs of one sensor, with what the user should know of them."""
+    from soilmoist_ros.pipeline import read_logs, reading_of, skipped_text
+    from soilmoist_ros.sensing import log_doubts
+
     skipped: list[Mistake] = []
     found = read_logs(logs, logger, site, skipped=skipped)
     for key, text in reading_of(found).items():
         say(f"{key:<10} {text}")
     for text in [skipped_text(skipped)] * bool(skipped) + [str(problem) for problem in log_doubts(found)]:
         warn(f"warning    {text}")
-    return calibration_counts(found, site, first_s, last_s)
+    return found
+
+
+# The general calibration ------------------------------------------------------------------------------------
+
+
+def _survey_air(counted: CalibrationCounts) -> SurveyAir:
+    from soilmoist_ros.sensing import SurveyAir
+
+    return SurveyAir(pressure_hpa=counted.pressure_hpa)
+
+
+def _general(site: Site, air: SurveyAir) -> tuple[Calibration | None, str]:
+    """General calibration of a site, or ``None`` and the reason."""
+    from soilmoist_ros.sensing import general_calibration, sensitivity_of
+
+    if sensitivity_of(site) is None:
+        return None, "the site file has no sensor_sensitivity; --beside finds it"
+    if site.calibration is not None and site.calibration.curve != "desilets":
+        return None, f"it is of the curve desilets, the site's is {site.calibration.curve}"
+    found = general_calibration(site, air)
+    if found is None:
+        return None, "the site file needs a location, with altitude_m where the log has no pressure"
+    return found[0], ""
+
+
+def _scale(here: Site, there: Site, path: Path) -> float:
+    """N0 of one sensor at a site relative to that at another one, by the general calibration."""
+    from soilmoist_ros.sensing import SurveyAir, general_calibration
+
+    levels = []
+    for site in (here, there):
+        found = general_calibration(site.model_copy(update={"sensor_sensitivity": 1.0}), SurveyAir())
+        if found is None:
+            raise InputError("is of another site of unknown altitude", "add altitude_m to both locations", path)
+        levels.append(found[0].n0_cps)
+    return levels[0] / levels[1]
+
+
+def _sensitivity_of(
+    station: Site, path: Path | None, given: float | None, given_sd: float | None
+) -> tuple[float, float, str]:
+    """Sensitivity of a station, its standard deviation, and where it is from: as given, from its site file, or by
+    its N0, whose site then differs from others by as much as sites do.
+    """
+    from soilmoist_ros.sensing import SITE_SCATTER, Site, SurveyAir, general_calibration, sensitivity_of
+
+    if given is not None:
+        known = sensitivity_of(Site(sensor_sensitivity=given, sensor_sensitivity_sd=given_sd))
+        assert known is not None
+        return known.value, known.sd, "as given"
+    if path is None:
+        raise InputError("nothing is known of the station", "give --station-sensitivity or --station-site")
+    if (known := sensitivity_of(station)) is not None:
+        return known.value, known.sd, f"of {path.name}"
+    own = station.calibration
+    if own is None or own.illustrative or own.curve != "desilets" or own.method != "cores":
+        remedy = "give --station-sensitivity, or a site file with sensor_sensitivity or an N0 from cores"
+        raise InputError("has no sensitivity and no N0 from cores of the curve desilets", remedy, path)
+    found = general_calibration(station.model_copy(update={"sensor_sensitivity": 1.0}), SurveyAir())
+    if found is None:
+        raise InputError("has no location with altitude_m, so its N0 cannot be compared", "add it", path)
+    value = own.n0_cps / found[0].n0_cps
+    sd = math.hypot((own.n0_sd_cps or 0.0) / own.n0_cps, SITE_SCATTER)
+    return value, value * sd, f"by N0 of {path.name}"

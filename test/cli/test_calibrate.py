@@ -3,7 +3,9 @@
 """``soilmoist calibrate`` with core tables of other people's form: the right N0, or a question."""
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -185,3 +187,102 @@ def test_counts_of_another_day_than_the_cores_are_refused(tmp_path):
         result = CliRunner().invoke(main, [str(each) for each in [*common, "--dry-run"]])
         assert result.exit_code == 2
         assert f"the cores are of {day}, and the counts of 20" in result.output
+
+
+# -- With the general calibration, earlier ones, and a station ---------------------------------------------------
+
+SENSOR = "sensor_sensitivity: 1.0\n"
+
+
+def cores_of(vwc, profiles=14):
+    rows = (f"p{number},{5 + 5 * number},0,20,{vwc + 0.01 * (number % 3 - 1)}" for number in range(profiles))
+    return "\n".join(["profile,distance_m,top_cm,bottom_cm,vwc", *rows])
+
+
+def test_without_a_sensitivity_the_result_is_that_of_the_cores(calibrate, tmp_path):
+    alone = calibrate(cores_of(0.25))
+    written = (tmp_path / "site.yaml").read_text()
+    assert calibrate(cores_of(0.25), "--cores-only") == alone
+    assert (tmp_path / "site.yaml").read_text() == written
+    known = calibrate(cores_of(0.25), "--cores-only", site=SITE + SOIL + SENSOR)
+    assert known["n0_cps"] == alone["n0_cps"]
+    assert "method" not in alone
+
+
+def test_many_cores_outweigh_the_general_calibration_and_one_does_not(calibrate, tmp_path):
+    site = SITE + SOIL + SENSOR
+    alone = calibrate(cores_of(0.25), counts=1800)
+    both = calibrate(cores_of(0.25), site=site, counts=1800)
+    assert abs(both["n0_cps"] - alone["n0_cps"]) < alone["n0_sd_cps"]
+    assert both["weight_of_cores"] > 0.75
+    saved = load_site(tmp_path / "site.yaml").calibration
+    assert saved.method == "combined"
+    assert saved.n0_cps == pytest.approx(both["n0_cps"])
+    shares = [part.share for part in saved.parts if part.share == part.share]
+    assert sum(share**2 for share in shares) ** 0.5 == pytest.approx(saved.n0_sd_cps / saved.n0_cps, rel=1e-3)
+    one = calibrate(cores_of(0.25, 1), site=site, counts=1800)
+    assert any("assumption" in text for text in one["warnings"])
+    assert one["weight_of_cores"] < both["weight_of_cores"]
+    assert one["level_vwc_sd"] < one["level_vwc_sd_before"]
+
+
+def test_cores_that_contradict_the_general_calibration_are_doubted(calibrate):
+    answer = calibrate(cores_of(0.25), site=SITE + SOIL + "sensor_sensitivity: 3.0\n", counts=2500)
+    assert answer["disagreement_sd"] > 2
+    assert any("contradict each other" in text for text in answer["warnings"])
+
+
+def test_an_earlier_day_at_this_site_sharpens_and_the_same_day_is_refused(calibrate, tmp_path):
+    calibrate("date,vwc\n2025-05-02,0.24\n2025-05-02,0.27\n2025-05-02,0.26\n", counts=2500)
+    before = tmp_path / "before.yaml"
+    before.write_text((tmp_path / "site.yaml").read_text())
+    later = "date,vwc\n2026-05-02,0.24\n2026-05-02,0.27\n2026-05-02,0.26\n"
+    alone, both = calibrate(later, counts=2500), calibrate(later, "--earlier", before, counts=2500)
+    assert both["n0_cps"] == pytest.approx(alone["n0_cps"], rel=1e-4)
+    assert both["n0_sd_cps"] == pytest.approx(alone["n0_sd_cps"] / 2**0.5, rel=0.01)
+    (error,) = calibrate(later.replace("2026", "2025"), "--earlier", before)["errors"]
+    assert "its cores would count twice" in error["message"]
+
+
+def thin(log, share):
+    """A sensor next to the station of a log: independent Poisson counts, fewer by a share."""
+    rng = np.random.default_rng(4)
+    lines = log.read_text().splitlines()
+    for number, line in enumerate(lines[4:], 4):
+        cells = line.split(",")
+        cells[10:12] = [str(rng.poisson(share * float(cell))) for cell in cells[10:12]]
+        lines[number] = ",".join(cells)
+    return "\n".join(lines)
+
+
+@pytest.mark.slow
+def test_the_sensitivity_of_a_sensor_next_to_a_station(tmp_path):
+    station = Path(__file__).parents[2] / "examples" / "station_kansas_2021-10.dat"
+    (tmp_path / "own.dat").write_text(thin(station, 0.4))
+    site = tmp_path / "site.yaml"
+    kansas = Path(__file__).parents[2] / "config" / "sites" / "station_kansas.yaml"
+    site.write_text(kansas.read_text().partition("calibration:")[0])
+
+    def compare(*options):
+        arguments = [
+            "calibrate",
+            "--beside",
+            station,
+            "--log",
+            tmp_path / "own.dat",
+            "--site",
+            site,
+            "--json",
+            *options,
+        ]
+        return json.loads(CliRunner().invoke(main, [str(each) for each in arguments]).stdout)
+
+    assert "nothing is known of the station" in compare()["errors"][0]["message"]
+    found = compare("--station-sensitivity", 2, "--station-sensitivity-sd", 0.1)
+    assert found["sensor_sensitivity"] == pytest.approx(0.8, abs=3 * 2 * found["ratio_sd"])
+    assert found["sensor_sensitivity_sd"] == pytest.approx(0.04, rel=0.02)
+    assert site.read_text().startswith("# Site of the public records")
+    assert load_site(site).sensor_sensitivity == pytest.approx(found["sensor_sensitivity"], abs=1e-4)
+    by_n0 = compare("--station-site", kansas)
+    assert by_n0["sensor_sensitivity"] / by_n0["ratio"] == pytest.approx(0.81, abs=0.01)
+    assert by_n0["sensor_sensitivity_sd"] / by_n0["sensor_sensitivity"] > 0.05  # sites differ
