@@ -226,7 +226,10 @@ def site_findings(site: Site) -> Iterator[FileFinding]:
     curve, calibration = site.curve, site.calibration
     if curve is None:
         missing = " and ".join(name for name in ("soil", "calibration") if getattr(site, name) is None)
-        yield FileFinding("moisture", f"not mapped, only the count rate: there is no {missing}")
+        text = f"not mapped, only the count rate: there is no {missing}"
+        if calibration is None and site.sensor_sensitivity and "calibration" not in site.model_fields_set:
+            text = f"by the general calibration, with a sensitivity of {site.sensor_sensitivity}"
+        yield FileFinding("moisture", text)
         return
     pores = soil_limits(curve.bulk_density_gcm3).saturation
     dry, wet = (float(curve.rate_cps(min(vwc, pores))) for vwc in (_DRY, _WET))

@@ -247,6 +247,7 @@ def with_general_calibration(site: Site, logs: Sequence[LogFile], places: NDArra
     """Site with the general calibration, where it has no N0, knows its sensor and does not ask for the rate alone.
 
     :param places: latitude and longitude of the records, shape (n, 2) [deg]
+    :raises InputError: if nothing says the air pressure, to which N0 is scaled
     """
     asked_off = site.calibration is None and "calibration" in site.model_fields_set
     if site.calibration is not None or asked_off or site.sensor_sensitivity is None or not len(places):
@@ -258,7 +259,8 @@ def with_general_calibration(site: Site, logs: Sequence[LogFile], places: NDArra
     latitude, longitude = np.median(places, axis=0).tolist()
     found = general_calibration(site, SurveyAir(latitude, longitude, pressure, temperature))
     if found is None:
-        return site
+        message = "the general calibration needs the air pressure, and neither the log nor the site file has it"
+        raise InputError(message, "give 'altitude_m' in 'location', or 'calibration: null' for the rate alone")
     calibration, soil = found
     return site.model_copy(update={"calibration": calibration, "soil": soil})
 

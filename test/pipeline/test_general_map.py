@@ -3,6 +3,8 @@
 """``soilmoist map`` of a log whose site has no N0."""
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +44,13 @@ def test_a_known_sensor_gives_a_calibration_with_parts(logs):
     assert site.soil.bulk_density_gcm3 == STATION.soil.bulk_density_gcm3
     assert site.calibration.n0_cps == pytest.approx(STATION.calibration.n0_cps, rel=0.03)
     assert {part.name for part in site.calibration.parts} >= {"general N0", "sensitivity", "intensity", "biomass"}
+
+
+def test_without_a_pressure_the_message_says_what_to_give(logs):
+    records = tuple(replace(record, pressure_hpa=math.nan) for record in logs[0].records)
+    nowhere = Site.model_validate({"sensor_sensitivity": 1, "corrections": {"pressure": None}})
+    with pytest.raises(InputError, match="'altitude_m' in 'location'"):
+        with_general_calibration(nowhere, [replace(logs[0], records=records)], PLACE)
 
 
 def test_a_calibrated_site_refuses_another_sensor():
