@@ -186,5 +186,5 @@ def _why_no_moisture(run: MapRun) -> str:
         return "the site file has no soil properties or calibration"
     return (
         "there is no calibration. --sensor MODEL, or 'sensor_sensitivity' in the site file, gives moisture by the "
-        "general calibration; a station beside yours gives the sensitivity of another sensor"
+        "general calibration; a station next to yours gives the sensitivity of another sensor"
     )

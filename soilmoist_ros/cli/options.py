@@ -132,7 +132,7 @@ class SensorType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
             known = ", ".join(f"{model} ({of:g})" for model, of in SENSITIVITIES.items())
             self.fail(
                 f"{value!r} is no sensor: give {known}, or the counts of yours per count of the reference "
-                "detector, found by standing beside a station: soilmoist calibrate --beside STATION_LOG",
+                "detector, found next to a station: soilmoist calibrate --beside STATION_LOG",
                 param,
             )
         return number

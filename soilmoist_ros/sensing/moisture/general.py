@@ -79,7 +79,7 @@ SENSITIVITIES: dict[SensorModel, float] = {
 authors)."""
 MODEL_SD, GIVEN_SD = 0.04, 0.03
 """Relative standard deviations of a sensitivity: of single sensors around their model (four CRS-1000 and nine
-CRS-2000B that stood beside the reference), and of a given one without a statement."""
+CRS-2000B that stood next to the reference), and of a given one without a statement."""
 
 CROPS: dict[Crop, float] = {
     "bare": 0.0,
