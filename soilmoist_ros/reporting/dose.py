@@ -21,7 +21,7 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
 from soilmoist_ros.reporting.certainty import CERTAIN
 from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, dissolved, divided, workable
-from soilmoist_ros.sensing import MoistureCurve
+from soilmoist_ros.sensing import MoistureCurve, soil_limits
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 _NODES = 40
 """Equally probable values of the rate, by which errors of the moisture are combined with the curve."""
+MAX_BLOCKS = 4000
+"""Number of blocks of a field; larger fields have blocks of several swaths."""
 TOLERANCE_M = 0.01
 """Distance that common borders of zones may move to get fewer corners [m]."""
 
@@ -72,33 +74,27 @@ class DoseSettings:
     below_sd: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0 <= self.wilting_point < self.field_capacity < 1:
-            limits = f"{self.wilting_point:g} and {self.field_capacity:g}"
-            raise InputError(
-                f"wilting point and field capacity of {limits} are no limits of a soil",
-                "give them in rising order",
-            )
-        if not 0 < self.efficiency <= 1:
-            remedy = "give the share of the water that reaches the roots, above 0 and at most 1, such as 0.8"
-            raise InputError(f"an efficiency of {self.efficiency:g} is not possible", remedy)
-        if not 0 < self.steps_mm <= self.max_dose_mm:
-            raise InputError(
-                f"steps of {self.steps_mm:g} mm do not fit a largest dose of {self.max_dose_mm:g} mm",
-                "give steps above 0 and at most the largest dose",
-            )
-        if not 0 <= self.min_dose_mm <= self.max_dose_mm:
-            raise InputError(
-                f"a smallest dose of {self.min_dose_mm:g} mm does not fit a largest of {self.max_dose_mm:g} mm",
-                "give the smallest dose first",
-            )
-        if not self.stress < self.full < 1:
-            raise InputError(
-                f"a target of {self.full:g} m3/m3 is not above {self.stress:.3g} m3/m3, where plants lack water",
-                "give a target between this and the pore volume",
-            )
-        for name in ("width_m", "min_zone_ha"):
-            if not (getattr(self, name) is None or getattr(self, name) > 0):
-                raise InputError(f"{name} of {getattr(self, name):g} is not possible", "give one above 0")
+        low, high = self.wilting_point, self.field_capacity
+        rules = (
+            (0 <= low < high < 1, f"wilting point {low:g} and field capacity {high:g} are no limits of a soil",
+             "give them in rising order"),
+            (0 < self.efficiency <= 1, f"an efficiency of {self.efficiency:g} is not possible",
+             "give the share of the water that reaches the roots, above 0 and at most 1, such as 0.8"),
+            (0 < self.steps_mm <= self.max_dose_mm,
+             f"steps of {self.steps_mm:g} mm do not fit a largest dose of {self.max_dose_mm:g} mm",
+             "give steps above 0 and at most the largest dose"),
+            (0 <= self.min_dose_mm <= self.max_dose_mm,
+             f"a smallest dose of {self.min_dose_mm:g} mm does not fit a largest of {self.max_dose_mm:g} mm",
+             "give one from 0 to the largest dose"),
+            (self.stress < self.full < 1,
+             f"a target of {self.full:g} m3/m3 is not above {self.stress:.3g} m3/m3, where plants lack water",
+             "give one between this and the pore volume"),
+            *((value is None or value > 0, f"{name} of {value} is not possible", "give one above 0")
+              for name, value in (("width_m", self.width_m), ("min_zone_ha", self.min_zone_ha))),
+        )  # fmt: skip
+        for holds, what, remedy in rules:
+            if not holds:
+                raise InputError(what, remedy)
 
     @property
     def full(self) -> float:
@@ -227,7 +223,13 @@ def find_dose(rate: Array, rate_sd: Array, curve: MoistureCurve, settings: DoseS
     :raises InputError: if the target is above the pore volume of the soil
     """
     rate, sd = np.asarray(rate, float), np.asarray(rate_sd, float)
-    check_target(settings, curve)
+    pores = soil_limits(curve.bulk_density_gcm3).saturation
+    if settings.full > pores:
+        raise InputError(
+            f"a target of {settings.full:g} m3/m3 is above the pore volume of {pores:.2f} m3/m3, which the bulk "
+            f"density of {curve.bulk_density_gcm3:g} g/cm3 leaves",
+            "lower the target, or check field capacity and bulk density",
+        )
     common = common_rate_sd(curve, rate)
     sd = sd if common is None else np.hypot(sd, common)
     reach = 4 * sd.max(initial=1e-9)
@@ -237,22 +239,6 @@ def find_dose(rate: Array, rate_sd: Array, curve: MoistureCurve, settings: DoseS
     low, high = spread.quantiles()
     needed = spread.below(settings.stress, settings.stress_sd)
     return Dose(spread.missing() * depth, low * depth, high * depth, needed, spread)
-
-
-def check_target(settings: DoseSettings, curve: MoistureCurve) -> None:
-    """Refuse a target that the pores of the soil cannot hold.
-
-    :raises InputError: if the target is above the pore volume
-    """
-    from soilmoist_ros.sensing import soil_limits
-
-    pores = soil_limits(curve.bulk_density_gcm3).saturation
-    if settings.full > pores:
-        raise InputError(
-            f"a target of {settings.full:g} m3/m3 is above the pore volume of {pores:.2f} m3/m3, which the bulk "
-            f"density of {curve.bulk_density_gcm3:g} g/cm3 leaves",
-            "lower the target, or check field capacity and bulk density",
-        )
 
 
 # Zones by the steps of a machine ---------------------------------------------------------------------------------
@@ -295,8 +281,8 @@ def zones_of_dose(
 ) -> list[DoseZone]:
     """Zones from the lowest to the highest dose. They do not overlap, and together they are the field.
 
-    Blocks as wide and long as the machine, along its driving direction, get the dose of their mean need where at
-    least half of them is expected to need water; blocks of one dose become one zone, and zones that are too small
+    Blocks of whole swaths of the machine, along its driving direction, get the dose of their mean need where at
+    least half of them is expected to need water. Blocks of one dose become one zone, and zones that are too small
     join a neighbour.
 
     :param xy: places of the dose, shape (n, 2) [m]
@@ -313,12 +299,8 @@ def zones_of_dose(
 
     def step(chosen: NDArray[Any]) -> int:
         """Number of the step that the mean need of some places asks for."""
-        irrigated = dose.needed[chosen].mean() >= 0.5
-        return (
-            int(np.argmin(np.abs(steps[1:] - dose.net_mm[chosen].mean() / settings.efficiency))) + 1
-            if irrigated
-            else 0
-        )
+        away = np.abs(steps[1:] - dose.net_mm[chosen].mean() / settings.efficiency)
+        return int(np.argmin(away)) + 1 if dose.needed[chosen].mean() >= 0.5 else 0
 
     tree = cKDTree(xy)
     order = np.argsort(block, kind="stable")
@@ -370,7 +352,8 @@ def swaths(boundary: BaseGeometry, settings: DoseSettings, cell_m: float) -> tup
             f"the machine of {settings.width_m:g} m is wider than the field of {wide:.0f} m",
             "give the width that it irrigates, in metres, or another driving direction",
         )
-    return along, across, settings.width_m
+    finest = max(cell_m, math.sqrt(boundary.area / MAX_BLOCKS))
+    return along, across, min(settings.width_m * math.ceil(finest / settings.width_m - 1e-6), wide)
 
 
 def _blocks(
@@ -415,12 +398,11 @@ def sure_share(dose: Dose) -> float:
 
 def dose_at(zones: Sequence[DoseZone], xy: Array) -> Array:
     """Gross dose of places, shape (n,) [mm]."""
-    from shapely import contains_xy, prepare
+    from scipy.spatial import cKDTree
 
-    found = np.zeros(len(xy))
+    found, tree = np.zeros(len(xy)), cKDTree(xy)
     for zone in zones:
-        prepare(zone.shape)
-        found[contains_xy(zone.shape, xy[:, 0], xy[:, 1])] = zone.gross_mm
+        found[_places(zone.shape, xy, tree)] = zone.gross_mm
     return found
 
 

@@ -20,6 +20,7 @@ from soilmoist_ros.reporting.dose import (
     dose_settings,
     find_dose,
     sure_share,
+    swaths,
     total_m3,
     zones_of_dose,
 )
@@ -162,6 +163,14 @@ def test_a_machine_wider_than_the_field_is_refused():
     dose, xy = field_dose(lambda x, _: 0.2 + 0 * x, one)
     with pytest.raises(InputError, match=r"of 50 m is wider than the field of 40 m"):
         zones_of_dose(dose, xy, 1.0, FIELD, one)
+
+
+def test_a_narrow_machine_has_blocks_of_several_swaths():
+    one = dataclasses.replace(LOAM, width_m=0.3)
+    assert swaths(FIELD, one, 1.0)[2] == pytest.approx(1.2)
+    assert swaths(FIELD, one, 0.1)[2] == pytest.approx(0.9)  # 2200 m2 in at most 4000 blocks
+    along, across, _ = swaths(FIELD, dataclasses.replace(LOAM, direction_deg=90), 1.0)
+    assert (*along, *across) == pytest.approx((1, 0, 0, -1), abs=1e-9)
 
 
 def test_a_run_without_a_dose_says_what_it_lacks():
