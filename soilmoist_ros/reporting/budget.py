@@ -28,10 +28,11 @@ from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, make_
 from soilmoist_ros.pipeline import REFERENCE, MapRun
 from soilmoist_ros.reporting.certainty import absolute
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
-from soilmoist_ros.sensing import MoistureCurve, UncertaintyPart
+from soilmoist_ros.sensing import MoistureCurve, UncertaintyPart, soil_limits
 
 Array = NDArray[np.float64]
 
+_ROUNDED = 1e-3
 NEAREST = 400
 """Number of samples around a place that split the variance of a map made tile by tile."""
 COUNTING, MAPPING, CHANGE, OTHER = "counting", "mapping", "change during the survey", "other parts of N0"
@@ -168,15 +169,16 @@ def make_budget(run: MapRun) -> Budget | None:
     level, low, high, vwc = (math.nan,) * 4
     if curve is not None:
         vwc = float(possible_moisture(curve, mean))
-    if curve is not None and absolute(run):
+    known_level = absolute(run) and 0 < vwc < soil_limits(curve.bulk_density_gcm3).saturation if curve else False
+    if curve is not None and known_level:
         level, low, high, of_level = level_parts(run, curve, mean)
         parts = [*parts, *of_level]
     size, largest = max(((max(part.level, part.place), part.name) for part in parts), default=(0.0, ""))
-    largest = N0 if curve is not None and not absolute(run) else largest if size > 0 else ""  # a guess beats all
+    largest = N0 if curve is not None and not known_level else largest if size > 0 else ""  # a guess beats all
     return Budget(
         "share of the rate" if curve is None else "m3/m3", mean, vwc, level, low, high, place, here[0],
         math.sqrt(here[1]), tuple(parts), tuple(_beyond(run, mean)), largest, remedies.get(largest, ""),
-        _text(run, level, place),
+        _text(run, known_level, level, place),
     )  # fmt: skip
 
 
@@ -239,7 +241,8 @@ def level_parts(run: MapRun, curve: MoistureCurve, rate: float) -> tuple[float, 
     of_n0, told = alone("n0_sd_cps"), known.parts if known else ()
     shares = [part for part in told if part.share > 0]
     summed = math.sqrt(sum(part.share**2 for part in shares)) * rate
-    scale = min(1.0, of_n0 / summed) if summed > 0 else 0.0
+    # A calibration states its total rounded; of a combined one the parts are those before the combination.
+    scale = 0.0 if not shares else of_n0 / summed if summed > (1 - _ROUNDED) * of_n0 else 1.0
     parts = [_told(part, scale * part.share * rate) for part in shares]
     rest = math.sqrt(max(of_n0**2 - (scale * summed) ** 2, 0.0))
     if rest > 1e-6 * total:
@@ -302,12 +305,13 @@ def _beyond(run: MapRun, rate: float) -> Iterator[Beyond]:
         yield Beyond("footprint", False, math.nan, f"each value is a {run.support_text}")
 
 
-def _text(run: MapRun, level: float, place: float) -> str:
+def _text(run: MapRun, known_level: bool, level: float, place: float) -> str:
     """The two uncertainties in a sentence."""
     if not run.calibrated:
         text = f"the rate of a place is known to ± {100 * place:.1f} % of the rate; moisture needs a calibration."
     elif math.isnan(level):
-        why = "the calibration has no ±" if absolute(run) else "N0 is a guess"
+        wrong = "the mean rate means an impossible moisture"
+        why = "N0 is a guess" if not absolute(run) else "the calibration has no ±" if known_level else wrong
         text = f"places are known to ± {100 * place:.1f} % by volume against the level; the level is not: {why}."
     elif at_one_place(run):
         text = (

@@ -163,6 +163,23 @@ def test_level_of_a_guess_is_not_known(make_run, the_map):
     assert all(one.level == 0 for one in found.parts)
 
 
+def test_level_beyond_the_soil_is_not_known(make_run, the_map):
+    """The limits of the soil cut the interval there: it would look sure."""
+    curve = CalibrationCurve(2.5, 1.4, n0_sd_cps=0.2)
+    found = make_budget(general(make_run, the_map, curve, part("general N0", 0.08)))
+    assert found.vwc == 0
+    assert math.isnan(found.level_sd)
+    assert "impossible moisture" in found.text
+    assert found.largest == N0
+
+
+def test_rounding_of_the_total_is_no_part(make_run, the_map):
+    curve = CalibrationCurve(7.0, 1.4, n0_sd_cps=7 * 0.05002)
+    found = make_budget(general(make_run, the_map, curve, part("general N0", 0.04), part("intensity", 0.03)))
+    assert [one.name for one in found.parts if one.level] == ["general N0", "intensity"]
+    assert squares(found.parts, "level") == pytest.approx(found.level_sd)
+
+
 def test_rate_map_has_a_budget_of_the_rate(make_run, uncalibrated):
     found = make_budget(make_run(soil_map=uncalibrated, calibration=None))
     assert found.unit == "share of the rate"
