@@ -16,6 +16,7 @@ from soilmoist_ros.mapping import (
     Effect,
     PoissonKriging,
     SoilMap,
+    common_rate_sd,
     estimate_variogram,
     moisture_terms,
     possible_moisture,
@@ -303,11 +304,24 @@ def mean_moisture(soil_map: SoilMap) -> MeanMoisture | None:
     limits, (value, between) = soil_map.limits, _expected_moisture(soil_map)
     if limits is None or between is None:
         return None
-    common = calibration_sd(soil_map) or 0.0
-    away = SoilMap.QUANTILE_SD * math.hypot(between, common)
-    return MeanMoisture(
-        value, between, common, max(value - away, limits.dryness), min(value + away, limits.saturation)
-    )
+    common, away = calibration_sd(soil_map) or 0.0, SoilMap.QUANTILE_SD * between
+    drier, wetter = _reach_of_calibration(soil_map)
+    low, high = value - math.hypot(away, drier), value + math.hypot(away, wetter)
+    return MeanMoisture(value, between, common, max(low, limits.dryness), min(high, limits.saturation))
+
+
+def _reach_of_calibration(soil_map: SoilMap) -> tuple[float, float]:
+    """Distances of the quantiles 0.05 and 0.95 of the mean moisture by the calibration alone [m^3/m^3].
+
+    Through the curve of each cell: its bend makes the interval longer towards wet.
+    """
+    curve, rate = soil_map.curve, soil_map.rate[soil_map.grid.mask]
+    sd = None if curve is None else common_rate_sd(curve, rate)
+    if curve is None or sd is None:
+        return 0.0, 0.0
+    away = SoilMap.QUANTILE_SD * sd
+    dry, mid, wet = (float(np.mean(possible_moisture(curve, one))) for one in (rate + away, rate, rate - away))
+    return mid - dry, wet - mid
 
 
 def _some_cells(soil_map: SoilMap, most: int) -> tuple[Array, ...]:
