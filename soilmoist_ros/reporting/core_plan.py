@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
+from soilmoist_ros.pipeline import is_illustrative
 from soilmoist_ros.reporting.exports.source import ExportedProperty, RunSource
 from soilmoist_ros.sensing import (
     PROFILE_SD,
@@ -192,6 +193,10 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
     step = 1e-3
     effect = np.log(replace(curve, bulk_density_gcm3=curve.bulk_density_gcm3 + step).rate_cps(vwc))
     effect = (np.log(curve.rate_cps(vwc)) - effect) / step
+    if is_illustrative(source.run.summary):
+        notes.append(
+            "the calibration is a guess: the moistures here are, too, and the level is less sure than said"
+        )
     known = curve.n0_sd_cps / curve.n0_cps
     if not known:
         notes.append(f"the error of N0 is not known: {100 * SITE_SCATTER:.1f} % is assumed, as between sites")
