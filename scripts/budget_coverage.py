@@ -138,11 +138,11 @@ def survey(name: str, quantiles: Sequence[float], seed: int) -> Draw:
 
 
 def coverage(name: str, draws: int) -> Draw:
-    """Means over draws: uncertainties, and shares inside the 90 % intervals."""
+    """Means over draws: uncertainties, and shares inside the 90 % intervals; a level not known is not inside."""
     parts = parts_of(*calibration_of(name))
     quantiles = LatinHypercube(len(parts), seed=1).random(draws).tolist()
     found = [survey(name, drawn, seed) for seed, drawn in enumerate(quantiles)]
-    return Draw(*np.mean(found, axis=0).tolist())
+    return Draw(*np.nanmean(found, axis=0).tolist())
 
 
 def main() -> None:
