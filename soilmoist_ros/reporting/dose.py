@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -143,16 +143,17 @@ class Dose:
     needed: Array
     _spread: _Spread
 
-    def right(self, gross_mm: float) -> Array:
-        """Probability that a place needs the gross dose of a step and no other one, shape (n,)."""
-        settings = self._spread.settings
+    def right(self, gross_mm: float, places: NDArray[np.intp] | slice = slice(None)) -> Array:
+        """Probability that places, by default all, need the gross dose of a step and no other one."""
+        settings, one = self._spread.settings, self._spread
         if not gross_mm > 0:
-            return 1 - self.needed
+            return np.asarray(1 - self.needed[places])
+        one = replace(one, rate=one.rate[places], sd=one.sd[places])
         doses = settings.doses_mm
         index = int(np.argmin(np.abs(doses - gross_mm)))
         middles = np.concatenate([[-np.inf], (doses[1:] + doses[:-1]) / 2, [np.inf]])
         wet, dry = settings.full - middles[index : index + 2] * settings.efficiency / settings.root_depth_mm
-        below = [self._spread.below(min(limit, settings.stress), settings.full_sd) for limit in (wet, dry)]
+        below = [one.below(min(limit, settings.stress), settings.full_sd) for limit in (wet, dry)]
         return np.maximum(below[0] - below[1], 0.0)
 
 
@@ -176,8 +177,10 @@ class _Spread:
 
         nodes = ndtri((np.arange(_NODES) + 0.5) / _NODES)
         nodes /= math.sqrt(float((nodes**2).mean()))
-        found = np.interp(self.rate + nodes[:, None] * self.sd, *self.table) + self._shift
-        return np.asarray(found, float)
+        rates, moistures = self.table  # evenly spaced, so there is no need to search
+        place = (self.rate + nodes[:, None] * self.sd - rates[0]) * ((len(rates) - 1) / (rates[-1] - rates[0]))
+        index = np.clip(place.astype(np.intp), 0, len(rates) - 2)
+        return np.asarray(moistures[index] + (place - index) * np.diff(moistures)[index] + self._shift)
 
     @property
     def _shift(self) -> float:
@@ -309,12 +312,11 @@ def zones_of_dose(
     shapes, _ = workable(*dissolved(faces, number), smallest_m2, TOLERANCE_M, alike=True)
     # What has joined counts in the dose of its zone.
     shapes, number = dissolved(shapes, np.array([step(_places(shape, xy, tree)) for shape in shapes]))
-    right = {index: dose.right(float(steps[index])) for index in set(number.tolist())}
-    used, zones = sorted(right), []
+    used, zones = sorted(set(number.tolist())), []
     for shape, index in zip(shapes, number.tolist(), strict=True):
         own = _places(shape, xy, tree)
-        figures = (dose.net_mm, dose.p05_mm, dose.p95_mm, dose.needed, right[index])
-        means = [float(figure[own].mean()) for figure in figures]
+        means = [float(figure[own].mean()) for figure in (dose.net_mm, dose.p05_mm, dose.p95_mm, dose.needed)]
+        means.append(float(dose.right(float(steps[index]), own).mean()))
         zones.append(DoseZone(shape, used.index(index) + 1, float(steps[index]), *means))
     return sorted(zones, key=lambda zone: (zone.number, -zone.area_m2))
 
