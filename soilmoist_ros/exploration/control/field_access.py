@@ -158,6 +158,14 @@ class FieldAccess:
         names = self._fenced.nodes_to_send(place, stop, self._rules.entry_m)
         return Way(corners, tuple(map(self.stop, names)), self._fenced.choices(place, names))
 
+    def check_origins(self, place: tuple[float, float]) -> None:
+        """Check that the navigation plans from allowed nodes only.
+
+        :raises InputError: if it may plan from another one, so that no goal can be sent from this place
+        """
+        if self._fenced is not None and self._rules.by_name:
+            self._fenced.check_origins(place, self._rules.entry_m)
+
     def stop(self, name: str) -> Stop:
         """The stop of this name, also one outside the field.
 

@@ -542,6 +542,8 @@ class MissionControl:
         if status.phase in (Phase.PAUSED, Phase.CANCELLING) and self._interrupted:
             why = "resume or abort" if self._mission.state.interrupted else status.reason
             status = replace(status, reason=f"{self._interrupted}; {why}", needs_operator=True)
+        if call := self._passing.call(self._clock.now_s()):
+            status = replace(status, reason=call, needs_operator=True)
         if status.phase is Phase.IDLE and self._access is not None:
             rules, changes = self._mission.current_rules, self._mission.state.changes
             settings = changed_settings(self._settings, changes)

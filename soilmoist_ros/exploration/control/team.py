@@ -36,6 +36,10 @@ AHEAD_S: Final = 3.0
 """Time that a robot needs to stop, with a second for the other robot's status and one for its velocity [s]."""
 WAITS_M: Final = 8.0
 """Distance, in addition to that which robots keep, from which one that waits lets the other pass [m]."""
+PATIENCE_S: Final = 30.0
+"""Time for which one that stands may go first [s]; then it is shut in, and the other drives away from it."""
+SHUT_IN_S: Final = 300.0
+"""Time after which one that is shut in asks for an operator, and goes on waiting [s]."""
 SOON_S: Final = 0.2  # time after which two places give a velocity [s]
 CLOCK_S: Final = 5.0
 """Difference between the clocks of two robots that is reported [s]; messages are on their way for less."""
@@ -133,6 +137,7 @@ class OtherRobot:
     heard_s: float = -math.inf  # time of arrival of its last status, on the mission clock [s]
     silent_s: float = 0.0  # steady time since its last status [s]
     clock_s: float = 0.0  # its clock minus the own one, if the last two statuses agree on a difference [s]
+    drove_s: float = math.inf  # when it drove last, or was heard first, on the mission clock [s]
     stranger: str = ""  # why its statuses are not used; empty if they are
     velocity: Place = (0.0, 0.0)  # east and north [m/s]
     _off_s: float = math.nan
@@ -150,6 +155,8 @@ class OtherRobot:
             self.velocity = (0.0, 0.0)
         elif now_s - self.heard_s >= SOON_S:  # an event is shown at once, and the next second after that
             self.velocity = _velocity(known, self.heard_s, status.place, now_s)
+        if status.phase in _DRIVES or self.status is None:
+            self.drove_s = now_s
         self.goes_first, self.status, self.heard_s = goes_first, status, now_s
         self.silent_s, self.stranger = 0.0, ""
 
@@ -260,7 +267,8 @@ class Team:
                     near_m = float(np.hypot(*(away + after_s * closing)))
                     wrong = near_m < min(self.apart_m, farthest_m - NEARER_M)
                 else:
-                    first = robot.goes_first and robot.wants_to_drive and not lost
+                    idle = now_s - robot.drove_s > PATIENCE_S
+                    first = robot.goes_first and robot.wants_to_drive and not (idle or lost)
                     wrong = waiting and (drives or first) and away_m < self.apart_m + WAITS_M
                 if wrong and not found:
                     found = f"{name} is {away_m:.1f} m away, and robots keep {self.apart_m:g} m apart"
@@ -307,6 +315,7 @@ class Passing:
         self._planned_for: RequestPlan | None = None
         self._shut_in: RequestPlan | None = None  # waits until a robot is out of the way
         self._looked_s = -math.inf
+        self._since_s = math.inf  # since when it is shut in
 
     def way(self, access: FieldAccess, place: Place, stop: Stop) -> Way:
         """Way to a stop, past the robots that stand.
@@ -326,6 +335,7 @@ class Passing:
             if (away_m := min(math.dist(place, at) for at in close.values())) < apart_m + PAST_M:
                 names = f"{names}, {away_m:.1f} m away,"
                 remedy = f"drive one of them to another stop, {apart_m + PAST_M:g} m from the other at least"
+                self._shut_in, self._looked_s = self._planned_for, -math.inf
             message = f"{names} stands in the way: {refusal.mistakes[0].message}"
             raise InputError(message, remedy) from None
 
@@ -348,11 +358,19 @@ class Passing:
         if request is None or access is None or place is None or not under_way:
             self._shut_in = None
         elif now_s - self._looked_s >= _LOOK_S:
-            self._looked_s = now_s
+            self._looked_s, self._since_s = now_s, min(self._since_s, now_s)
             free = {stop.name for stop in access.stops} - self._not_free(access, place, rules, request)
             if not self._cut_off or _any_fits(access, place, rules, request, free):
                 self._shut_in = None
+        if self._shut_in is None:
+            self._since_s = math.inf
         return self._shut_in is not None
+
+    def call(self, now_s: float) -> str:
+        """What an operator is asked to do for a robot that is shut in for long; empty otherwise."""
+        if now_s - self._since_s < SHUT_IN_S:
+            return ""
+        return f"{SHUT_IN}: drive one of them to another stop, {self._team.apart_m + PAST_M:g} m from the others"
 
     def _not_free(self, access: FieldAccess, place: Place, rules: MissionRules, request: RequestPlan) -> set[str]:
         apart_m, standing = self._team.apart_m, [at for _, at in self._team.standing()]
@@ -364,6 +382,7 @@ class Passing:
         if access.on_graph:
             try:
                 around = access.around(place, standing, apart_m)
+                around.check_origins(place)
                 times = around.travel.travel_s(place, around.stops)
                 reached = {
                     stop.name for stop, time in zip(around.stops, times, strict=True) if math.isfinite(time)

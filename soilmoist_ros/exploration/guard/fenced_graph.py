@@ -194,16 +194,8 @@ class FencedGraph:
         :param entry_m: the robot may be this far outside [m]
         :raises InputError: if the navigation could plan from a node that is not allowed, or no way leads there
         """
+        self.check_origins(place, entry_m)
         names, origins = self.whole.names, self.origins(place)
-        for origin in origins:
-            why = self.fence.refusal_of_entry(place, self.whole.xy[origin], entry_m)
-            if not self._nodes[origin]:
-                why = why or "it is not connected with the nodes that are used"
-            if why:
-                near = f"{names[origin]}, which is near the robot but not allowed"
-                raise InputError(
-                    f"the navigation may plan from {near}: {why}", "drive the robot to an allowed node"
-                )
         path = [self.whole.index(name) for name in self.graph.path(names[origins[0]], stop.name)]
         if not path:
             raise InputError(f"no allowed way leads from {names[origins[0]]} to {stop.name}", "choose another")
@@ -211,6 +203,18 @@ class FencedGraph:
         while sent[-1] != path[-1]:
             sent.append(self._last_safe(path[path.index(sent[-1]) + 1 :], sent[-1:]))
         return tuple(names[number] for number in sent)
+
+    def check_origins(self, place: tuple[float, float], entry_m: float) -> None:
+        """Check the nodes from which the navigation may plan; errors as of :meth:`nodes_to_send`."""
+        for origin in self.origins(place):
+            why = self.fence.refusal_of_entry(place, self.whole.xy[origin], entry_m)
+            if not self._nodes[origin]:
+                why = why or "it is not connected with the nodes that are used"
+            if why:
+                near = f"{self.whole.names[origin]}, which is near the robot but not allowed"
+                raise InputError(
+                    f"the navigation may plan from {near}: {why}", "drive the robot to an allowed node"
+                )
 
     def _last_safe(
         self, ahead: list[int], origins: list[int], check: Callable[[int, int], bool] = lambda *leg: True
