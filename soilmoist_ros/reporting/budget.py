@@ -40,7 +40,7 @@ CORES, N0 = "calibration by soil cores", "N0"
 DENSITY, WATER = "bulk density", "lattice and organic water"
 
 
-class Source(NamedTuple):
+class Influence(NamedTuple):
     """An influence on the rate, and the relative standard deviations that it has with and without correction."""
 
     name: str
@@ -52,13 +52,13 @@ class Source(NamedTuple):
 
 
 SOURCES = (
-    Source("pressure", "air pressure", 0.008, 0.08, "barometer ±1 hPa", "weather of ±10 hPa"),
-    Source("humidity", "air humidity", 0.003, 0.016, "sensor ±0.5 g/m³", "weather of ±3 g/m³"),
-    Source(
+    Influence("pressure", "air pressure", 0.008, 0.08, "barometer ±1 hPa", "weather of ±10 hPa"),
+    Influence("humidity", "air humidity", 0.003, 0.016, "sensor ±0.5 g/m³", "weather of ±3 g/m³"),
+    Influence(
         "intensity", "incoming neutrons", 0.005, 0.03, "a monitor of another place, within a day",
         "2010 to 2019 at Jungfraujoch; ±0.5 % within a day",
     ),
-    Source("biomass", "plants", 0.0045, 0.009, "±0.5 kg/m² of dry plants", "±1 kg/m² of dry plants"),
+    Influence("biomass", "plants", 0.0045, 0.009, "±0.5 kg/m² of dry plants", "±1 kg/m² of dry plants"),
 )  # fmt: skip
 """Assumed remainders, no measurements: usual accuracies and weather, times the coefficients of the corrections
 (0.0077 per hPa, 0.0054 m^3/g, 0.009 m^2/kg). Intensity: standard deviation of the neutron monitor JUNG (NMDB,

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -278,6 +279,11 @@ class DoseZone:
         """Water to apply [m^3]."""
         return self.gross_mm / 1000 * self.area_m2
 
+    @property
+    def rings_m(self) -> list[list[list[float]]]:
+        """Its outline and holes as lists of east and north [m]."""
+        return [np.asarray(ring.coords).tolist() for ring in (self.shape.exterior, *self.shape.interiors)]
+
 
 def zones_of_dose(
     dose: Dose, xy: Array, cell_m: float, boundary: BaseGeometry, settings: DoseSettings
@@ -381,16 +387,22 @@ def _blocks(
     return np.unique(index @ [count[1], 1], return_inverse=True)[1].reshape(-1), lines
 
 
-def dose_settings(summary: Any, where: object = None) -> DoseSettings:
-    """Settings of the dose of a run, from the key ``dose`` of its ``summary.json``.
+def saved_zones(summary: Any, where: Path | None = None) -> list[DoseZone]:
+    """Zones of a run as its report has them, from the key ``dose`` of its ``summary.json``.
 
     :raises InputError: if the run has no dose; the message says what is missing
     """
+    from shapely import Polygon
+
     about = summary.get("dose") or {}
-    if not about.get("settings"):
+    if not about.get("zones"):
         what = about.get("missing") or "the run was made by a version without doses"
-        raise InputError(f"there is no dose: {what}", about.get("remedy") or "make the run again")
-    return DoseSettings(**about["settings"])
+        raise InputError(f"there is no dose: {what}", about.get("remedy") or "make the run again", where)
+    columns = [field.name for field in fields(DoseZone)[1:]]
+    return [
+        DoseZone(Polygon(zone["rings_m"][0], zone["rings_m"][1:]), *(zone[name] for name in columns))
+        for zone in about["zones"]
+    ]
 
 
 def sure_share(dose: Dose) -> float:

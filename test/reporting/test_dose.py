@@ -17,8 +17,8 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping.soil_map import possible_moisture
 from soilmoist_ros.reporting.dose import (
     DoseSettings,
-    dose_settings,
     find_dose,
+    saved_zones,
     sure_share,
     swaths,
     total_m3,
@@ -175,9 +175,6 @@ def test_a_narrow_machine_has_blocks_of_several_swaths():
 
 def test_a_run_without_a_dose_says_what_it_lacks():
     with pytest.raises(InputError, match="there is no dose: the sensor is not calibrated"):
-        dose_settings(
-            {"dose": {"missing": "the sensor is not calibrated", "remedy": "calibrate", "settings": None}}
-        )
+        saved_zones({"dose": {"missing": "the sensor is not calibrated", "remedy": "calibrate", "settings": None}})
     with pytest.raises(InputError, match="without doses"):
-        dose_settings({})
-    assert dose_settings({"dose": {"settings": dataclasses.asdict(LOAM)}}) == LOAM
+        saved_zones({})

@@ -9,18 +9,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.reporting.dose import DoseSettings, DoseZone, dose_settings, find_dose, total_m3, zones_of_dose
+from soilmoist_ros.reporting.dose import DoseZone, saved_zones, total_m3
 from soilmoist_ros.reporting.exports.layers import Layer, origin, texts, write_layers, write_shapefile
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
-
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
 
 RATE_UNITS: dict[str, Fraction] = {
     "mm": Fraction(1),
@@ -72,35 +69,13 @@ class Plan:
 
 
 def irrigation_plan(source: RunSource) -> Plan:
-    """The plan of the first property with moisture.
+    """The plan of the first property with moisture, as in the report.
 
-    :raises InputError: if the run has no dose, or its map no calibration that deserves one
+    :raises InputError: if the run has no dose; the message says what is missing
     """
     one = next((one for one in source.properties if one.quantity is MOISTURE), source.properties[0])
-    if (source.run.summary.get("irrigation") or {}).get("moisture_usable") is False:
-        raise InputError(
-            "there is no dose: the moisture is impossible on much of the area",
-            "see the report of the run, and check calibration and records",
-            source.run.folder,
-        )
-    zones = dose_zones(one, source.boundary, dose_settings(source.run.summary, source.run.folder))
+    zones = saved_zones(source.run.summary, source.run.folder)
     return Plan(one, zones, source.survey[1].date().isoformat() if source.survey else "")
-
-
-def dose_zones(one: ExportedProperty, boundary: BaseGeometry, settings: DoseSettings) -> list[DoseZone]:
-    """Zones of an opened run by dose, see :func:`zones_of_dose`.
-
-    :param boundary: the field without its no-go areas, in its plane [m]
-    :raises InputError: without a calibration that deserves a dose, or as :class:`DoseSettings`
-    """
-    if one.curve is None or one.calibration in ("none", "illustrative"):
-        what = (
-            "is not calibrated" if one.curve is None or one.calibration == "none" else "has a guessed calibration"
-        )
-        raise InputError(f"there is no dose, since the map {what}", "calibrate with soil cores, and map again")
-    inside, xy = one.cells
-    dose = find_dose(one.bands["rate"][inside], one.bands["rate_sd"][inside], one.curve, settings)
-    return zones_of_dose(dose, xy, one.cell_m, boundary, settings)
 
 
 def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer:

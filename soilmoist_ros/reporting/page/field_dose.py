@@ -108,7 +108,18 @@ class FieldDose:
     @property
     def content(self) -> dict[str, Any]:
         """Figures for ``summary.json``."""
-        columns = ("number", "gross_mm", "net_mm", "p05_mm", "p95_mm", "area_m2", "volume_m3", "needed", "sure")
+        columns = (
+            "number",
+            "gross_mm",
+            "net_mm",
+            "p05_mm",
+            "p95_mm",
+            "area_m2",
+            "volume_m3",
+            "needed",
+            "sure",
+            "rings_m",
+        )
         return {
             "missing": None,
             "settings": asdict(self.settings),

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import replace
 from fractions import Fraction
 
@@ -19,12 +18,13 @@ from hypothesis import strategies as st
 from reporting.exports.irrigated import OUTLINE, irrigated
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import BorderSource
+from soilmoist_ros.pipeline import IrrigationLimits
 from soilmoist_ros.reporting.exports import irrigation, sheet
 from soilmoist_ros.reporting.exports.irrigation import RATE_UNITS, dose_layer, irrigation_plan, rate, write_dose
 from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run, open_run, open_source
 from soilmoist_ros.reporting.exports.sheet import headline, write_sheet
 from soilmoist_ros.reporting.exports.source import ExportSettings
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.reporting.outputs import write_outputs
 
 
 @pytest.fixture
@@ -74,17 +74,6 @@ def test_without_a_dose_the_reason_is_named():
     for write in (EXPORTS.get(name).write for name in ("dose", "isoxml", "sheet")):
         with pytest.raises(InputError, match="there is no dose: "):
             write(source, source.run.folder, ExportSettings())
-    settings = {"wilting_point": 0.1, "field_capacity": 0.3}
-    for calibration, what in (("none", "is not calibrated"), ("illustrative", "has a guessed calibration")):
-        source, _ = irrigated(dose={"settings": settings})
-        one = source.properties[0]
-        tags, curve = {"SOILMOIST_CALIBRATION": calibration}, CalibrationCurve(7.0, 1.4)
-        source = replace(source, properties=[replace(one, tags=tags, curve=curve)])
-        with pytest.raises(InputError, match=what):
-            irrigation_plan(source)
-    source, _ = irrigated(dose={"settings": settings}, irrigation={"moisture_usable": False})
-    with pytest.raises(InputError, match="moisture is impossible"):
-        irrigation_plan(source)
 
 
 def test_facts_fit_a_designator_and_the_headline_says_what_to_do():
@@ -116,24 +105,18 @@ def test_the_sheet_is_one_page_with_every_dose(plan, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_run_is_exported_as_its_zones(exported, tmp_path):
-    folder = shutil.copytree(exported.folder, tmp_path / "run")
-    about = json.loads((folder / "summary.json").read_text())
-    soil = {
-        "wilting_point": 0.08,
-        "field_capacity": 0.3,
-        "root_depth_mm": 300.0,
-        "efficiency": 0.8,
-        "width_m": 8.0,
-    }
-    about["dose"] = {"settings": soil}
-    (folder / "summary.json").write_text(json.dumps(about))
+def test_a_run_is_exported_as_its_zones(make_run, tmp_path):
+    limits = IrrigationLimits(wilting_point=0.08, field_capacity=0.3, width_m=8, efficiency=0.8)
+    folder = tmp_path / "run"
+    write_outputs(folder, make_run(irrigation=limits))
+    about = json.loads((folder / "summary.json").read_text())["dose"]
     notes = []
     paths = export_run(folder, ["dose", "isoxml", "sheet"], settings=ExportSettings(passes=3), note=notes.append)
     assert [path.name for path in paths] == ["dose.zip", "dose.geojson", "taskdata.zip", "irrigation.pdf"]
     assert any("run the task 3 times" in text for text in notes)
     source = open_source(open_run(folder))
     plan = irrigation_plan(source)
+    assert plan.volume_m3 == pytest.approx(about["volume_m3"], rel=1e-12), "as the report has it"
     assert sum(zone.area_m2 for zone in plan.zones) == pytest.approx(source.boundary.area, rel=1e-3)
     about, _, _, values = pyogrio.raw.read(paths[1])
     columns = dict(zip(about["fields"], values, strict=True))
