@@ -199,15 +199,16 @@ def _grid(field: Field, cell_m: float) -> FieldGrid:
 
 
 def load_field(path: Path) -> Field:
-    """Read a field file.
+    """Read a field file, or a file with a border alone, such as GeoJSON: its name becomes that of the field.
 
     :raises InputError: with every mistake in the file or in the file with the border that it names
     """
     if path.suffix.lower() in _BORDER_ENDINGS:
-        kind, key = ("GeoJSON", "geojson") if path.suffix.lower() == ".geojson" else ("a border", "border")
-        remedy = f"write a field file, a YAML file with the line '{key}: {path.name}'"
-        raise InputError(f"is {kind}, not a field file", remedy, path)
-    content = load_model(path, FieldFile)
+        if not path.is_file():
+            raise InputError("cannot be read: No such file or directory", "check the path of the field", path)
+        content = FieldFile.model_validate({"name": path.stem, "border": path.name})
+    else:
+        content = load_model(path, FieldFile)
     section = content.border_section
     border = _read_border(path, section) if section is not None else None
     lonlat: NDArray[np.float64] | None = None

@@ -74,10 +74,16 @@ def test_mistakes_are_named(tmp_path, text, message):
         load_field(write(tmp_path, text))
 
 
-def test_geojson_in_place_of_a_field_file_is_named(tmp_path):
-    (tmp_path / "east.geojson").write_text('{"type": "FeatureCollection", "features": []}')
-    with pytest.raises(InputError, match=r"is GeoJSON, not a field file -> .* 'geojson: east\.geojson'"):
-        load_field(tmp_path / "east.geojson")
+def test_a_border_alone_is_a_field_of_its_name(tmp_path):
+    path, ring = tmp_path / "east.geojson", [[13.0, 52.0], [13.01, 52.0], [13.01, 52.01], [13.0, 52.0]]
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    field, written = load_field(path), load_field(write(tmp_path, "name: east\ngeojson: east.geojson\n"))
+    assert (field.name, field.frame) == ("east", written.frame)
+    np.testing.assert_array_equal(field.polygon, written.polygon)
+    (tmp_path / "empty.geojson").write_text('{"type": "FeatureCollection", "features": []}')
+    for unusable in ("empty.geojson", "absent.geojson"):
+        with pytest.raises(InputError, match=unusable):
+            load_field(tmp_path / unusable)
 
 
 def test_a_field_and_a_cell_size_make_one_grid(tmp_path):
