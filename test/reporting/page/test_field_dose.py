@@ -69,6 +69,14 @@ def test_rates_and_a_few_places_have_no_dose(make_run, uncalibrated, map_of):
     assert "fewer than 10 places" in field_dose(make_run(soil_map=map_of(n=5), irrigation=LIMITS)).missing
 
 
+def test_a_calibration_without_a_deviation_has_no_dose_but_in_a_simulation(make_run, the_map):
+    exact = dataclasses.replace(the_map, curve=dataclasses.replace(the_map.curve, n0_sd_cps=0.0))
+    found = field_dose(make_run(irrigation=LIMITS, soil_map=exact))
+    assert found.missing == "the calibration states no ±"
+    assert "n0_sd_cps" in found.remedy
+    assert isinstance(field_dose(make_run(irrigation=LIMITS, soil_map=exact, simulated=True)), FieldDose)
+
+
 def test_the_general_calibration_has_a_dose_where_it_is_sure(make_run, the_map):
     general = CalibrationInfo(7.0, 1.4, method="general")
     assert isinstance(field_dose(make_run(irrigation=LIMITS, calibration=general, sensed=DEEP)), FieldDose)
@@ -145,7 +153,7 @@ def test_the_share_after_more_counts_is_what_draws_of_them_show(the_map, vwc):
 
 
 def test_more_counting_is_what_kriging_with_more_counts_would_be(make_run, the_map):
-    curve = dataclasses.replace(the_map.curve, n0_sd_cps=0.0)
+    curve = dataclasses.replace(the_map.curve, n0_sd_cps=1e-9)
     run = make_run(irrigation=LIMITS, sensed=DEEP, soil_map=dataclasses.replace(the_map, curve=curve))
     found = field_dose(run)
     counting = found.remedies[0]
