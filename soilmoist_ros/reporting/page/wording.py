@@ -76,23 +76,38 @@ def facts(run: MapRun) -> list[Fact]:
     if at_one_place(run):
         return _facts_of_place(run)
     soil_map, moist = run.soil_map, run.calibrated
+    of_field = [Fact(*area(float(field_polygon(soil_map).area)), "mapped area"), *_effort_facts(run)]
+    if moist and not statistics.is_usable(soil_map):
+        return [Fact("impossible", "", "mean soil water content"), *of_field]
     text, unit = (volume, "% vol.") if moist else (_rate, "counts/s")
     spread = band_statistics(soil_map.vwc_sd if moist else soil_map.rate_sd)
-    mid, sd = band_statistics(soil_map.vwc if moist else soil_map.rate), statistics.mean_sd(soil_map, moist)
-    mean, low, high = text(_mean(run)), text(mid.p05), text(mid.p95)
-    if sd is not None and not mean.startswith(">"):
-        mean += f" ± {text(sd)}"
+    mid = band_statistics(soil_map.vwc if moist else soil_map.rate)
+    low, high = text(mid.p05), text(mid.p95)
     limit = f"{volume(run.uncertain_vwc_sd)} {unit}" if moist else percent(run.uncertain_rate_share)
     unsure = statistics.uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share)
     order = "driest to wettest" if moist else "wettest to driest"
     return [
-        Fact(mean, unit, "mean soil water content" if moist else "mean corrected count rate"),
+        _fact_of_mean(run),
         Fact(low if low == high else f"{low} to {high}", unit, f"{order} (5 % to 95 % of the area)"),
         Fact(f"± {text(spread.p50)}", unit, "typical uncertainty at one place"),
         Fact(percent(unsure), "", f"of the area less sure than ± {limit}"),
-        Fact(*area(float(field_polygon(soil_map).area)), "mapped area"),
-        *_effort_facts(run),
+        *of_field,
     ]
+
+
+def _fact_of_mean(run: MapRun) -> Fact:
+    """Mean of the field: the moisture with the 90 % interval that the calibration and the counts leave."""
+    soil_map, mean = run.soil_map, _mean(run)
+    if not run.calibrated:
+        sd = statistics.mean_sd(soil_map, moisture=False)
+        value = _rate(mean) if sd is None else f"{_rate(mean)} ± {_rate(sd)}"
+        return Fact(value, "counts/s", "mean corrected count rate")
+    known = statistics.mean_moisture(soil_map)
+    if known is None:
+        return Fact(volume(mean), "% vol.", "mean soil water content")
+    without = "" if known.common_sd > 0 or run.simulated else ", without that of the calibration"
+    value = f"{volume(mean)} ({volume(known.p05)} to {volume(known.p95)})"
+    return Fact(value, "% vol.", f"mean soil water content (90 % interval{without})")
 
 
 def _mean(run: MapRun) -> float:

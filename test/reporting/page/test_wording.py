@@ -10,7 +10,8 @@ import pytest
 
 from soilmoist_ros.mapping.drift import Change, Drift, Jump
 from soilmoist_ros.pipeline.run import CorrectionRow, NoteCode
-from soilmoist_ros.reporting.page.wording import notes
+from soilmoist_ros.reporting.page.statistics import mean_moisture
+from soilmoist_ros.reporting.page.wording import facts, notes
 
 
 def codes(run):
@@ -98,3 +99,18 @@ def test_impossible_dates_are_noted(make_run, stamp_s, said):
     assert NoteCode.IMPOSSIBLE_DATE not in codes(replace(dated, simulated=True)), (
         "a simulated clock may start at 0"
     )
+
+
+def test_the_mean_has_the_interval_of_the_calibration_and_no_number_where_it_is_impossible(
+    make_run, the_map, steep
+):
+    run = make_run()
+    mean = mean_moisture(the_map)
+    value, unit, meaning = facts(run)[0]
+    assert value == f"{100 * mean.value:.1f} ({100 * mean.p05:.1f} to {100 * mean.p95:.1f})"
+    assert (unit, meaning) == ("% vol.", "mean soil water content (90 % interval)")
+    exact = replace(the_map, curve=replace(the_map.curve, n0_sd_cps=0.0))
+    assert "without that of the calibration" in facts(make_run(soil_map=exact))[0].meaning
+    found = facts(make_run(soil_map=steep))
+    assert found[0] == ("impossible", "", "mean soil water content")
+    assert all(fact.unit != "% vol." for fact in found)
