@@ -181,6 +181,7 @@ def map_logs(
         message = f"{placement.words()}, beyond the correlation range of {range_m:.0f} m: the map would be a guess"
         raise InputError(message, "give the field file of the place that was surveyed", read.field_file)
     begin_s, end_s = settings.times_s
+    unsigned = any(log.logger.position is not None and not log.logger.position.longitude_signed for log in logs)
     run = make_run(
         soil_map,
         sorted([*field_map.track, *survey.quarantined], key=attrgetter("stamp_s")),
@@ -194,6 +195,7 @@ def map_logs(
             **({"gnss_shift_s": settings.gnss_shift_s} if settings.gnss_shift_s else {}),
             "tube_shares": ", ".join(f"{share:.3f}" for share in survey.tube_share),
             **{f"log: {key}": text for key, text in reading_of(logs).items()},
+            **({"log: longitudes": f"{site.longitude} of Greenwich: written without a sign"} if unsigned else {}),
             **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),
         },
         title=settings.title or ("Soil moisture over time" if site.curve and len(soil_map.samples) == 1 else None),
@@ -214,6 +216,7 @@ def _read_files(paths: Sequence[Path], settings: MapSettings, progress: Progress
     field_file = resource("fields", str(settings.field)) if settings.field else None
     site = with_sensor(load_site(site_file) if site_file else Site(), settings.sensor, site_file)
     field = load_field(field_file) if field_file else None
+    site = with_side(site, field)
     require_crs(settings.crs, field.frame if field else None)
     covariates = (*(field.covariates if field else ()), *settings.covariates)
     require_covariates(covariates)
@@ -228,6 +231,16 @@ def _read_files(paths: Sequence[Path], settings: MapSettings, progress: Progress
     source = position_source(part, settings.nmea, site, field_file)
     site = with_general_calibration(site, part, places)
     return _Logs(site, site_file, field, field_file, covariates, logs, skipped, track, problems, places, source)
+
+
+def with_side(site: Site, field: Field | None) -> Site:
+    """Site on the side of Greenwich where the field is, for loggers that write longitudes without a sign; as given
+    if it names the side, or the field is within a degree of Greenwich or of the date line.
+    """
+    east = 0.0 if field is None else field.frame.longitude_deg
+    if "longitude" in site.model_fields_set or not 1 <= abs(east) <= 179:
+        return site
+    return site.model_copy(update={"longitude": "east" if east > 0 else "west"})
 
 
 def with_sensor(site: Site, sensor: str | float | None, site_file: Path | None) -> Site:

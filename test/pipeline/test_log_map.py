@@ -17,12 +17,13 @@ from soilmoist_ros.mapping.covariates import CovariateSource
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.pipeline import MapSettings, map_logs
-from soilmoist_ros.pipeline.log_map import loss_rows
+from soilmoist_ros.pipeline.log_map import loss_rows, with_side
 from soilmoist_ros.pipeline.logs import require_standing
 from soilmoist_ros.pipeline.run import NoteCode
 from soilmoist_ros.reporting.page.statistics import mean_sd
 from soilmoist_ros.reporting.page.wording import notes
 from soilmoist_ros.reporting.run_summary import summary
+from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import Position
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
@@ -234,3 +235,14 @@ def test_covariates_of_the_field_and_of_the_settings(survey, tmp_path):
     assert [item.role for item in run.inputs][-1] == "covariate"
     with pytest.raises(InputError, match="no such file"):
         map_logs([survey / "survey.log"], settings(survey, covariates=(CovariateSource(tmp_path / "none.tif"),)))
+
+
+@pytest.mark.parametrize(
+    ("east_deg", "given", "side"),
+    [(-97.4, {}, "west"), (13.0, {}, "east"), (0.4, {}, "signed"), (-179.5, {}, "signed"),
+     (13.0, {"longitude": "west"}, "west"), (-97.4, {"longitude": "signed"}, "signed")],
+)  # fmt: skip
+def test_longitudes_without_a_sign_are_on_the_side_of_the_field(east_deg, given, side):
+    field = SimpleNamespace(frame=LocalFrame(38.7, east_deg))
+    assert with_side(Site(**given), field).longitude == side
+    assert with_side(Site(**given), None).longitude == given.get("longitude", "signed")
