@@ -520,12 +520,14 @@ def _survey_air(counted: CalibrationCounts) -> SurveyAir:
 
 def _general(site: Site, air: SurveyAir) -> tuple[Calibration | None, str]:
     """General calibration of a site, or ``None`` and the reason."""
-    from soilmoist_ros.sensing import general_calibration, sensitivity_of
+    from soilmoist_ros.sensing import general_calibration, sensitivity_of, why_no_soil
 
     if sensitivity_of(site) is None:
         return None, "the site file has no sensor_sensitivity; --beside finds it"
     if site.calibration is not None and site.calibration.curve != "desilets":
         return None, f"it is of the curve desilets, the site's is {site.calibration.curve}"
+    if why := why_no_soil(site):
+        return None, why
     found = general_calibration(site, air)
     if found is None:
         return None, "the site file needs a location, with altitude_m where the log has no pressure"
@@ -538,7 +540,7 @@ def _scale(here: Site, there: Site, path: Path) -> float:
 
     levels = []
     for site in (here, there):
-        found = general_calibration(site.model_copy(update={"sensor_sensitivity": 1.0}), SurveyAir())
+        found = general_calibration(site.model_copy(update={"sensor_sensitivity": 1.0, "soil": None}), SurveyAir())
         if found is None:
             raise InputError("is of another site of unknown altitude", "add altitude_m to both locations", path)
         levels.append(found[0].n0_cps)
@@ -565,7 +567,7 @@ def _sensitivity_of(
     if own is None or own.illustrative or own.curve != "desilets" or own.method != "cores":
         remedy = "give --station-sensitivity, or a site file with sensor_sensitivity or an N0 from cores"
         raise InputError("has no sensitivity and no N0 from cores of the curve desilets", remedy, path)
-    found = general_calibration(station.model_copy(update={"sensor_sensitivity": 1.0}), SurveyAir())
+    found = general_calibration(station.model_copy(update={"sensor_sensitivity": 1.0, "soil": None}), SurveyAir())
     if found is None:
         raise InputError("has no location with altitude_m, so its N0 cannot be compared", "add it", path)
     value = own.n0_cps / found[0].n0_cps

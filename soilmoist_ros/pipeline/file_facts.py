@@ -53,6 +53,7 @@ from soilmoist_ros.sensing import (
     unlikely_weather,
     unusual_factors,
     unusual_n0,
+    why_no_soil,
     why_unplaced,
 )
 from soilmoist_ros.simulation import SurrogateField
@@ -228,7 +229,8 @@ def site_findings(site: Site) -> Iterator[FileFinding]:
         missing = " and ".join(name for name in ("soil", "calibration") if getattr(site, name) is None)
         text = f"not mapped, only the count rate: there is no {missing}"
         if calibration is None and site.sensor_sensitivity and "calibration" not in site.model_fields_set:
-            text = f"by the general calibration, with a sensitivity of {site.sensor_sensitivity}"
+            why = why_no_soil(site)
+            text = why or f"by the general calibration, with a sensitivity of {site.sensor_sensitivity}"
         yield FileFinding("moisture", text)
         return
     pores = soil_limits(curve.bulk_density_gcm3).saturation

@@ -69,6 +69,7 @@ from soilmoist_ros.sensing import (
     load_site,
     process_logs,
     utc_text,
+    why_no_soil,
 )
 
 REFERENCE_KNOTS = 25
@@ -260,11 +261,13 @@ def with_general_calibration(site: Site, logs: Sequence[LogFile], places: NDArra
     """Site with the general calibration, where it has no N0, knows its sensor and does not ask for the rate alone.
 
     :param places: latitude and longitude of the records, shape (n, 2) [deg]
-    :raises InputError: if nothing says the air pressure, to which N0 is scaled
+    :raises InputError: if nothing says the air pressure, to which N0 is scaled, or the organic matter of peat
     """
     asked_off = site.calibration is None and "calibration" in site.model_fields_set
     if site.calibration is not None or asked_off or site.sensor_sensitivity is None or not len(places):
         return site
+    if why := why_no_soil(site):
+        raise InputError(why, "add it to 'soil', or 'calibration: null' for the rate alone")
     records = [record for log in logs for record in log.records]
     pressure, temperature = (
         _median([getattr(record, name) for record in records]) for name in ("pressure_hpa", "temperature_degc")

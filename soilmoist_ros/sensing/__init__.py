@@ -93,6 +93,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.general import SurveyAir as SurveyAir
     from soilmoist_ros.sensing.moisture.general import general_calibration as general_calibration
     from soilmoist_ros.sensing.moisture.general import sensitivity_of as sensitivity_of
+    from soilmoist_ros.sensing.moisture.general import why_no_soil as why_no_soil
     from soilmoist_ros.sensing.moisture.site import Calibration as Calibration
     from soilmoist_ros.sensing.moisture.site import N0Estimate as N0Estimate
     from soilmoist_ros.sensing.moisture.site import Site as Site
@@ -171,7 +172,7 @@ __getattr__, __dir__, __all__ = open_door(
         "moisture.cores": "SoilCore possible_days profiles_of read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
-        "moisture.general": "SENSITIVITIES SurveyAir general_calibration sensitivity_of",
+        "moisture.general": "SENSITIVITIES SurveyAir general_calibration sensitivity_of why_no_soil",
         "moisture.site": "Calibration N0Estimate Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration write_site_values",
         "moisture.texture": "SoilTexture TEXTURES",
         "position.nmea": "parse_nmea",

@@ -53,6 +53,12 @@ def test_without_a_pressure_the_message_says_what_to_give(logs):
         with_general_calibration(nowhere, [replace(logs[0], records=records)], PLACE)
 
 
+def test_of_peat_without_its_organic_matter_no_moisture_is_claimed(logs):
+    peat = without(STATION, sensor_sensitivity=1, soil={"bulk_density_gcm3": 0.2})
+    with pytest.raises(InputError, match="organic soil: give organic_carbon"):
+        with_general_calibration(peat, logs, PLACE)
+
+
 def test_a_calibrated_site_refuses_another_sensor():
     with pytest.raises(InputError, match="--sensor"):
         with_sensor(STATION, "CRS-1000", Path("site.yaml"))

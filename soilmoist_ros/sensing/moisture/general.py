@@ -62,6 +62,8 @@ DENSITY_GCM3, DENSITY_SD_GCM3 = 1.3, 0.15
 1.50."""
 BOUND_WATER, BOUND_WATER_SD = 0.035, 0.018
 """Default range of lattice and organic water [g/g]: cropland of the table has 0.029 +- 0.011, grassland more."""
+ORGANIC_GCM3 = 0.8
+"""Bulk density below which a soil is organic: its organic water is far above the default range [g/cm^3]."""
 DENSITY_ERROR, WATER_ERROR = 0.07, 0.01
 """Errors of a density (relative) and of bound water [g/g] that a user gives without one."""
 BIOMASS_KGM2, BIOMASS_SD_KGM2 = 0.5, 0.5
@@ -159,6 +161,17 @@ def _dorman(rigidity_gv: float) -> float:
     return 1 - math.exp(-9.694 * max(rigidity_gv, 0.1) ** -0.9954)
 
 
+def why_no_soil(site: Site) -> str:
+    """Why the soil of a site allows no general calibration: peat whose organic matter is not given; else empty."""
+    soil = site.soil
+    if soil is None or soil.bulk_density_gcm3 >= ORGANIC_GCM3 or soil.organic_carbon is not None:
+        return ""
+    mineral = Soil.model_validate({"texture": soil.texture}).organic_water if soil.texture else math.nan
+    if "organic_water" in soil.model_fields_set and soil.organic_water != mineral:
+        return ""
+    return f"the bulk density of {soil.bulk_density_gcm3:g} g/cm3 is that of an organic soil: give organic_carbon"
+
+
 def soil_of(site: Site) -> tuple[Soil, list[UncertaintyPart]]:
     """Soil of a site with a range for what its file leaves out, and the two parts of the uncertainty."""
     soil = site.soil or Soil(bulk_density_gcm3=DENSITY_GCM3, bulk_density_sd_gcm3=DENSITY_SD_GCM3)
@@ -193,10 +206,11 @@ def general_calibration(site: Site, air: SurveyAir) -> tuple[Calibration, Soil] 
     ``N0 = N0_general * sensitivity * location * intensity * biomass / humidity``, the location at the pressure to
     which the site corrects. The relative errors of the factors are independent and add up by their squares.
 
-    :returns: ``None`` without a sensitivity, or where neither the place nor the pressure of its altitude is known
+    :returns: ``None`` without a sensitivity, where neither the place nor the pressure of its altitude is known, or
+        for peat, see :func:`why_no_soil`
     """
     sensitivity, scale = sensitivity_of(site), _scaling(site, air)
-    if sensitivity is None or scale is None:
+    if sensitivity is None or scale is None or why_no_soil(site):
         return None
     share = sensitivity.sd / sensitivity.value
     parts = [

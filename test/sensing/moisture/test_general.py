@@ -50,7 +50,11 @@ def calibrated(row):
         "location": {name: of[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")},
         "sensor_sensitivity": 1.0,  # the counts are divided by it
         "sensor_sensitivity_sd": 0.0,
-        "soil": {"bulk_density_gcm3": density, "lattice_water": of["bound_water_m3m3"] / density},
+        "soil": {
+            "bulk_density_gcm3": density,
+            "lattice_water": of["bound_water_m3m3"] / density,
+            "organic_water": 0.0,  # is part of the bound water
+        },
         "corrections": {
             "pressure": {"beta_per_hpa": "auto"},
             "intensity": {"reference": general.JUNG_CPS, "constant": general.JUNG_CPS, "monitor": "JUNG"},
@@ -186,3 +190,13 @@ def test_snow_is_named_and_far_places_are_less_certain():
 )
 def test_without_sensor_place_or_pressure_there_is_no_moisture(keys, air):
     assert general_calibration(Site.model_validate(keys), air) is None
+
+
+@pytest.mark.parametrize(
+    "known", [{}, {"clay": 0.1}, {"lattice_water": 0.02}, {"texture": "loam"}, {"organic_carbon": 0.4}]
+)
+def test_peat_needs_its_organic_matter(known):
+    keys = {"sensor_sensitivity": 1.0, "soil": {"bulk_density_gcm3": 0.2, **known}}
+    found = general_calibration(Site.model_validate(keys), DRY_DIPPOLDISWALDE)
+    assert (found is not None) == ("organic_carbon" in known)
+    assert found is None or found[1].organic_water > 0.15
