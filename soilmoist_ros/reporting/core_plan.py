@@ -30,6 +30,7 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 from soilmoist_ros.pipeline import is_illustrative
 from soilmoist_ros.reporting.exports.source import ExportedProperty, RunSource
+from soilmoist_ros.reporting.page.statistics import MAX_UNUSABLE
 from soilmoist_ros.sensing import (
     PROFILE_SD,
     SITE_SCATTER,
@@ -181,14 +182,25 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
     """Places where cores tell most about the level of a map.
 
     :param source: the run; its first property is used
-    :raises InputError: if the map has no calibration curve, or no cell where cores could be taken
+    :raises InputError: if the map has no calibration curve, an impossible moisture on much of the area, or no cell
+        where cores could be taken
     """
     one = source.properties[0]
     curve = _curve_of(one, source)
+    limits = soil_limits(curve.bulk_density_gcm3)
+    everywhere = curve.vwc(one.bands["rate"][one.cells[0]])
+    impossible = float(np.mean(~((everywhere >= limits.dryness) & (everywhere <= limits.saturation))))
+    if impossible > MAX_UNUSABLE:
+        raise InputError(
+            f"the map has no possible moisture on {100 * impossible:.0f} % of its area: it cannot tell where "
+            "cores tell most",
+            "check sensor_sensitivity or n0_cps and the soil in the site file, and make the map again",
+            source.run.folder,
+        )
     notes: list[str] = []
     _, xy, rate, covariance = _candidates(one, source, notes)
-    vwc = np.clip(curve.vwc(rate), DRIEST, soil_limits(curve.bulk_density_gcm3).saturation)
-    vwc = np.where(np.isfinite(vwc), vwc, DRIEST)
+    vwc = np.clip(curve.vwc(rate), DRIEST, limits.saturation)
+    vwc = np.where(np.isfinite(vwc), vwc, limits.saturation)  # below the curve, as on the map
     per_level = _per_level(curve, vwc)
     step = 1e-3
     effect = np.log(replace(curve, bulk_density_gcm3=curve.bulk_density_gcm3 + step).rate_cps(vwc))
@@ -223,7 +235,7 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
         notes.append(f"the field has room for {len(chosen)} of {count} places")
     if count > 1 and np.ptp(vwc[chosen]) < 0.02:
         notes.append("the map hardly differs from place to place: the cores will not show an error of the curve")
-    mean = float(_per_level(curve, vwc).mean())
+    mean, widest = float(_per_level(curve, vwc).mean()), limits.saturation / 2  # of any distribution in the pores
     geographic = source.frame.to_geographic(xy[chosen])
     listed: list[CorePlace] = []
     for number, (index, sd, (latitude, longitude)) in enumerate(zip(chosen, level_sd, geographic, strict=True), 1):
@@ -231,11 +243,13 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
             CorePlace(
                 number, (float(xy[index, 0]), float(xy[index, 1])), round(float(latitude), 7),
                 round(float(longitude), 7), float(vwc[index]),
-                float(per_level[index] * math.sqrt(covariance[index, index])),
-                core_layers_cm(float(vwc[index]), curve), sd, sd * mean,
+                min(float(per_level[index] * math.sqrt(covariance[index, index])), widest),
+                core_layers_cm(float(vwc[index]), curve), sd, min(sd * mean, widest),
             )
         )  # fmt: skip
-    return CorePlan(tuple(listed), model.prior_sd, model.prior_sd * mean, spacing_m, edge_m, tuple(notes))
+    return CorePlan(
+        tuple(listed), model.prior_sd, min(model.prior_sd * mean, widest), spacing_m, edge_m, tuple(notes)
+    )
 
 
 def core_layers_cm(vwc: float, curve: MoistureCurve) -> tuple[tuple[int, int], ...]:

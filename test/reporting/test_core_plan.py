@@ -230,3 +230,21 @@ def test_places_lie_in_the_field_and_far_from_no_go_areas(folder):
     assert any("too small" in note for note in crowded.notes)
     with pytest.raises(InputError, match="no calibration"):
         plan_cores(replace(source, properties=[replace(source.properties[0], curve=None)]), 3)
+
+
+@pytest.mark.slow
+def test_a_map_of_impossible_moisture_is_not_planned_with_and_no_error_exceeds_the_pores(folder):
+    source = open_source(open_run(folder))
+    one = source.properties[0]
+    mean = float(np.nanmean(one.bands["rate"]))
+
+    def planned(n0_cps, sd_cps):
+        curve = replace(one.curve, n0_cps=n0_cps, n0_sd_cps=sd_cps)
+        return plan_cores(replace(source, properties=[replace(one, curve=curve)]), 2)
+
+    for n0_cps in (4 * mean, mean / 2):  # too wet, and too dry
+        with pytest.raises(InputError, match=r"no possible moisture on \d+ % of its area"):
+            planned(n0_cps, 0.1)
+    plan = planned(one.curve.n0_cps, one.curve.n0_cps)
+    pores = 1 - one.curve.bulk_density_gcm3 / 2.65
+    assert max(plan.prior_vwc_sd, *(place.level_vwc_sd for place in plan.places)) <= pores / 2
