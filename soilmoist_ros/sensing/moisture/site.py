@@ -79,7 +79,11 @@ class Soil(Section):
         if not isinstance(values, dict):
             return values
         known = dict(values)
-        if found := TEXTURES.get(known.get("texture", "")):
+        texture = known.get("texture", "")
+        found = next((one for name, one in TEXTURES.items() if name == texture), None)
+        if found is None and texture:
+            known.setdefault("bulk_density_gcm3", 1.0)  # the texture is the mistake, not the density
+        if found:
             known.setdefault("bulk_density_gcm3", found.bulk_density_gcm3)
             if known["bulk_density_gcm3"] == found.bulk_density_gcm3:
                 known.setdefault("bulk_density_sd_gcm3", round(found.bulk_density_sd_gcm3, 3))
@@ -114,7 +118,7 @@ class UncertaintyPart(Section):
         "counting of the calibration",
     ]
     """What is uncertain."""
-    value: Annotated[float, Field(allow_inf_nan=True)]
+    value: Annotated[float, Field(allow_inf_nan=True)] = math.nan
     """Value that the calibration uses; NaN for what it leaves out."""
     unit: str
     """Unit of the value and of its standard deviation."""
@@ -506,7 +510,11 @@ def write_calibration(site_file: Path, calibration: Calibration, soil: Soil | No
 
     :raises InputError: if the file cannot be read or written
     """
-    values: dict[str, Any] = {"calibration": calibration.model_dump(exclude_defaults=True)}
+    known = calibration.model_dump(exclude_defaults=True)
+    for part in known.get("parts", []):
+        for name in [name for name, value in part.items() if value != value]:  # NaN is the default
+            del part[name]
+    values: dict[str, Any] = {"calibration": known}
     if soil is not None:
         values["soil"] = soil.model_dump(exclude_none=True)
     write_site_values(site_file, values)
@@ -530,6 +538,8 @@ def write_site_values(site_file: Path, values: Mapping[str, Any]) -> None:
         temporary.write_text(text.getvalue(), encoding="utf-8")
         load_site(temporary)  # an unreadable file must not replace a valid one
         os.replace(temporary, site_file)
+    except InputError as error:
+        raise InputError([replace(one, path=site_file) for one in error.mistakes]) from None
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "check its permissions", site_file) from None
     finally:

@@ -20,6 +20,7 @@ from soilmoist_ros.sensing.moisture.site import (
     estimate_n0,
     load_site,
     write_calibration,
+    write_site_values,
 )
 
 
@@ -215,3 +216,30 @@ def test_method_parts_and_bound_water_return_from_a_site_file(tmp_path):
     assert math.isnan(known.calibration.parts[0].share)
     assert known.curve.parameters["bound_water_sd"] == 0.01
     assert "bound_water_sd" not in CalibrationCurve(2.0, 1.4).parameters  # files of older runs stay as they are
+
+
+def test_parts_without_a_number_are_left_out_of_the_file(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("soil: {bulk_density_gcm3: 1.4}\n")
+    snow = UncertaintyPart(name="snow", value=math.nan, unit="mm", sd=0.0, origin="default range")
+    write_calibration(path, Calibration(n0_cps=2.0, method="general", parts=[snow]))
+    assert "nan" not in path.read_text()
+    (part,) = load_site(path).calibration.parts
+    assert math.isnan(part.value)
+    assert math.isnan(part.share)
+
+
+def test_a_value_that_does_not_fit_names_the_given_file_and_leaves_it(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("name: a\n")
+    with pytest.raises(InputError) as error:
+        write_site_values(path, {"sensor_sensitivity": 300.0})
+    assert {one.path for one in error.value.mistakes} == {path}
+    assert path.read_text() == "name: a\n"
+
+
+@pytest.mark.parametrize("texture", ["lome", ["loam"]])
+def test_of_a_misspelt_texture_only_the_texture_is_named(texture):
+    with pytest.raises(ValidationError) as error:
+        Soil.model_validate({"texture": texture})
+    assert [one["loc"] for one in error.value.errors()] == [("texture",)]
