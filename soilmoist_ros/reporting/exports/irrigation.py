@@ -35,11 +35,13 @@ class Plan:
 
     :param zones: from the lowest to the highest dose; together they are the field
     :param date: last day of the survey (UTC), empty for a clock without a date
+    :param certain: false if the doses are a best estimate only
     """
 
     one: ExportedProperty
     zones: Sequence[DoseZone]
     date: str
+    certain: bool
 
     @property
     def irrigated(self) -> list[DoseZone]:
@@ -63,8 +65,9 @@ class Plan:
             "calibration": self.one.calibration,
             "survey": self.date or "no date",
             "missing": f"{self.mean('net_mm'):.0f} mm ({self.mean('p05_mm'):.0f} to {self.mean('p95_mm'):.0f})",
-            "dose sure": f"{100 * self.mean('sure'):.0f} % of the field",
+            "dose right with": f"{100 * self.mean('sure'):.0f} %",
             "water": f"{self.volume_m3:.0f} m3",
+            **({} if self.certain else {"best estimate": "not certain"}),
         }
 
 
@@ -75,7 +78,8 @@ def irrigation_plan(source: RunSource) -> Plan:
     """
     one = next((one for one in source.properties if one.quantity is MOISTURE), source.properties[0])
     zones = saved_zones(source.run.summary, source.run.folder)
-    return Plan(one, zones, source.survey[1].date().isoformat() if source.survey else "")
+    date = source.survey[1].date().isoformat() if source.survey else ""
+    return Plan(one, zones, date, source.run.summary["dose"].get("certain") is True)
 
 
 def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer:

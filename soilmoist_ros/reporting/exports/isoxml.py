@@ -217,11 +217,11 @@ def _zone(task: ET.Element, code: int, label: str, value: int) -> ET.Element:
 
 
 def _label(zones: Sequence[DoseZone], settings: ExportSettings) -> str:
-    """Dose of zones, what of it one pass applies, and the share of the zones where it is sure."""
+    """Dose of zones, what of it one pass applies, and the probability that it is the right one."""
     sure = np.average([zone.sure for zone in zones], weights=[zone.area_m2 for zone in zones])
     gross_mm = zones[0].gross_mm
     part = f"{gross_mm / settings.passes:.3g} of " if settings.passes > 1 and gross_mm else ""
-    return f"{part}{gross_mm:g} mm, sure {100 * sure:.0f} %"
+    return f"{part}{gross_mm:g} mm, right with {100 * sure:.0f} %"
 
 
 def _polygon(parent: ET.Element, kind: int, parts: Iterable[BaseGeometry]) -> None:

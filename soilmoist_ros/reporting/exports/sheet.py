@@ -31,6 +31,7 @@ MAX_ROWS = 14
 """Doses in the table; more are on the map and in the total only."""
 MIN_LABEL_SHARE = 0.01
 """Area of a zone, as a share of the field, from which its dose stands on the map."""
+_IN_HEADLINE = {"water", "best estimate"}
 _FONTS = {"pdf.fonttype": 42, "font.size": 10.0}
 
 
@@ -49,16 +50,16 @@ def write_sheet(source: RunSource, folder: Path, settings: ExportSettings) -> li
 def headline(plan: Plan) -> str:
     """What to do, in one sentence.
 
-    >>> headline(Plan(None, [], ""))
+    >>> headline(Plan(None, [], "", True))
     'No irrigation'
     """
-    zones = plan.irrigated
+    zones, before = plan.irrigated, "" if plan.certain else "Best estimate, not certain: "
     if not zones:
-        return "No irrigation"
+        return f"{before}No irrigation"
     doses = sorted({zone.gross_mm for zone in zones})
     amount = f"{doses[0]:g}" if len(doses) == 1 else f"{doses[0]:g} to {doses[-1]:g}"
     wet, whole = (sum(zone.area_m2 for zone in some) / 1e4 for some in (zones, plan.zones))
-    return f"Irrigate {amount} mm on {wet:.2f} of {whole:.2f} ha: {plan.volume_m3:,.0f} m³"
+    return f"{before}Irrigate {amount} mm on {wet:.2f} of {whole:.2f} ha: {plan.volume_m3:,.0f} m³"
 
 
 def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
@@ -66,8 +67,8 @@ def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     figure: Figure = optional_module("matplotlib.figure", "reports").Figure(figsize=A4_IN)
     wide = 1 - 2 * MARGIN
     figure.text(MARGIN, 0.945, textwrap.shorten(source.title, 42), size=20, weight="bold", color=INK)
-    figure.text(MARGIN, 0.918, headline(plan), size=14, color=INK)
-    facts = "   ".join(f"{name}: {value}" for name, value in plan.facts.items() if name != "water")
+    figure.text(MARGIN, 0.918, headline(plan), size=14 if plan.certain else 11, color=INK)
+    facts = "   ".join(f"{name}: {value}" for name, value in plan.facts.items() if name not in _IN_HEADLINE)
     figure.text(MARGIN, 0.896, facts, size=9.5, color=INK)
     if source.simulated:
         figure.text(MARGIN, 0.876, "Simulated counts: this is an example, not a field", size=11, color="#b00020")
@@ -77,7 +78,7 @@ def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     _table(figure.add_axes((MARGIN, 0.13, wide, 0.24)), doses, colours, settings)
     about = (
         "Doses are gross: with the losses of the irrigation. Missing is the water that the root zone lacks, the "
-        "mean of the field with the 90 % interval of a place. Sure is the probability that the dose is the right "
+        "mean of the field with the 90 % interval of a place. Right with: probability that the dose is the right "
         "step. Nothing is given in hatched areas."
     )
     text = textwrap.fill(about, 112)
@@ -140,7 +141,7 @@ def _table(
     unit = settings.rate_unit
     right: dict[str, Any] = {"ha": "right", "va": "center", "size": 10, "color": INK}
     places = (0.22, 0.38, 0.55, 0.76, 0.96)
-    titles = (f"dose [{unit}]", "area [ha]", "water [m³]", "missing [mm]", "sure")
+    titles = (f"dose [{unit}]", "area [ha]", "water [m³]", "missing [mm]", "right with")
     rows = [titles]
     for zones in list(doses.values())[-MAX_ROWS:]:
         area = [zone.area_m2 for zone in zones]

@@ -27,7 +27,11 @@ Array = NDArray[np.float64]
 
 FEW_PLACES = 10
 USEFUL_SHARE = 0.5
-"""Share of the area whose need must be certain for a dose by a general calibration."""
+"""Share of the area whose need must be certain for a dose by a general or combined calibration."""
+_CORES_OF = {
+    "general": "take soil cores on one day and combine them with the general calibration",
+    "combined": "take more soil cores, on another day",
+}
 BELOW_SD_SHARE = 0.25
 """Standard deviation of the moisture below the sensed depth about that above, as a share of the available water:
 an assumption, no measurement."""
@@ -128,6 +132,7 @@ class FieldDose:
             "area_m2": self.area_m2,
             "volume_m3": self.volume_m3,
             "sure_share": self.sure,
+            "certain": self.certain,
             "below": self.below,
             "remedies": [one._asdict() for one in self.remedies],
             "zones": [{name: getattr(zone, name) for name in columns} for zone in self.zones],
@@ -171,9 +176,10 @@ def _find(run: MapRun) -> FieldDose | NoDose:
         mistake = error.mistakes[0]
         return NoDose(mistake.message, mistake.remedy)
     sure = sure_share(dose)
-    if run.calibration is not None and run.calibration.method == "general" and sure < USEFUL_SHARE:
-        missing = f"by the general calibration the need is certain on only {100 * sure:.0f} % of the area"
-        return NoDose(missing, "take soil cores on one day and combine them with the general calibration")
+    remedy = _CORES_OF.get("cores" if run.calibration is None else run.calibration.method)
+    if run.calibration is not None and remedy is not None and sure < USEFUL_SHARE:
+        how = f"by the {run.calibration.method} calibration"
+        return NoDose(f"{how} the need is certain on only {100 * sure:.0f} % of the area", remedy)
     return FieldDose(settings, dose, zones, text, remedies(run, settings, dose))
 
 

@@ -408,7 +408,7 @@ def _where(run: MapRun, chosen: NDArray[np.bool_]) -> str:
 def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
     """The dose, how sure it is and what would make it surer; then what it rests on."""
     whole_m2 = float(field_polygon(run.soil_map).area)
-    share, area = f"sure on {percent(found.sure)}", part_of_area(found.area_m2, whole_m2)
+    share, area = f"need sure on {percent(found.sure)}", part_of_area(found.area_m2, whole_m2)
     doses = [zone.gross_mm for zone in found.irrigated]
     if not doses:
         what = f"No irrigation needed now on all {part_of_area(whole_m2, whole_m2)}"

@@ -47,4 +47,4 @@ def irrigated(doses=(0.0, 10.0, 15.0), latitude=53.27, longitude=-0.52, cell_m=2
         )
         for part, gross in zip(PARTS, doses, strict=True)
     ]
-    return source, Plan(one, zones, "2026-05-03")
+    return source, Plan(one, zones, "2026-05-03", True)

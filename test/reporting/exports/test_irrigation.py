@@ -81,6 +81,10 @@ def test_facts_fit_a_designator_and_the_headline_says_what_to_do():
     assert all(len(f"{name}: {value}") <= 32 for name, value in plan.facts.items())
     assert headline(plan) == "Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
     assert headline(replace(plan, zones=plan.zones[:1])) == "No irrigation"
+    guess = replace(plan, certain=False)
+    assert headline(guess) == "Best estimate, not certain: Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
+    assert guess.facts == {**plan.facts, "best estimate": "not certain"}
+    assert all(len(f"{name}: {value}") <= 32 for name, value in guess.facts.items())
 
 
 @pytest.mark.slow
@@ -89,6 +93,7 @@ def test_the_sheet_is_one_page_with_every_dose(plan, tmp_path):
     (path,) = write_sheet(source, tmp_path, ExportSettings())
     content = path.read_bytes()
     assert (content.count(b"/Type /Page\n") + content.count(b"/Type /Page "), content[:5]) == (1, b"%PDF-")
+    its = replace(its, certain=False)
     page = sheet.sheet(source, its, ExportSettings(rate_unit="m3/ha"))
     shown = [text.get_text() for axes in page.axes for text in axes.texts] + [
         text.get_text() for text in page.texts
@@ -117,6 +122,7 @@ def test_a_run_is_exported_as_its_zones(make_run, tmp_path):
     source = open_source(open_run(folder))
     plan = irrigation_plan(source)
     assert plan.volume_m3 == pytest.approx(about["volume_m3"], rel=1e-12), "as the report has it"
+    assert plan.certain is about["certain"]
     assert sum(zone.area_m2 for zone in plan.zones) == pytest.approx(source.boundary.area, rel=1e-3)
     about, _, _, values = pyogrio.raw.read(paths[1])
     columns = dict(zip(about["fields"], values, strict=True))

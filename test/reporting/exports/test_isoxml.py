@@ -176,7 +176,7 @@ def test_passes_are_named():
         made(plan=plan)
     root, _ = made(plan=plan, passes=2)
     zones = {zone.get("B"): zone.find("PDV").get("B") for zone in root.iter("TZN")}
-    assert zones["12.5 of 25 mm, sure 70 %"] == "1250000000"
+    assert zones["12.5 of 25 mm, right with 70 %"] == "1250000000"
     assert "run this task 2 times" in [one.get("C") for one in root.iter("CAN")]
     assert "run the task 2 times" in plan[0].notes[0]
 

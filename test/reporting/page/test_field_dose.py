@@ -84,6 +84,10 @@ def test_the_general_calibration_has_a_dose_where_it_is_sure(make_run, the_map):
     found = field_dose(make_run(irrigation=LIMITS, calibration=general, soil_map=wide, sensed=DEEP))
     assert "by the general calibration the need is certain on only" in found.missing
     assert "cores" in found.remedy
+    both = dataclasses.replace(general, method="combined")
+    found = field_dose(make_run(irrigation=LIMITS, calibration=both, soil_map=wide, sensed=DEEP))
+    assert "by the combined calibration the need is certain on only" in found.missing
+    assert "more soil cores" in found.remedy
     own = make_run(irrigation=LIMITS, soil_map=wide, sensed=DEEP)
     assert isinstance(field_dose(own), FieldDose)
     assert "; a core day, not more counting, could make it up to" in irrigation(own).steps[0]
@@ -95,10 +99,11 @@ def test_the_advice_leads_with_the_dose(make_run):
     assert found is field_dose(run)
     area, volume = f"{found.area_m2 / 1e4:.2f} of 0.11 ha", f"({found.volume_m3:.0f} m³)"
     assert steps[0].startswith("Irrigate ")
-    assert f"mm on {area} {volume}; sure on {100 * found.sure:.0f} %" in steps[0]
+    assert f"mm on {area} {volume}; need sure on {100 * found.sure:.0f} %" in steps[0]
     assert "are missing to 30.0 % in the upper 300 mm, and 20 % is lost on the way." in steps[1]
     assert not found.below
     about = json.loads(json.dumps(summary(run)["dose"]))
+    assert about["certain"] is found.certain
     assert about["volume_m3"] == pytest.approx(found.volume_m3)
     assert sum(zone["area_m2"] for zone in about["zones"]) == pytest.approx(1106.5, rel=1e-4)
     for saved, zone in zip(saved_zones({"dose": about}), found.zones, strict=True):
