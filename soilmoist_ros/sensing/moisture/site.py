@@ -49,6 +49,8 @@ USUAL_CARBON, USUAL_CARBON_SD = 0.015, 0.007
 """Organic carbon of top soils of cropland, and its standard deviation [g/g]: a default range."""
 LATTICE_WATER_SD = 0.01
 """Standard deviation of the lattice water of soils of equal clay [g/g]."""
+MIN_EFFICIENCY = 0.3
+"""Lowest efficiency of an irrigation that is no mistake."""
 _LIMITS_OF_SOIL = {"texture", "wilting_point", "field_capacity", "dry_below", "moist_above"}
 OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}  # times per which other programs give N0 [s]
 
@@ -241,6 +243,9 @@ class Irrigation(Section):
         given = self.wilting_point, self.field_capacity
         if typical is not None and given != (typical.wilting_point, typical.field_capacity):
             raise ValueError("give 'texture', or 'wilting_point' and 'field_capacity', not both")
+        if self.efficiency < MIN_EFFICIENCY:
+            what = f"'efficiency' {self.efficiency:g} is below {MIN_EFFICIENCY:g}: most of the water would be lost"
+            raise ValueError(f"{what}; give the share that reaches the root zone, such as 0.8")
         if self.steps_mm > self.max_dose_mm:
             raise ValueError(f"'steps_mm' {self.steps_mm:g} is larger than 'max_dose_mm' {self.max_dose_mm:g}")
         if self.min_dose_mm > self.max_dose_mm:
@@ -322,7 +327,12 @@ class Site(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Site:
-        target = self.irrigation.target
+        target, texture = self.irrigation.target, self.irrigation.texture
+        if self.soil is not None and self.soil.texture and texture and texture != self.soil.texture:
+            raise ValueError(
+                f"soil 'texture' is {self.soil.texture}, irrigation 'texture' {texture}: one field has one soil; "
+                "remove that of irrigation, which then is that of the soil"
+            )
         if self.soil is not None and target is not None:
             pores = soil_limits(self.soil.bulk_density_gcm3).saturation
             if target > pores:

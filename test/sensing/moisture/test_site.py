@@ -80,10 +80,12 @@ def test_limits_for_irrigation_come_in_pairs(tmp_path, text, mistake):
     [
         ({"irrigation": {"efficiency": 0}}, "greater than 0"),
         ({"irrigation": {"efficiency": 1.1}}, "less than or equal to 1"),
+        ({"irrigation": {"efficiency": 0.08}}, "below 0.3: most of the water would be lost"),
         ({"irrigation": {"steps_mm": 0}}, "greater than 0"),
         ({"irrigation": {"steps_mm": 70}}, "'steps_mm' 70 is larger than 'max_dose_mm' 60"),
         ({"irrigation": {"min_dose_mm": 70}}, "'min_dose_mm' 70 is larger"),
         ({"irrigation": {"texture": "mud"}}, "sandy loam"),
+        ({"soil": {"texture": "sand"}, "irrigation": {"texture": "clay"}}, "remove that of irrigation"),
         ({"irrigation": {"texture": "loam", "wilting_point": 0.1, "field_capacity": 0.3}}, "not both"),
         ({"irrigation": {"texture": "loam", "target": 0.2}}, "not above 0.21, where plants lack water"),
         ({"irrigation": {"target": 0.5}, "soil": {"bulk_density_gcm3": 1.6}}, "above the pore volume 0.40"),
