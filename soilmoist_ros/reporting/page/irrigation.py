@@ -420,7 +420,7 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
     before: tuple[str, ...] = ("simulated",) if run.simulated else ()
     before += () if found.certain else ("best estimate, not certain",)
     what = ": ".join([*before, what[0].lower() + what[1:]])
-    yield f"{what[0].upper()}{what[1:]}; {share}{_surer(found)}."
+    yield f"{what[0].upper()}{what[1:]}{_capped(found)}; {share}{_surer(found)}."
     if doses:
         settings = found.settings
         net = sum(zone.net_mm * zone.area_m2 for zone in found.irrigated) / found.area_m2
@@ -435,6 +435,17 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
         )
     if found.below:
         yield found.below
+
+
+def _capped(found: FieldDose) -> str:
+    """What the largest dose of the machine leaves missing, as a part of a sentence; empty if it is enough."""
+    top, settings = float(found.settings.doses_mm[-1]), found.settings
+    zones = [zone for zone in found.zones if zone.gross_mm >= top]
+    size = sum(zone.area_m2 for zone in zones)
+    left = sum((zone.net_mm - settings.efficiency * top) * zone.area_m2 for zone in zones) / size if zones else 0.0
+    if left <= settings.efficiency * settings.steps_mm / 2:
+        return ""
+    return f"; {top:g} mm is the largest dose of the machine, about {left:.0f} mm remain missing"
 
 
 def _surer(found: FieldDose) -> str:

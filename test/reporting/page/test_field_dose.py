@@ -28,6 +28,7 @@ from soilmoist_ros.reporting.page.field_dose import (
     soil_water_index,
 )
 from soilmoist_ros.reporting.page.irrigation import irrigation
+from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.moisture.footprint import SensedSoil
 
@@ -114,7 +115,22 @@ def test_the_advice_leads_with_the_dose(make_run):
         "none",
         *(f"{d:g} mm" for d in sorted({z.gross_mm for z in found.irrigated})),
     ]
+    for limits, said in ((LIMITS, False), (dataclasses.replace(LIMITS, width_m=90), True)):
+        page = render_report(make_run(irrigation=limits, sensed=DEEP))
+        assert ("lacks " in page) is said, "one interval of the missing water"
     assert irrigation(dataclasses.replace(run, simulated=True)).steps[0].startswith("Simulated: ")
+
+
+def test_the_lead_says_what_the_largest_dose_leaves(make_run):
+    small = dataclasses.replace(LIMITS, max_dose_mm=10)
+    run = make_run(irrigation=small, sensed=DEEP)
+    top = [zone for zone in field_dose(run).zones if zone.gross_mm == 10]
+    left = sum((zone.net_mm - 0.8 * 10) * zone.area_m2 for zone in top) / sum(zone.area_m2 for zone in top)
+    assert (
+        f"; 10 mm is the largest dose of the machine, about {left:.0f} mm remain missing; need sure on"
+        in (irrigation(run).steps[0])
+    )
+    assert "largest dose" not in irrigation(make_run(irrigation=LIMITS, sensed=DEEP)).steps[0]
 
 
 def test_soil_below_the_sensed_depth_is_an_assumption_without_earlier_surveys(make_run):
