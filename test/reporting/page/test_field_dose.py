@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nodes.browser import PHONE, chromium
 from soilmoist_ros.mapping import EarlierSurvey, PoissonKriging, Samples
 from soilmoist_ros.pipeline.run import CalibrationInfo, EarlierRun, IrrigationLimits
 from soilmoist_ros.reporting.certainty import CERTAIN
@@ -28,7 +29,7 @@ from soilmoist_ros.reporting.page.field_dose import (
     soil_water_index,
 )
 from soilmoist_ros.reporting.page.irrigation import irrigation
-from soilmoist_ros.reporting.page.report import render_report
+from soilmoist_ros.reporting.page.report import render_report, write_report
 from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.moisture.footprint import SensedSoil
 
@@ -119,6 +120,17 @@ def test_the_advice_leads_with_the_dose(make_run):
         page = render_report(make_run(irrigation=limits, sensed=DEEP))
         assert ("lacks " in page) is said, "one interval of the missing water"
     assert irrigation(dataclasses.replace(run, simulated=True)).steps[0].startswith("Simulated: ")
+
+
+@pytest.mark.slow
+def test_a_phone_shows_the_whole_dose_and_scrolls_down_only(make_run, tmp_path):
+    path = write_report(tmp_path / "report.html", make_run(irrigation=LIMITS, sensed=DEEP))
+    with chromium() as browser:
+        page = browser.new_page(viewport=PHONE)
+        page.goto(path.as_uri())
+        page.locator(".chips").wait_for()
+        assert page.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
+        assert page.locator("#dose + .scroll").evaluate("it => it.scrollWidth <= it.clientWidth")
 
 
 def test_the_lead_says_what_the_largest_dose_leaves(make_run):
