@@ -5,12 +5,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -36,6 +36,10 @@ if TYPE_CHECKING:
     )
 
 DAY_S = 86_400.0
+AFTER_MAP_DAYS = 2
+"""Days after a survey within which cores are compared with its map; without rain the pattern lasts."""
+SENSITIVITIES = 0.05, 30.0
+"""Sensitivities of neutron sensors to the reference detector, small tubes to large rovers."""
 TIME = MomentType()
 
 
@@ -179,7 +183,7 @@ def _calibrate(
     unit = unit.model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None, "curve": curve or unit.curve})
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
-    counted = _counted(known, *counting) if run is None else _no_counts(*counting)
+    counted = _counted(known, *counting) if run is None else _no_counts(run, *counting)
     _require_days_of_counts(table.days or dates, counted, cores)
     air, bound_water = _air(known, counted), soil.lattice_water + soil.organic_water
     unit_curve = unit.curve_of(soil, known.reference_humidity_gm3)
@@ -189,10 +193,11 @@ def _calibrate(
             level = _at_places(run, sampled, unit_curve, weighting, air)
             estimate, rate = level.estimate, level.rate_cps
             rate_sd = rate * estimate.from_counting_cps / estimate.n0_cps
+            at_places = f", the map at {level.places} places"
             mean = replace(mean, vwc=level.vwc, vwc_sd=level.vwc_sd)
         else:
             rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
-            estimate = estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve)
+            estimate, at_places = estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve), ""
     except ValueError as error:
         raise InputError(
             f"the calibration has no solution: {error}", "check the cores and the soil properties", cores
@@ -205,14 +210,13 @@ def _calibrate(
     say(f"cores      {_about(mean)}{f', of {listing(table.days)}' if table.days else ''}")
     if mean.weights == "equal weights" and weighting != "equal" and run is None:
         warn(f"note       the {weighting} weights need distance_m, or depths of several cores in a profile")
-    assumed = "" if counted.records and math.isfinite(counted.pressure_hpa) else " (assumed for the weights)"
+    assumed = "" if math.isfinite(counted.pressure_hpa) else " (assumed for the weights)"
     say(f"air        {air.pressure_hpa:.1f} hPa, {air.humidity_gm3:.1f} g/m3{assumed}")
     if counted.factors:
         say(f"factors    {counted.factors_text}")
     records = f", {counted.records} records" if counted.records else ""
     records += f", {counted.left_out} left out" if counted.records and counted.left_out else ""
-    records += f", the map at {mean.profiles} places" if run is not None else ""
-    say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{records}")
+    say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{records}{at_places}")
     say(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s, curve {unit.curve}")
     of_cores = "an unknown part" if math.isnan(estimate.from_cores_cps) else f"{estimate.from_cores_cps:.4f}"
     say(f"of which   {estimate.from_counting_cps:.4f} from counting, {of_cores} from cores")
@@ -230,7 +234,8 @@ def _calibrate(
     )
     if not cores_only:
         days = tuple(table.days) or dates
-        result = _combined(result, estimate, mean, rate, unit_curve, known, _survey_air(counted), earlier, days)
+        prior = _general_of_run(run, known) if run is not None else _general(known, _survey_air(counted))
+        result = _combined(result, estimate, mean, rate, unit_curve, known, prior, earlier, days)
     elif earlier:
         raise click.UsageError("--earlier is not used with --cores-only")
     if dry_run:
@@ -247,7 +252,7 @@ def _combined(
     rate_cps: float,
     unit_curve: MoistureCurve,
     known: Site,
-    air: SurveyAir,
+    general: tuple[Calibration | None, str],
     earlier: tuple[Path, ...],
     days: Sequence[str],
 ) -> Calibration:
@@ -266,7 +271,7 @@ def _combined(
         load_site,
     )
 
-    prior, why = _general(known, air)
+    prior, why = general
     if prior is None:
         say(f"general    not used: {why}")
         if not earlier:
@@ -319,10 +324,12 @@ def _require_days_of_counts(days: Sequence[str], counted: CalibrationCounts, cor
     """Refuse counts of other days than the cores; of a date whose month is not clear, both days are compared."""
     from soilmoist_ros.sensing import possible_days
 
-    if not counted.records:
+    if math.isnan(counted.first_s):
         return
     # Clocks of loggers and of people differ by up to half a day from UTC.
     earliest_s, latest_s = counted.first_s - 1.5 * DAY_S, counted.last_s + 0.5 * DAY_S
+    if not counted.records:  # cores are taken where the map says, often later
+        latest_s += AFTER_MAP_DAYS * DAY_S
     for day in days:
         begins_s = [datetime.combine(of, time(), UTC).timestamp() for of in possible_days(day)]
         if begins_s and not any(earliest_s < at < latest_s for at in begins_s):
@@ -330,7 +337,12 @@ def _require_days_of_counts(days: Sequence[str], counted: CalibrationCounts, cor
             message = (
                 f"the cores are of {day}, and the counts of {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
             )
-            raise InputError(message, "give the log of that day, or correct the date of the cores", cores)
+            source = "log" if counted.records else "run"
+            raise InputError(message, f"give the {source} of that day, or correct the date of the cores", cores)
+        if not counted.records and all(at > counted.last_s for at in begins_s):
+            warn(f"doubt      the cores are of {day}, after the survey: was there rain between them?")
+    if not counted.records:
+        return
     long_days = (counted.last_s - counted.first_s) / DAY_S
     if days and long_days > len(days) + 2:
         warn(f"doubt      {long_days:.0f} days are counted for cores of {listing(days)}: choose --from and --to")
@@ -393,20 +405,38 @@ def _counted(
 
 
 def _no_counts(
+    run: Path,
     logs: tuple[Path, ...],
     logger: str | None,
     counts: int | None,
     exposure_s: float | None,
     window: tuple[datetime | None, datetime | None],
 ) -> CalibrationCounts:
-    """Stand-in for counts where the rates are those of a map."""
+    """Stand-in for counts where the rates are those of a map: its time and mean weather."""
+    from soilmoist_ros.reporting import open_run
     from soilmoist_ros.sensing import CalibrationCounts
 
     if logs or counts is not None or exposure_s is not None or any(window):
         raise click.UsageError(
             "--run has the counts already: leave out --log, --counts, --exposure, --from and --to"
         )
-    return CalibrationCounts(0, 1.0, 0, 0, math.nan, math.nan)
+    about = open_run(run).summary
+    first_s, last_s = (about.get(name) or math.nan for name in ("first_stamp_s", "last_stamp_s"))
+    if about.get("simulated"):
+        first_s = last_s = math.nan  # the date of a simulation is not one of cores
+    return CalibrationCounts(0, 1.0, 0, 0, *_weather_of(about), first_s, last_s)
+
+
+def _weather_of(summary: Mapping[str, Any]) -> tuple[float, float]:
+    """Mean air pressure [hPa] and absolute humidity [g/m^3] of a run by its mean factors; NaN for the unknown."""
+    pressure_hpa = humidity_gm3 = math.nan
+    for row in summary.get("corrections") or []:
+        known, factor = row["parameters"], row["mean_factor"]
+        if known.get("beta [1/hPa]") and "P0 [hPa]" in known:
+            pressure_hpa = known["P0 [hPa]"] + math.log(factor) / known["beta [1/hPa]"]
+        elif known.get("c [m3/g]") and "Q0 [g/m3]" in known:
+            humidity_gm3 = known["Q0 [g/m3]"] + (factor - 1) / known["c [m3/g]"]
+    return pressure_hpa, humidity_gm3
 
 
 def _at_places(
@@ -416,6 +446,8 @@ def _at_places(
     from soilmoist_ros.reporting import n0_at_places, open_run, open_source
 
     level = n0_at_places(open_source(open_run(run)), cores, unit_curve, weighting, air)
+    for note in level.notes:
+        warn(f"note       {note}")
     if level.spread > 1.5:
         warn(
             f"doubt      cores and map differ {level.spread:.1f} times more from place to place than both errors "
@@ -474,6 +506,7 @@ def _compare(
     own, other = _read(known, logs, logger), _read(of_station, station_logs, station_logger)
     found = compare_side_by_side(own, known, other, of_station)
     value, sd = found.sensitivity(sensitivity, sensitivity_sd)
+    _require_usual(f"the counts have a ratio of {found.ratio:.3g}, which makes a sensitivity", value, logs[0])
     put(
         ratio=found.ratio, ratio_sd=found.ratio_sd, sensor_sensitivity=value, sensor_sensitivity_sd=sd,
         own_counts=found.own_counts, station_counts=found.other_counts, counted_s=found.counted_s, gaps=found.gaps,
@@ -534,6 +567,27 @@ def _general(site: Site, air: SurveyAir) -> tuple[Calibration | None, str]:
     return found[0], ""
 
 
+def _general_of_run(run: Path, site: Site) -> tuple[Calibration | None, str]:
+    """The general calibration that a run was made with, else the one of the site at its datum; or the reason."""
+    from soilmoist_ros.reporting import open_run
+    from soilmoist_ros.sensing import Calibration, SurveyAir, UncertaintyPart, sensitivity_of
+
+    summary = open_run(run).summary
+    about, own = summary.get("calibration") or {}, sensitivity_of(site)
+    parts = [
+        UncertaintyPart(**{name: value for name, value in part.items() if value is not None})
+        for part in about.get("parts", [])
+    ]
+    used = next((part.value for part in parts if part.name == "sensitivity"), math.nan)
+    of_site = own is None or math.isclose(own.value, used, rel_tol=1e-3)
+    right_curve = site.calibration is None or site.calibration.curve == about.get("curve")
+    if about.get("method") == "general" and of_site and right_curve:
+        names = ("n0_cps", "n0_sd_cps", "method")
+        return Calibration(**{name: about[name] for name in names}, parts=parts, note=about.get("source")), ""
+    place = (float((summary.get("datum") or {}).get(name, math.nan)) for name in ("latitude_deg", "longitude_deg"))
+    return _general(site, SurveyAir(*place, pressure_hpa=_weather_of(summary)[0]))
+
+
 def _scale(here: Site, there: Site, path: Path) -> float:
     """N0 of one sensor at a site relative to that at another one, by the general calibration."""
     from soilmoist_ros.sensing import SurveyAir, general_calibration
@@ -547,6 +601,18 @@ def _scale(here: Site, there: Site, path: Path) -> float:
     return levels[0] / levels[1]
 
 
+def _require_usual(name: str, sensitivity: float, path: Path | None = None) -> None:
+    low, high = SENSITIVITIES
+    if not low <= sensitivity <= high:
+        remedy = (
+            "check that both sensors counted side by side, the units of their counts, and the station's values"
+        )
+        message = (
+            f"{name} of {sensitivity:.3g}: neutron sensors have {low:g} to {high:g} of the reference detector"
+        )
+        raise InputError(message, remedy, path)
+
+
 def _sensitivity_of(
     station: Site, path: Path | None, given: float | None, given_sd: float | None
 ) -> tuple[float, float, str]:
@@ -556,6 +622,7 @@ def _sensitivity_of(
     from soilmoist_ros.sensing import SITE_SCATTER, Site, SurveyAir, general_calibration, sensitivity_of
 
     if given is not None:
+        _require_usual("--station-sensitivity", given)
         known = sensitivity_of(Site(sensor_sensitivity=given, sensor_sensitivity_sd=given_sd))
         assert known is not None
         return known.value, known.sd, "as given"

@@ -310,7 +310,15 @@ def n0_at_places(
     if lost:
         remedy = "fill in latitude_deg and longitude_deg, or calibrate with --log instead of --run"
         raise InputError(f"cores have no place: profile {', '.join(lost[:5])}", remedy)
-    one = source.properties[0]
+    places: dict[tuple[float, float], list[list[SoilCore]]] = {}
+    for group in groups:
+        places.setdefault((round(group[0].latitude_deg, 6), round(group[0].longitude_deg, 6)), []).append(group)
+    notes = [
+        f"{len(found)} profiles have the same coordinates ({at[0]}, {at[1]}): they count as one place"
+        for at, found in places.items()
+        if len(found) > 1
+    ]
+    one, groups = source.properties[0], [list(itertools.chain(*found)) for found in places.values()]
     xy = source.frame.to_local(*np.array([(g[0].latitude_deg, g[0].longitude_deg) for g in groups]).T)
     _, cells = one.cells
     distance = np.hypot(*np.moveaxis(xy[:, None] - cells[None], -1, 0))
@@ -332,6 +340,7 @@ def n0_at_places(
     return LevelOfPlaces(
         N0Estimate(n0, n0 * total, n0 * of_map, n0 * of_cores), mean_vwc,
         of_cores * float(_per_level(unit_curve, np.array(mean_vwc))), float(share @ rate), len(groups), excess,
+        tuple(notes),
     )  # fmt: skip
 
 

@@ -278,6 +278,11 @@ def test_the_sensitivity_of_a_sensor_next_to_a_station(tmp_path):
         return json.loads(CliRunner().invoke(main, [str(each) for each in arguments]).stdout)
 
     assert "nothing is known of the station" in compare()["errors"][0]["message"]
+    before = site.read_text()
+    for wrong in (1000, "nan", 0.001):
+        assert "--station-sensitivity of" in compare("--station-sensitivity", wrong)["errors"][0]["message"]
+    assert "makes a sensitivity of" in compare("--station-sensitivity", 0.06)["errors"][0]["message"]
+    assert site.read_text() == before
     found = compare("--station-sensitivity", 2, "--station-sensitivity-sd", 0.1)
     assert found["sensor_sensitivity"] == pytest.approx(0.8, abs=3 * 2 * found["ratio_sd"])
     assert found["sensor_sensitivity_sd"] == pytest.approx(0.04, rel=0.02)

@@ -5,7 +5,9 @@
 import csv
 import json
 import math
+import shutil
 from dataclasses import replace
+from datetime import UTC, datetime
 from xml.etree import ElementTree
 
 import numpy as np
@@ -19,7 +21,15 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 from soilmoist_ros.reporting import open_run, open_source, plan_cores, write_mission
 from soilmoist_ros.reporting.core_plan import SHEET_COLUMNS, LevelModel, choose_places, core_layers_cm, fit_level
-from soilmoist_ros.sensing import PROFILE_SD, SITE_SCATTER, CalibrationCurve, load_site, read_soil_cores
+from soilmoist_ros.sensing import (
+    PROFILE_SD,
+    SITE_SCATTER,
+    CalibrationCurve,
+    SurveyAir,
+    general_calibration,
+    load_site,
+    read_soil_cores,
+)
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 UNIT = CalibrationCurve(1.0, 1.4)
@@ -248,3 +258,70 @@ def test_a_map_of_impossible_moisture_is_not_planned_with_and_no_error_exceeds_t
     plan = planned(one.curve.n0_cps, one.curve.n0_cps)
     pores = 1 - one.curve.bulk_density_gcm3 / 2.65
     assert max(plan.prior_vwc_sd, *(place.level_vwc_sd for place in plan.places)) <= pores / 2
+
+
+def sheet_of(places, dates=("",), at=None):
+    rows = ["profile,latitude_deg,longitude_deg,date,top_cm,bottom_cm,vwc"]
+    for number, place in enumerate(places):
+        one = place if at is None else at
+        date = dates[number % len(dates)]
+        rows.append(f"p{number},{one['latitude_deg']},{one['longitude_deg']},{date},0,20,{one['vwc']:.4f}")
+    return "\n".join(rows) + "\n"
+
+
+@pytest.fixture
+def general_run(folder, tmp_path):
+    """The run as of a survey of 2 May 2026 with the general calibration; a sheet, and the site file without N0."""
+    copied = shutil.copytree(folder, tmp_path / "run")
+    summary = json.loads((copied / "summary.json").read_text())
+    noon = datetime(2026, 5, 2, 12, tzinfo=UTC).timestamp()
+    summary |= {"simulated": False, "first_stamp_s": noon, "last_stamp_s": noon + 7200}
+    summary["calibration"] |= {"method": "general", "n0_sd_cps": 0.07 * summary["calibration"]["n0_cps"]}
+    summary["calibration"]["parts"] = [
+        {"name": "sensitivity", "value": 2.0, "unit": "", "sd": 0.1, "origin": "given", "share": 0.07},
+        {"name": "snow", "value": None, "unit": "mm", "sd": 0.0, "origin": "default range", "share": None},
+    ]
+    pressure = {"name": "air pressure", "parameters": {"beta [1/hPa]": 0.0077, "P0 [hPa]": 1013.25}}
+    summary["corrections"] = [{**pressure, "mean_factor": math.exp(0.0077 * (990 - 1013.25))}]
+    (copied / "summary.json").write_text(json.dumps(summary))
+    site = tmp_path / "site.yaml"
+    site.write_text("sensor_sensitivity: 2.0\nsoil: {bulk_density_gcm3: 1.1}\n")
+    return copied, tmp_path / "cores.csv", site, summary
+
+
+@pytest.mark.slow
+def test_cores_on_a_run_are_combined_with_the_general_calibration_of_the_run(general_run):
+    folder, cores, site, summary = general_run
+    one = plan_cores(open_source(open_run(folder)), 3)
+    cores.write_text(sheet_of([place._asdict() for place in one.places]))
+    found = run(cores, "--site", site, "--run", folder, "--dry-run")
+    assert (found["errors"], found["method"]) == ([], "combined")
+    alone, prior = found["n0_of_cores_cps"], summary["calibration"]["n0_cps"]
+    assert min(alone, prior) <= found["n0_cps"] <= max(alone, prior)
+    site.write_text(site.read_text().replace("2.0", "1.0"))  # of another sensor: for the datum and the pressure
+    other = run(cores, "--site", site, "--run", folder, "--dry-run")
+    place = SurveyAir(*summary["datum"].values(), 990.0)
+    n0_cps, _ = general_calibration(load_site(site), place)
+    weight = other["weight_of_cores"]
+    expected = weight * math.log(other["n0_of_cores_cps"]) + (1 - weight) * math.log(n0_cps.n0_cps)
+    assert math.log(other["n0_cps"]) == pytest.approx(expected, abs=0.002)
+
+
+@pytest.mark.slow
+def test_cores_of_another_time_or_of_one_place_are_told(general_run):
+    folder, cores, site, _ = general_run
+    places = [one._asdict() for one in plan_cores(open_source(open_run(folder)), 4).places]
+
+    def calibrate(table):
+        cores.write_text(table)
+        return run(cores, "--site", site, "--run", folder, "--cores-only", "--dry-run")
+
+    assert "give the run of that day" in calibrate(sheet_of(places, ["2026-06-02"]))["errors"][0]["remedy"]
+    assert any("after the survey" in text for text in calibrate(sheet_of(places, ["2026-05-03"]))["warnings"])
+    apart = calibrate(sheet_of(places, ["2026-05-02"]))
+    assert not apart["errors"]
+    together = calibrate(sheet_of(places, at=places[0]))
+    assert any("4 profiles have the same coordinates" in text for text in together["warnings"])
+    alone = calibrate(sheet_of(places[:1]))
+    assert together["n0_sd_cps"] == pytest.approx(alone["n0_sd_cps"])
+    assert together["n0_sd_cps"] > 1.1 * apart["n0_sd_cps"]
