@@ -64,6 +64,7 @@ class RecordChecks:
     tube, or with counts that do not fit the records before, is bad as a whole.
 
     :param n0_cps: count rate over dry soil [counts/s], NaN if unknown
+    :param n0_key: key of the site file that N0 comes from
     :param altitude_of: altitude of the probe at a record [m], NaN if unknown
 
     >>> checks = RecordChecks()
@@ -72,9 +73,12 @@ class RecordChecks:
     """
 
     def __init__(
-        self, n0_cps: float = NAN, altitude_of: Callable[[LoggerRecord], float] = lambda record: NAN
+        self,
+        n0_cps: float = NAN,
+        altitude_of: Callable[[LoggerRecord], float] = lambda record: NAN,
+        n0_key: str = "n0_cps",
     ) -> None:
-        self.totals = TotalChecks(n0_cps)
+        self.totals = TotalChecks(n0_cps, n0_key=n0_key)
         """Record against record, for corrected and placed records."""
         self.masked: dict[int, Kind] = {}
         """Tubes that were left out of the last record, by index, and why."""
@@ -184,10 +188,10 @@ class TotalChecks:
     :param typical_cps: typical corrected rate, known from the whole log [counts/s]; NaN if unknown
     """
 
-    def __init__(self, n0_cps: float = math.nan, typical_cps: float = math.nan) -> None:
+    def __init__(self, n0_cps: float = math.nan, typical_cps: float = math.nan, n0_key: str = "n0_cps") -> None:
         self.recorded, self.used = Dispersion(), Dispersion()
         """Dispersion of all records as they came, and of the records in use."""
-        self._n0_cps, self.typical_cps = n0_cps, typical_cps
+        self._n0_cps, self.typical_cps, self._n0_key = n0_cps, typical_cps, n0_key
         self._recent: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._stop: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._anchor: CountRecord | None = None
@@ -202,7 +206,7 @@ class TotalChecks:
         level = alarm_probability(record.exposure_s) / 2
         if _are_above(counted.counts, MAX_N0_FACTOR * self._n0_cps * counted.exposure_s, level):
             message = f"{record.corrected_rate:.1f} counts/s are impossible with N0 = {self._n0_cps:g} counts/s"
-            remedy = "check the detector, and 'n0_cps' in the site file"
+            remedy = f"check the detector, and {self._n0_key!r} in the site file"
             return [Finding(Kind.IMPOSSIBLE_COUNT, message, remedy, bad=True)]
         at_stop = self._anchor is not None and _same_place(self._anchor, record)
         if not at_stop:

@@ -112,7 +112,9 @@ class Survey:
         """Places at which the records were counted."""
         self._weather = WeatherSeries(max_values=MAX_WEATHER_VALUES if self._grows else None)
         n0_cps = site.calibration.n0_cps if site.calibration else NAN
-        self.checks = RecordChecks(n0_cps, self.places.altitude_m)
+        general = site.calibration is not None and site.calibration.method == "general"
+        n0_key = "sensor_sensitivity" if general else "n0_cps"
+        self.checks = RecordChecks(n0_cps, self.places.altitude_m, n0_key)
         """Tests of the counts and the weather."""
         learned = self.checks.learn(ahead or ())
         for checked in learned:

@@ -99,6 +99,18 @@ def test_a_count_that_no_tube_reaches_is_quarantined_and_listed():
     assert "1200000 counts in 10 s" in str(problem)
 
 
+@pytest.mark.parametrize(
+    ("method", "key"), [("cores", "n0_cps"), ("general", "sensor_sensitivity"), ("combined", "n0_cps")]
+)
+def test_an_impossible_count_names_the_key_that_n0_comes_from(method, key):
+    problems = []
+    site = Site(calibration={"n0_cps": 0.5, "method": method}, corrections={"humidity": None, "pressure": None})
+    survey = Survey(site, LocalFrame(50.0, 10.0), on_problem=problems.append)
+    survey.take_record(GOOD)
+    list(survey.take_ready())
+    assert f"'{key}' in the site file" in str(problems[0])
+
+
 def test_impossible_weather_comes_from_other_records_or_the_record_is_quarantined():
     problems = []
     survey = Survey(Site(corrections={"humidity": None}), LocalFrame(50.0, 10.0), on_problem=problems.append)
