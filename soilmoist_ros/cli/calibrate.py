@@ -193,7 +193,7 @@ def _calibrate(
             level = _at_places(run, sampled, unit_curve, weighting, air)
             estimate, rate = level.estimate, level.rate_cps
             rate_sd = rate * estimate.from_counting_cps / estimate.n0_cps
-            at_places = f", the map at {level.places} places"
+            at_places = f", the map at {level.places} place{'s' * (level.places > 1)}"
             mean = replace(mean, vwc=level.vwc, vwc_sd=level.vwc_sd)
         else:
             rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
@@ -584,8 +584,9 @@ def _general_of_run(run: Path, site: Site) -> tuple[Calibration | None, str]:
     if about.get("method") == "general" and of_site and right_curve:
         names = ("n0_cps", "n0_sd_cps", "method")
         return Calibration(**{name: about[name] for name in names}, parts=parts, note=about.get("source")), ""
-    place = (float((summary.get("datum") or {}).get(name, math.nan)) for name in ("latitude_deg", "longitude_deg"))
-    return _general(site, SurveyAir(*place, pressure_hpa=_weather_of(summary)[0]))
+    datum, pressure_hpa = summary.get("datum") or {}, _weather_of(summary)[0]
+    latitude, longitude = (float(datum.get(name, math.nan)) for name in ("latitude_deg", "longitude_deg"))
+    return _general(site, SurveyAir(latitude, longitude, pressure_hpa))
 
 
 def _scale(here: Site, there: Site, path: Path) -> float:
