@@ -42,6 +42,7 @@ HIGH_DISPERSION = 1.5  # index of dispersion from which intervals of a map are c
 SIGNIFICANCE = 1e-4
 MAX_TUBE_RATE_CPS = 1000.0
 """Rate that no tube for environmental neutrons reaches, by orders of magnitude [counts/s]."""
+N0_KEY = "'n0_cps' in the site file"
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class RecordChecks:
     tube, or with counts that do not fit the records before, is bad as a whole.
 
     :param n0_cps: count rate over dry soil [counts/s], NaN if unknown
-    :param n0_key: key of the site file that N0 comes from
+    :param n0_from: where N0 comes from, for remedies
     :param altitude_of: altitude of the probe at a record [m], NaN if unknown
 
     >>> checks = RecordChecks()
@@ -76,9 +77,9 @@ class RecordChecks:
         self,
         n0_cps: float = NAN,
         altitude_of: Callable[[LoggerRecord], float] = lambda record: NAN,
-        n0_key: str = "n0_cps",
+        n0_from: str = N0_KEY,
     ) -> None:
-        self.totals = TotalChecks(n0_cps, n0_key=n0_key)
+        self.totals = TotalChecks(n0_cps, n0_from=n0_from)
         """Record against record, for corrected and placed records."""
         self.masked: dict[int, Kind] = {}
         """Tubes that were left out of the last record, by index, and why."""
@@ -188,10 +189,10 @@ class TotalChecks:
     :param typical_cps: typical corrected rate, known from the whole log [counts/s]; NaN if unknown
     """
 
-    def __init__(self, n0_cps: float = math.nan, typical_cps: float = math.nan, n0_key: str = "n0_cps") -> None:
+    def __init__(self, n0_cps: float = math.nan, typical_cps: float = math.nan, n0_from: str = N0_KEY) -> None:
         self.recorded, self.used = Dispersion(), Dispersion()
         """Dispersion of all records as they came, and of the records in use."""
-        self._n0_cps, self.typical_cps, self._n0_key = n0_cps, typical_cps, n0_key
+        self._n0_cps, self.typical_cps, self._n0_from = n0_cps, typical_cps, n0_from
         self._recent: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._stop: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._anchor: CountRecord | None = None
@@ -206,7 +207,7 @@ class TotalChecks:
         level = alarm_probability(record.exposure_s) / 2
         if _are_above(counted.counts, MAX_N0_FACTOR * self._n0_cps * counted.exposure_s, level):
             message = f"{record.corrected_rate:.1f} counts/s are impossible with N0 = {self._n0_cps:g} counts/s"
-            remedy = f"check the detector, and {self._n0_key!r} in the site file"
+            remedy = f"check the detector, and {self._n0_from}"
             return [Finding(Kind.IMPOSSIBLE_COUNT, message, remedy, bad=True)]
         at_stop = self._anchor is not None and _same_place(self._anchor, record)
         if not at_stop:

@@ -321,7 +321,8 @@ class Site(Section):
             return values
         soil, irrigation = values.get("soil"), values.get("irrigation", {})
         texture = soil.get("texture") if isinstance(soil, dict) else getattr(soil, "texture", None)
-        if texture is None or not isinstance(irrigation, dict) or irrigation.keys() & _LIMITS_OF_SOIL:
+        known = any(texture == name for name in TEXTURES)  # a misspelt one is a mistake of the soil alone
+        if not known or not isinstance(irrigation, dict) or irrigation.keys() & _LIMITS_OF_SOIL:
             return values
         return {**values, "irrigation": {**irrigation, "texture": texture}}
 

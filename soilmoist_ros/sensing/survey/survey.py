@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import LocalFrame, Mistake
-from soilmoist_ros.sensing.checks.record_checks import RecordChecks
+from soilmoist_ros.sensing.checks.record_checks import N0_KEY, RecordChecks
 from soilmoist_ros.sensing.checks.tubes import tube_shares
 from soilmoist_ros.sensing.corrections.intensity import LatestIntensity, NeutronMonitor
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, Heard
@@ -113,8 +113,8 @@ class Survey:
         self._weather = WeatherSeries(max_values=MAX_WEATHER_VALUES if self._grows else None)
         n0_cps = site.calibration.n0_cps if site.calibration else NAN
         general = site.calibration is not None and site.calibration.method == "general"
-        n0_key = "sensor_sensitivity" if general else "n0_cps"
-        self.checks = RecordChecks(n0_cps, self.places.altitude_m, n0_key)
+        n0_from = "--sensor or 'sensor_sensitivity' in the site file" if general else N0_KEY
+        self.checks = RecordChecks(n0_cps, self.places.altitude_m, n0_from)
         """Tests of the counts and the weather."""
         learned = self.checks.learn(ahead or ())
         for checked in learned:

@@ -245,3 +245,6 @@ def test_of_a_misspelt_texture_only_the_texture_is_named(texture):
     with pytest.raises(ValidationError) as error:
         Soil.model_validate({"texture": texture})
     assert [one["loc"] for one in error.value.errors()] == [("texture",)]
+    with pytest.raises(ValidationError) as error:
+        Site.model_validate({"soil": {"texture": texture}})
+    assert [one["loc"] for one in error.value.errors()] == [("soil", "texture")]
