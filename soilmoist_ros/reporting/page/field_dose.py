@@ -194,7 +194,9 @@ def _lacking(run: MapRun) -> NoDose | None:
         return NoDose("the calibration states no ±", "give n0_sd_cps in the site file, or run soilmoist calibrate")
     if not is_usable(run.soil_map):
         return NoDose("the moisture is impossible on much of the area", "check N0, bulk density and tubes")
-    if at_one_place(run) or len(run.soil_map.samples) < FEW_PLACES:
+    if at_one_place(run):
+        return NoDose("all records are of one place", "drive the sensor over the field")
+    if len(run.soil_map.samples) < FEW_PLACES:
         return NoDose(f"there are fewer than {FEW_PLACES} places", "measure at more places")
     if run.irrigation.wilting_point is None or run.irrigation.field_capacity is None:
         what = "texture, or wilting_point and field_capacity, are not in the site file"
