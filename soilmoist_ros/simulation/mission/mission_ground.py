@@ -97,24 +97,26 @@ def fenced_map(field: Field, navigated: TopologicalMap) -> FencedGraph:
 
 
 def start_stops(field: Field, stops: Sequence[Stop], settings: MissionSettings) -> tuple[Stop, ...]:
-    """Start of each robot: the stop nearest to the first corner of the field that is far enough from those before.
+    """Start of each robot: the stop nearest to its own corner of the field that is far enough from those before.
 
-    Robots that start nearer than their planners keep them apart would stand in each other's way.
+    Robots that start nearer than their planners keep them apart would stand in each other's way. The first ways of
+    all lead to the middle, so they start at different corners.
 
     :raises InputError: if there are too few such stops
     """
     xy, starts = stops_xy(stops), list[Stop]()
-    corner_m2 = ((xy - field.polygon[0]) ** 2).sum(axis=1)
     noise_m = 3 * math.sqrt(2) * settings.position_sd_m  # three standard deviations of the distance of two robots
     apart_m = keep_apart_m(ROBOT_RADIUS_M) + PAST_M + noise_m
+    free = np.ones(len(stops), bool)
     while len(starts) < settings.robots:
-        nearest = int(np.argmin(corner_m2))
-        if math.isinf(corner_m2[nearest]):
+        corner = field.polygon[len(starts) % len(field.polygon)]
+        nearest = int(np.argmin(np.where(free, ((xy - corner) ** 2).sum(axis=1), math.inf)))
+        if not free[nearest]:
             raise InputError(
                 f"{settings.robots} robots cannot start on the field {field.name!r}: only {len(starts)} of its "
                 f"{len(stops)} stops are {apart_m:.1f} m apart",
                 f"simulate at most {len(starts)}, or give a larger field or more stops",
             )
         starts.append(stops[nearest])
-        corner_m2[np.hypot(*(xy - xy[nearest]).T) < apart_m] = math.inf
+        free &= np.hypot(*(xy - xy[nearest]).T) >= apart_m
     return tuple(starts)

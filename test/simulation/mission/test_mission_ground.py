@@ -57,7 +57,7 @@ def test_a_map_with_another_datum_lies_where_it_says(tmp_path, caplog):
         )
 
 
-def test_robots_start_apart_and_the_first_one_next_to_the_corner():
+def test_robots_start_apart_at_different_corners():
     stops = cell_stops(FIELD.grid(2.0))
     starts = [start_stops(FIELD, stops, MissionSettings(robots=robots)) for robots in (1, 2, 5)]
     assert [stop.xy for stop in starts[0]] == [(1.0, 1.0)]
@@ -65,7 +65,8 @@ def test_robots_start_apart_and_the_first_one_next_to_the_corner():
     apart_m = keep_apart_m(ROBOT_RADIUS_M) + PAST_M
     for one, other in combinations(starts[2], 2):
         assert math.dist(one.xy, other.xy) >= apart_m
-    assert max(math.dist(stop.xy, (0, 0)) for stop in starts[2]) < 12.0
+    for stop, corner in zip(starts[2], [*FIELD.polygon, FIELD.polygon[0]], strict=True):
+        assert math.dist(stop.xy, corner) < 6.0
     spread = start_stops(FIELD, stops, MissionSettings(robots=2, position_sd_m=1.0))
     assert math.dist(*(stop.xy for stop in spread)) >= apart_m + 4.0
     with pytest.raises(InputError, match="3 robots cannot start on the field 'plot': only 2 of its 4 stops are"):
