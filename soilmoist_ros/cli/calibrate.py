@@ -10,7 +10,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
@@ -41,6 +41,18 @@ AFTER_MAP_DAYS = 2
 SENSITIVITIES = 0.05, 30.0
 """Sensitivities of neutron sensors to the reference detector, small tubes to large rovers."""
 TIME = MomentType()
+
+
+class Counting(NamedTuple):
+    """Options of the counts at a calibration: logs with their format, or counts with their effective exposure [s];
+    and begin and end of the records that count.
+    """
+
+    logs: tuple[Path, ...]
+    logger: str | None
+    counts: int | None
+    exposure_s: float | None
+    window: tuple[datetime | None, datetime | None]
 
 
 @click.command("calibrate")
@@ -138,16 +150,14 @@ def command(
         _compare(site, logs, logger, station_logs, station_logger, station, dry_run)
         return
     assert cores is not None
-    counting = logs, logger, counts, exposure_s, (start, end)
+    counting = Counting(logs, logger, counts, exposure_s, (start, end))
     _calibrate(cores, site, counting, run, curve, weighting, dates, cores_only, earlier, dry_run)
 
 
 def _calibrate(
     cores: Path,
     site: Path,
-    counting: tuple[
-        tuple[Path, ...], str | None, int | None, float | None, tuple[datetime | None, datetime | None]
-    ],
+    counting: Counting,
     run: Path | None,
     curve: Literal["desilets", "universal"] | None,
     weighting: Weighting,
@@ -183,7 +193,7 @@ def _calibrate(
     unit = unit.model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None, "curve": curve or unit.curve})
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
-    counted = _counted(known, *counting) if run is None else _no_counts(run, *counting)
+    counted = _counted(known, counting) if run is None else _no_counts(run, counting)
     _require_days_of_counts(table.days or dates, counted, cores)
     air, bound_water = _air(known, counted), soil.lattice_water + soil.organic_water
     unit_curve = unit.curve_of(soil, known.reference_humidity_gm3)
@@ -380,19 +390,12 @@ def _air(site: Site, counted: CalibrationCounts) -> Footprint:
     )
 
 
-def _counted(
-    site: Site,
-    logs: tuple[Path, ...],
-    logger: str | None,
-    counts: int | None,
-    exposure_s: float | None,
-    window: tuple[datetime | None, datetime | None],
-) -> CalibrationCounts:
+def _counted(site: Site, given: Counting) -> CalibrationCounts:
     from soilmoist_ros.sensing import CalibrationCounts, calibration_counts
 
+    logs, logger, counts, exposure_s, (start, end) = given
     if (counts is None) != (exposure_s is None) or bool(logs) == (counts is not None):
         raise click.UsageError("give the counts of the calibration with --log, or with --counts and --exposure")
-    start, end = window
     if counts is not None and exposure_s is not None:
         if start or end:
             raise click.UsageError("--from and --to select records of a log; they require --log")
@@ -404,19 +407,12 @@ def _counted(
 # Places of cores on a map, and a sensor next to a station ------------------------------------------------------
 
 
-def _no_counts(
-    run: Path,
-    logs: tuple[Path, ...],
-    logger: str | None,
-    counts: int | None,
-    exposure_s: float | None,
-    window: tuple[datetime | None, datetime | None],
-) -> CalibrationCounts:
+def _no_counts(run: Path, given: Counting) -> CalibrationCounts:
     """Stand-in for counts where the rates are those of a map: its time and mean weather."""
     from soilmoist_ros.reporting import open_run
     from soilmoist_ros.sensing import CalibrationCounts
 
-    if logs or counts is not None or exposure_s is not None or any(window):
+    if given.logs or given.counts is not None or given.exposure_s is not None or any(given.window):
         raise click.UsageError(
             "--run has the counts already: leave out --log, --counts, --exposure, --from and --to"
         )

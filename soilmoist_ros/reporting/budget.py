@@ -80,7 +80,7 @@ REMEDIES = {
     WATER: "clay and organic carbon from a soil laboratory",
     "counting of the calibration": "longer counting during the calibration",
 }
-"""What lowers a part of the uncertainty; the remedy of counting follows from the map."""
+"""Remedies by the names of parts of the uncertainty; that of counting follows from the map."""
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ class CorePlan:
 
 @dataclass(frozen=True, eq=False)
 class LevelModel:
-    """What one core at each of n candidates would say of the level, linear and Gaussian.
+    """Linear Gaussian model of the evidence about the level in one core at each of n candidates.
 
     :param map_covariance: covariance of the errors of the logarithm of the map's rate, shape (n, n)
     :param core_variance: variance of log N0 from the core alone, shape (n,)

@@ -22,7 +22,7 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
 from soilmoist_ros.reporting.certainty import CERTAIN
 from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, dissolved, divided, workable
-from soilmoist_ros.sensing import MoistureCurve, soil_limits
+from soilmoist_ros.sensing import MoistureCurve, soil_limits, stress_vwc
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -39,7 +39,7 @@ TOLERANCE_M = 0.01
 
 @dataclass(frozen=True)
 class DoseSettings:
-    """What a dose rests on besides the map; moistures in m^3/m^3, depths and doses in mm.
+    """Basis of a dose besides the map; moistures in m^3/m^3, depths and doses in mm.
 
     :param depletion: share of the water between field capacity and wilting point that plants use before they lack
         water [0..1] (Allen et al. 1998, FAO Irrigation and drainage paper 56, equations 82 and 83)
@@ -105,7 +105,7 @@ class DoseSettings:
     @property
     def stress(self) -> float:
         """Moisture below which plants lack water."""
-        return self.field_capacity - self.depletion * (self.field_capacity - self.wilting_point)
+        return stress_vwc(self.wilting_point, self.field_capacity, self.depletion)
 
     @property
     def stress_sd(self) -> float:

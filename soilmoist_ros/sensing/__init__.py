@@ -102,6 +102,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.site import estimate_n0 as estimate_n0
     from soilmoist_ros.sensing.moisture.site import load_site as load_site
     from soilmoist_ros.sensing.moisture.site import n0_in_other_time as n0_in_other_time
+    from soilmoist_ros.sensing.moisture.site import stress_vwc as stress_vwc
     from soilmoist_ros.sensing.moisture.site import unusual_n0 as unusual_n0
     from soilmoist_ros.sensing.moisture.site import write_calibration as write_calibration
     from soilmoist_ros.sensing.moisture.site import write_site_values as write_site_values
@@ -173,7 +174,7 @@ __getattr__, __dir__, __all__ = open_door(
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
         "moisture.general": "SENSITIVITIES SurveyAir general_calibration sensitivity_of why_no_soil",
-        "moisture.site": "Calibration N0Estimate Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration write_site_values",
+        "moisture.site": "Calibration N0Estimate Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time stress_vwc unusual_n0 write_calibration write_site_values",
         "moisture.texture": "SoilTexture TEXTURES",
         "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",

@@ -367,7 +367,7 @@ class Passing:
         return self._shut_in is not None
 
     def call(self, now_s: float) -> str:
-        """What an operator is asked to do for a robot that is shut in for long; empty otherwise."""
+        """Request to an operator for a robot that is shut in for long; empty otherwise."""
         if now_s - self._since_s < SHUT_IN_S:
             return ""
         return f"{SHUT_IN}: drive one of them to another stop, {self._team.apart_m + PAST_M:g} m from the others"

@@ -205,7 +205,11 @@ class FencedGraph:
         return tuple(names[number] for number in sent)
 
     def check_origins(self, place: tuple[float, float], entry_m: float) -> None:
-        """Check the nodes from which the navigation may plan; errors as of :meth:`nodes_to_send`."""
+        """Check the nodes from which the navigation may plan.
+
+        :param entry_m: the robot may be this far outside [m]
+        :raises InputError: if one of them is not allowed
+        """
         for origin in self.origins(place):
             why = self.fence.refusal_of_entry(place, self.whole.xy[origin], entry_m)
             if not self._nodes[origin]:

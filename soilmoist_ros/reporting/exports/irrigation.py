@@ -31,7 +31,7 @@ RATE_UNITS: dict[str, Fraction] = {
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What to irrigate by the map of a property.
+    """Zones to irrigate by the map of a property.
 
     :param zones: from the lowest to the highest dose; together they are the field
     :param date: last day of the survey (UTC), empty for a clock without a date

@@ -48,7 +48,7 @@ def write_sheet(source: RunSource, folder: Path, settings: ExportSettings) -> li
 
 
 def headline(plan: Plan) -> str:
-    """What to do, in one sentence.
+    """Advice in one sentence.
 
     >>> headline(Plan(None, [], "", True))
     'No irrigation'

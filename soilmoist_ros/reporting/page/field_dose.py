@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -17,7 +17,15 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd
 from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import CERTAIN, absolute
-from soilmoist_ros.reporting.dose import Dose, DoseSettings, DoseZone, find_dose, sure_share, zones_of_dose
+from soilmoist_ros.reporting.dose import (
+    Dose,
+    DoseSettings,
+    DoseZone,
+    find_dose,
+    sure_share,
+    total_m3,
+    zones_of_dose,
+)
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place
 from soilmoist_ros.reporting.page.statistics import is_usable
@@ -50,7 +58,7 @@ _Z = 0.8416212335729143
 
 
 class Remedy(NamedTuple):
-    """What would make the need of more places certain.
+    """Remedy that makes the need of more places certain.
 
     :param what: ``counting``, ``calibration``, ``limits`` or ``below``
     :param share: share of the area that is then expected to be certain [0..1]
@@ -98,7 +106,7 @@ class FieldDose:
     @property
     def volume_m3(self) -> float:
         """Water for the field [m^3]."""
-        return sum(zone.volume_m3 for zone in self.zones)
+        return total_m3(self.zones)
 
     @property
     def certain(self) -> bool:
@@ -140,7 +148,7 @@ class FieldDose:
 
 
 class NoDose(NamedTuple):
-    """Why there is no dose, and what to do."""
+    """Reason for the lack of a dose, and its remedy."""
 
     missing: str
     remedy: str
@@ -206,22 +214,8 @@ def _lacking(run: MapRun) -> NoDose | None:
 
 def _settings(run: MapRun) -> DoseSettings:
     """Settings of the site file."""
-    limits = run.irrigation
-    assert limits.wilting_point is not None
-    assert limits.field_capacity is not None
-    return DoseSettings(
-        limits.wilting_point,
-        limits.field_capacity,
-        limits.wilting_point_sd or 0.0,
-        limits.field_capacity_sd or 0.0,
-        **{
-            name: getattr(limits, name)
-            for name in (
-                "root_depth_mm", "depletion", "target", "efficiency", "steps_mm", "min_dose_mm", "max_dose_mm",
-                "width_m", "direction_deg", "min_zone_ha",
-            )
-        },
-    )  # fmt: skip
+    given = {field.name: getattr(run.irrigation, field.name, None) for field in fields(DoseSettings)}
+    return DoseSettings(**{name: value for name, value in given.items() if value is not None})
 
 
 # The soil below the sensed depth ---------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.field_dose import FEW_PLACES, FieldDose, NoDose, field_dose
 from soilmoist_ros.reporting.page.frame import part_of_area, percent, volume
 from soilmoist_ros.reporting.page.statistics import calibration_sd, is_usable, mean_moisture, unusable_share
+from soilmoist_ros.sensing import stress_vwc
 
 Array = NDArray[np.float64]
 
@@ -158,14 +159,10 @@ def irrigation(run: MapRun) -> IrrigationAdvice:
 
 
 def stress_point(limits: IrrigationLimits) -> float | None:
-    """Moisture below which plants lack water [m^3/m^3]; ``None`` without wilting point and field capacity.
-
-    Readily available water is the share ``depletion`` of the water between wilting point and field capacity
-    (Allen et al. 1998, FAO Irrigation and drainage paper 56, equations 82 and 83).
-    """
+    """Moisture below which plants lack water [m^3/m^3]; ``None`` without wilting point and field capacity."""
     if limits.wilting_point is None or limits.field_capacity is None:
         return None
-    return limits.field_capacity - limits.depletion * (limits.field_capacity - limits.wilting_point)
+    return stress_vwc(limits.wilting_point, limits.field_capacity, limits.depletion)
 
 
 def has_level(run: MapRun) -> bool:

@@ -30,6 +30,7 @@ import numpy as np
 from soilmoist_ros.sensing.corrections.factors import (
     DRY_BIOMASS_SHARE_M2KG,
     SEA_LEVEL_HPA,
+    Corrections,
     barometric_coefficient,
     gravity_ms2,
     standard_pressure_hpa,
@@ -285,7 +286,7 @@ def _changing_parts(site: Site, air: SurveyAir) -> Iterator[UncertaintyPart]:
         "measured" if known else "default range",
         intensity_sd,
     )
-    corrected, coefficient = site.corrections.humidity is not None, 0.0054
+    corrected, coefficient = site.corrections.humidity is not None, Corrections.humidity_coefficient_m3g
     yield _part(
         "humidity",
         site.reference_humidity_gm3 if corrected else HUMIDITY_GM3,
@@ -326,7 +327,9 @@ def _plants(site: Site) -> float:
 def _humidity(site: Site) -> float:
     """Rate at the humidity to which a site corrects, in units of that in dry air."""
     corrected = site.corrections.humidity is not None
-    return 1 / (1 + 0.0054 * (site.reference_humidity_gm3 if corrected else HUMIDITY_GM3))
+    return 1 / (
+        1 + Corrections.humidity_coefficient_m3g * (site.reference_humidity_gm3 if corrected else HUMIDITY_GM3)
+    )
 
 
 def _of_jungfraujoch(site: Site) -> bool:

@@ -188,6 +188,15 @@ class Vegetation(Section):
     """Stage of its growth: emerged, growing or full."""
 
 
+def stress_vwc(wilting_point: float, field_capacity: float, depletion: float) -> float:
+    """Moisture below which plants lack water [m^3/m^3].
+
+    Readily available water is the share ``depletion`` of the water between wilting point and field capacity
+    (Allen et al. 1998, FAO Irrigation and drainage paper 56, equations 82 and 83).
+    """
+    return field_capacity - depletion * (field_capacity - wilting_point)
+
+
 class Irrigation(Section):
     """Limits of dry and moist soil for the report, terciles of the field if none are given; and the dose."""
 
@@ -253,7 +262,7 @@ class Irrigation(Section):
                 f"'min_dose_mm' {self.min_dose_mm:g} is larger than 'max_dose_mm' {self.max_dose_mm:g}"
             )
         if self.target is not None and self.field_capacity is not None and self.wilting_point is not None:
-            stress = self.field_capacity - self.depletion * (self.field_capacity - self.wilting_point)
+            stress = stress_vwc(self.wilting_point, self.field_capacity, self.depletion)
             if self.target <= stress:
                 raise ValueError(f"'target' {self.target:g} is not above {stress:.3g}, where plants lack water")
         return self
