@@ -136,7 +136,7 @@ def command(
     (cores of one place), date and weight. Columns in other units have other names, such as vwc_percent.
 
     With --beside, find the sensitivity of a sensor from counts next to a station. With --plan, find the places in
-    a field where cores tell most, and write a sheet to fill in.
+    a field where cores lower the uncertainty most, and write a sheet to fill in.
     """
     if sum((cores is not None, bool(station_logs), plan is not None)) != 1:
         raise click.UsageError("give one of CORES, --beside and --plan")
@@ -453,7 +453,7 @@ def _at_places(
 
 
 def _plan(run: Path, count: int, out: Path | None) -> None:
-    """Print where cores tell most, and write the sheet and the waypoints."""
+    """Print where cores lower the uncertainty most, and write the sheet and the waypoints."""
     from soilmoist_ros.reporting import open_run, open_source, plan_cores, write_plan
 
     source = open_source(open_run(run))

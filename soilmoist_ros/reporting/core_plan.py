@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Soil cores after a survey: the places where they tell most about the level of the map, and N0 from them.
+"""Soil cores after a survey: the places where they lower the uncertainty of the level most, and N0 from them.
 
 The map knows the pattern, the level (log N0) is common to all places. A core at a place compares the moisture
 there with the rate of the map there::
@@ -179,7 +179,7 @@ def choose_places(
 
 
 def plan_cores(source: RunSource, count: int) -> CorePlan:
-    """Places where cores tell most about the level of a map.
+    """Places where cores lower the uncertainty of the level of a map most.
 
     :param source: the run; its first property is used
     :raises InputError: if the map has no calibration curve, an impossible moisture on much of the area, or no cell

@@ -420,6 +420,19 @@ def dose_at(zones: Sequence[DoseZone], xy: Array) -> Array:
     return found
 
 
+def zones_mean(zones: Sequence[DoseZone], name: str) -> float:
+    """Mean of a figure of zones over their area."""
+    return float(np.average([getattr(zone, name) for zone in zones], weights=[zone.area_m2 for zone in zones]))
+
+
+def zones_by_dose(zones: Sequence[DoseZone]) -> dict[float, list[DoseZone]]:
+    """Zones of each gross dose [mm], from none to the most."""
+    found: dict[float, list[DoseZone]] = {}
+    for zone in sorted(zones, key=lambda zone: zone.gross_mm):
+        found.setdefault(zone.gross_mm, []).append(zone)
+    return found
+
+
 def total_m3(zones: Sequence[DoseZone]) -> float:
     """Water for the whole field [m^3]."""
     return sum(zone.volume_m3 for zone in zones)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.reporting.dose import DoseZone, saved_zones, total_m3
+from soilmoist_ros.reporting.dose import DoseZone, saved_zones, total_m3, zones_mean
 from soilmoist_ros.reporting.exports.layers import Layer, origin, texts, write_layers, write_shapefile
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
 
@@ -53,19 +53,16 @@ class Plan:
         """Water for the whole field [m^3]."""
         return total_m3(self.zones)
 
-    def mean(self, name: str) -> float:
-        """Mean of a figure of the zones over the area of the field."""
-        areas = [zone.area_m2 for zone in self.zones]
-        return float(np.average([getattr(zone, name) for zone in self.zones], weights=areas))
-
     @property
     def facts(self) -> dict[str, str]:
         """Calibration, date, interval and total for readers; name and value have 32 letters at most together."""
+        names = "net_mm", "p05_mm", "p95_mm", "sure"
+        net, low, high, sure = (zones_mean(self.zones, name) for name in names)
         return {
             "calibration": self.one.calibration,
             "survey": self.date or "no date",
-            "missing": f"{self.mean('net_mm'):.0f} mm ({self.mean('p05_mm'):.0f} to {self.mean('p95_mm'):.0f})",
-            "dose right with": f"{100 * self.mean('sure'):.0f} %",
+            "missing": f"{net:.0f} mm ({low:.0f} to {high:.0f})",
+            "dose right with": f"{100 * sure:.0f} %",
             "water": f"{self.volume_m3:.0f} m3",
             **({} if self.certain else {"best estimate": "not certain"}),
         }

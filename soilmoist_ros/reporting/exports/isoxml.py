@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.reporting.dose import DoseZone
+from soilmoist_ros.reporting.dose import DoseZone, zones_mean
 from soilmoist_ros.reporting.exports.irrigation import RATE_UNITS, Plan, irrigation_plan, rate
 from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource
@@ -218,8 +218,7 @@ def _zone(task: ET.Element, code: int, label: str, value: int) -> ET.Element:
 
 def _label(zones: Sequence[DoseZone], settings: ExportSettings) -> str:
     """Dose of zones, what of it one pass applies, and the probability that it is the right one."""
-    sure = np.average([zone.sure for zone in zones], weights=[zone.area_m2 for zone in zones])
-    gross_mm = zones[0].gross_mm
+    sure, gross_mm = zones_mean(zones, "sure"), zones[0].gross_mm
     part = f"{gross_mm / settings.passes:.3g} of " if settings.passes > 1 and gross_mm else ""
     return f"{part}{gross_mm:g} mm, right with {100 * sure:.0f} %"
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from soilmoist_ros.foundation import optional_module
 from soilmoist_ros.reporting.colours import FAINT, INK, SOFT, WATER, hex_ramp
-from soilmoist_ros.reporting.dose import DoseZone
+from soilmoist_ros.reporting.dose import DoseZone, zones_by_dose, zones_mean
 from soilmoist_ros.reporting.exports.irrigation import Plan, irrigation_plan, rate
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource
 from soilmoist_ros.reporting.geometry import right_handed
@@ -72,7 +72,7 @@ def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     figure.text(MARGIN, 0.896, facts, size=9.5, color=INK)
     if source.simulated:
         figure.text(MARGIN, 0.876, "Simulated counts: this is an example, not a field", size=11, color="#b00020")
-    doses = _doses(plan)
+    doses = zones_by_dose(plan.zones)
     colours = dict(zip(doses, _colours(list(doses)), strict=True))
     _map(figure.add_axes((MARGIN, 0.40, wide, 0.46)), source, plan, colours)
     _table(figure.add_axes((MARGIN, 0.13, wide, 0.24)), doses, colours, settings)
@@ -84,14 +84,6 @@ def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     text = textwrap.fill(about, 112)
     figure.text(MARGIN, 0.105, text, size=8.5, color=SOFT, va="top", linespacing=1.4)
     return figure
-
-
-def _doses(plan: Plan) -> dict[float, list[DoseZone]]:
-    """Zones of each dose, from none to the most."""
-    found: dict[float, list[DoseZone]] = {}
-    for zone in sorted(plan.zones, key=lambda zone: zone.gross_mm):
-        found.setdefault(zone.gross_mm, []).append(zone)
-    return found
 
 
 def _colours(doses: list[float]) -> list[str]:
@@ -145,10 +137,7 @@ def _table(
     rows = [titles]
     for zones in list(doses.values())[-MAX_ROWS:]:
         area = [zone.area_m2 for zone in zones]
-        net, low, high, sure = (
-            np.average([getattr(zone, name) for zone in zones], weights=area)
-            for name in ("net_mm", "p05_mm", "p95_mm", "sure")
-        )
+        net, low, high, sure = (zones_mean(zones, name) for name in ("net_mm", "p05_mm", "p95_mm", "sure"))
         rows.append((
             f"{rate(zones[0].gross_mm, unit):.4g}", f"{sum(area) / 1e4:.2f}",
             f"{sum(zone.volume_m3 for zone in zones):,.0f}", f"{net:.0f} ({low:.0f} to {high:.0f})",

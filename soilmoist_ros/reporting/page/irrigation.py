@@ -20,6 +20,7 @@ from soilmoist_ros.reporting.certainty import (
     certainty,
     class_probability,
 )
+from soilmoist_ros.reporting.dose import zones_by_dose, zones_mean
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.field_dose import FEW_PLACES, FieldDose, NoDose, field_dose
@@ -420,11 +421,7 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
     yield f"{what[0].upper()}{what[1:]}{_capped(found)}; {share}{_surer(found)}."
     if doses:
         settings = found.settings
-        net = sum(zone.net_mm * zone.area_m2 for zone in found.irrigated) / found.area_m2
-        low, high = (
-            sum(getattr(zone, name) * zone.area_m2 for zone in found.irrigated) / found.area_m2
-            for name in ("p05_mm", "p95_mm")
-        )
+        net, low, high = (zones_mean(found.irrigated, name) for name in ("net_mm", "p05_mm", "p95_mm"))
         loss = f", and {percent(1 - settings.efficiency)} is lost on the way" if settings.efficiency < 1 else ""
         yield (
             f"There {net:.0f} mm ({low:.0f} to {high:.0f} mm) are missing to {volume(settings.full)} % in the "
@@ -478,12 +475,10 @@ def dose_rows(run: MapRun, found: FieldDose) -> list[DoseRow]:
     """The doses from low to high, and their sum, in words."""
     whole_m2 = float(field_polygon(run.soil_map).area)
     rows = []
-    for gross in sorted({zone.gross_mm for zone in found.zones}):
-        zones = [zone for zone in found.zones if zone.gross_mm == gross]
+    for gross, zones in zones_by_dose(found.zones).items():
         size = sum(zone.area_m2 for zone in zones)
         net, low, high, needed, sure = (
-            sum(getattr(zone, name) * zone.area_m2 for zone in zones) / size
-            for name in ("net_mm", "p05_mm", "p95_mm", "needed", "sure")
+            zones_mean(zones, name) for name in ("net_mm", "p05_mm", "p95_mm", "needed", "sure")
         )
         rows.append(
             DoseRow(
