@@ -26,7 +26,7 @@ import results
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from soilmoist_ros.reporting.dose import DoseSettings, dose_at, find_dose, zones_of_dose
+from soilmoist_ros.reporting.dose import DoseSettings, dose_at, find_dose, zones_mean, zones_of_dose
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.sensing import CalibrationCurve
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
@@ -53,8 +53,7 @@ def shares(field: str, hours: float, seed: int) -> tuple[float, float, float, fl
     found = []
     for plan in (np.full(len(cells), need.mean()), dose_at(zones, cells)):
         found += [float(np.maximum(sign * (plan - need), 0).sum() / need.sum()) for sign in (1, -1)]
-    sure = sum(zone.sure * zone.area_m2 for zone in zones) / sum(zone.area_m2 for zone in zones)
-    return found[0], found[1], found[2], found[3], sure
+    return found[0], found[1], found[2], found[3], zones_mean(zones, "sure")
 
 
 def main() -> None:

@@ -585,17 +585,20 @@ def _general_of_run(run: Path, site: Site) -> tuple[Calibration | None, str]:
     return _general(site, SurveyAir(latitude, longitude, pressure_hpa))
 
 
-def _scale(here: Site, there: Site, path: Path) -> float:
-    """N0 of one sensor at a site relative to that at another one, by the general calibration."""
+def _reference_n0_cps(site: Site) -> float | None:
+    """N0 of the reference detector at a site by the general calibration; ``None`` if its altitude is unknown."""
     from soilmoist_ros.sensing import SurveyAir, general_calibration
 
-    levels = []
-    for site in (here, there):
-        found = general_calibration(site.model_copy(update={"sensor_sensitivity": 1.0, "soil": None}), SurveyAir())
-        if found is None:
-            raise InputError("is of another site of unknown altitude", "add altitude_m to both locations", path)
-        levels.append(found[0].n0_cps)
-    return levels[0] / levels[1]
+    found = general_calibration(site.model_copy(update={"sensor_sensitivity": 1.0, "soil": None}), SurveyAir())
+    return None if found is None else found[0].n0_cps
+
+
+def _scale(here: Site, there: Site, path: Path) -> float:
+    """N0 of one sensor at a site relative to that at another one, by the general calibration."""
+    of_here, of_there = map(_reference_n0_cps, (here, there))
+    if of_here is None or of_there is None:
+        raise InputError("is of another site of unknown altitude", "add altitude_m to both locations", path)
+    return of_here / of_there
 
 
 def _require_usual(name: str, sensitivity: float, path: Path | None = None) -> None:
@@ -616,7 +619,7 @@ def _sensitivity_of(
     """Sensitivity of a station, its standard deviation, and where it is from: as given, from its site file, or by
     its N0, whose site then differs from others by as much as sites do.
     """
-    from soilmoist_ros.sensing import SITE_SCATTER, Site, SurveyAir, general_calibration, sensitivity_of
+    from soilmoist_ros.sensing import SITE_SCATTER, Site, sensitivity_of
 
     if given is not None:
         _require_usual("--station-sensitivity", given)
@@ -631,9 +634,9 @@ def _sensitivity_of(
     if own is None or own.illustrative or own.curve != "desilets" or own.method != "cores":
         remedy = "give --station-sensitivity, or a site file with sensor_sensitivity or an N0 from cores"
         raise InputError("has no sensitivity and no N0 from cores of the curve desilets", remedy, path)
-    found = general_calibration(station.model_copy(update={"sensor_sensitivity": 1.0, "soil": None}), SurveyAir())
-    if found is None:
+    reference_cps = _reference_n0_cps(station)
+    if reference_cps is None:
         raise InputError("has no location with altitude_m, so its N0 cannot be compared", "add it", path)
-    value = own.n0_cps / found[0].n0_cps
+    value = own.n0_cps / reference_cps
     sd = math.hypot((own.n0_sd_cps or 0.0) / own.n0_cps, SITE_SCATTER)
     return value, value * sd, f"by N0 of {path.name}"
