@@ -46,7 +46,8 @@ def shares(field: str, hours: float, seed: int) -> tuple[float, float, float, fl
     true_curve = replace(curve, n0_cps=curve.n0_cps * (1 + error))
     truth = true_curve.vwc(result.truth_rate[mask])
     stress = float(np.nanquantile(truth, (0.1, 0.9)).mean())
-    one = DoseSettings(stress - ABOVE, stress + ABOVE, root_depth_mm=DEPTH_MM, steps_mm=STEPS_MM, width_m=WIDTH_M)
+    limits = {"wilting_point": stress - ABOVE, "field_capacity": stress + ABOVE}
+    one = DoseSettings(**limits, root_depth_mm=DEPTH_MM, steps_mm=STEPS_MM, width_m=WIDTH_M)
     need = np.where(truth < stress, (one.full - truth) * DEPTH_MM, 0.0)
     dose = find_dose(soil_map.rate[mask], soil_map.rate_sd[mask], curve, one)
     zones = zones_of_dose(dose, cells, soil_map.grid.cell_m, field_polygon(soil_map), one)

@@ -269,8 +269,8 @@ def _combined(
     """The calibration by the cores together with the general and earlier ones; as it was where there is none."""
     from soilmoist_ros.sensing import (
         DISAGREEMENT_SD,
+        GENERAL_SD,
         PROFILE_SD,
-        SITE_SCATTER,
         N0Source,
         combine_n0,
         combined_calibration,
@@ -294,7 +294,7 @@ def _combined(
     sources = [N0Source("cores", cores.n0_cps, cores.n0_sd_cps / cores.n0_cps)]
     if prior is not None:
         sd = (prior.n0_sd_cps or 0.0) / prior.n0_cps
-        sources.append(N0Source("general", prior.n0_cps, sd, min(SITE_SCATTER, sd)))
+        sources.append(N0Source("general", prior.n0_cps, sd, min(GENERAL_SD, sd)))
     for one in earlier:
         before = load_site(one)
         sources.append(earlier_source(before, one, known, days, partial(_scale, known, before, one)))
@@ -619,7 +619,7 @@ def _sensitivity_of(
     """Sensitivity of a station, its standard deviation, and where it is from: as given, from its site file, or by
     its N0, whose site then differs from others by as much as sites do.
     """
-    from soilmoist_ros.sensing import SITE_SCATTER, Site, sensitivity_of
+    from soilmoist_ros.sensing import GENERAL_SD, Site, sensitivity_of
 
     if given is not None:
         _require_usual("--station-sensitivity", given)
@@ -638,5 +638,5 @@ def _sensitivity_of(
     if reference_cps is None:
         raise InputError("has no location with altitude_m, so its N0 cannot be compared", "add it", path)
     value = own.n0_cps / reference_cps
-    sd = math.hypot((own.n0_sd_cps or 0.0) / own.n0_cps, SITE_SCATTER)
+    sd = math.hypot((own.n0_sd_cps or 0.0) / own.n0_cps, GENERAL_SD)
     return value, value * sd, f"by N0 of {path.name}"

@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline.run import CalibrationInfo as CalibrationInfo
     from soilmoist_ros.pipeline.run import EarlierRun as EarlierRun
     from soilmoist_ros.pipeline.run import FailedRun as FailedRun
-    from soilmoist_ros.pipeline.run import IrrigationLimits as IrrigationLimits
     from soilmoist_ros.pipeline.run import LossRow as LossRow
     from soilmoist_ros.pipeline.run import MapRun as MapRun
     from soilmoist_ros.pipeline.run import NoMapError as NoMapError
@@ -76,6 +75,6 @@ __getattr__, __dir__, __all__ = open_door(
         "logs": "log_positions log_times position_source read_logs read_track reading_of skipped_text",
         "properties": "PropertyComparison",
         "results": "REMEDY calibration_method curve_of is_illustrative read_features read_summary shape_of",
-        "run": "CalibrationInfo EARLIEST_STAMP_S EarlierRun FailedRun IrrigationLimits LossRow MapRun NoMapError Note NoteCode REFERENCE RunChange date_text local_time track_xy",
+        "run": "CalibrationInfo EARLIEST_STAMP_S EarlierRun FailedRun LossRow MapRun NoMapError Note NoteCode REFERENCE RunChange date_text local_time track_xy",
     },
 )

@@ -38,16 +38,7 @@ from soilmoist_ros.pipeline.earlier_runs import (
     run_change,
     with_corrections,
 )
-from soilmoist_ros.pipeline.run import (
-    CalibrationInfo,
-    CorrectionRow,
-    EarlierRun,
-    InputFile,
-    IrrigationLimits,
-    LossRow,
-    MapRun,
-    Note,
-)
+from soilmoist_ros.pipeline.run import CalibrationInfo, CorrectionRow, EarlierRun, InputFile, LossRow, MapRun, Note
 from soilmoist_ros.sensing import (
     Consequence,
     CorrectionSettings,
@@ -271,7 +262,7 @@ def make_run(
         settings=settings,
         footprint_radius_m=site.footprint_radius_m,
         quarantined=[record for record in records if record.quarantine],
-        irrigation=IrrigationLimits(**site.irrigation.model_dump()),
+        irrigation=site.irrigation,
         time_zone=site.time_zone or "",
         sensed=_sensed_soil(soil_map, track, site),
         earlier=earlier,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, shown_text
-from soilmoist_ros.sensing import Consequence, CountRecord, SensedSoil, UncertaintyPart
+from soilmoist_ros.sensing import Consequence, CountRecord, Irrigation, SensedSoil, UncertaintyPart
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import Covariates, EarlierSurvey, FieldChange, Persistence, SoilMap, SurveysEstimate
@@ -163,40 +163,6 @@ class CalibrationInfo:
     illustrative: bool = False
     method: str = "cores"
     parts: Sequence[UncertaintyPart] = ()
-
-
-@dataclass(frozen=True)
-class IrrigationLimits:
-    """Limits of dry and moist zones [m^3/m^3], and the depth of roots.
-
-    :param depletion: share of the water between wilting point and field capacity that plants use before they lack
-        water [0..1]
-    :param dry_below: limit given by the user; with ``moist_above`` it replaces those above
-    :param texture: texture class that the limits are from; their standard deviations are ``None`` if unknown
-    :param target: moisture to fill the root zone to; field capacity if ``None``
-    :param efficiency: share of the applied water that reaches the root zone
-    :param steps_mm: distance of the doses that the machine can apply [mm], from ``min_dose_mm`` to ``max_dose_mm``
-    :param width_m: width of the machine [m], and its driving direction clockwise from north, ``direction_deg``
-    :param min_zone_ha: minimum area of a zone of one dose [ha]
-    """
-
-    root_depth_mm: float = 300.0
-    wilting_point: float | None = None
-    field_capacity: float | None = None
-    depletion: float = 0.5
-    dry_below: float | None = None
-    moist_above: float | None = None
-    texture: str | None = None
-    wilting_point_sd: float | None = None
-    field_capacity_sd: float | None = None
-    target: float | None = None
-    efficiency: float = 1.0
-    steps_mm: float = 5.0
-    min_dose_mm: float = 0.0
-    max_dose_mm: float = 60.0
-    width_m: float | None = None
-    direction_deg: float | None = None
-    min_zone_ha: float | None = None
 
 
 class NoteCode(StrEnum):
@@ -352,7 +318,7 @@ class MapRun(SurveyTimes):
     uncertain_vwc_sd: float = 0.03
     uncertain_rate_share: float = 0.05
     quarantined: Sequence[CountRecord] = ()
-    irrigation: IrrigationLimits = field(default_factory=IrrigationLimits)
+    irrigation: Irrigation = field(default_factory=Irrigation)
     time_zone: str = ""
     sensed: SensedSoil | None = None
     earlier: Sequence[EarlierRun] = ()

@@ -32,8 +32,8 @@ from soilmoist_ros.pipeline import is_illustrative
 from soilmoist_ros.reporting.exports.source import ExportedProperty, RunSource
 from soilmoist_ros.reporting.page.statistics import MAX_UNUSABLE
 from soilmoist_ros.sensing import (
+    GENERAL_SD,
     PROFILE_SD,
-    SITE_SCATTER,
     Footprint,
     MoistureCurve,
     N0Estimate,
@@ -211,9 +211,9 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
         )
     known = curve.n0_sd_cps / curve.n0_cps
     if not known:
-        notes.append(f"the error of N0 is not known: {100 * SITE_SCATTER:.1f} % is assumed, as between sites")
+        notes.append(f"the error of N0 is not known: {100 * GENERAL_SD:.1f} % is assumed, as between sites")
     model = LevelModel(
-        covariance, (PROFILE_SD / per_level) ** 2, effect, known or SITE_SCATTER,
+        covariance, (PROFILE_SD / per_level) ** 2, effect, known or GENERAL_SD,
         curve.bulk_density_sd_gcm3 or DENSITY_SD_GCM3,
     )  # fmt: skip
     radius = _radius(source)

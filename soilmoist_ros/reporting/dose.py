@@ -22,7 +22,7 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
 from soilmoist_ros.reporting.certainty import CERTAIN
 from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, dissolved, divided, workable
-from soilmoist_ros.sensing import MoistureCurve, soil_limits, stress_vwc
+from soilmoist_ros.sensing import Irrigation, MoistureCurve, soil_limits
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -37,89 +37,25 @@ TOLERANCE_M = 0.01
 """Distance that common borders of zones may move to get fewer corners [m]."""
 
 
-@dataclass(frozen=True)
-class DoseSettings:
-    """Basis of a dose besides the map; moistures in m^3/m^3, depths and doses in mm.
+class DoseSettings(Irrigation):
+    """Irrigation of a site file with wilting point and field capacity, and the soil below the sensed depth."""
 
-    :param depletion: share of the water between field capacity and wilting point that plants use before they lack
-        water [0..1] (Allen et al. 1998, FAO Irrigation and drainage paper 56, equations 82 and 83)
-    :param target: moisture to fill the root zone to
-    :param efficiency: share of the applied water that reaches the root zone, (0, 1]
-    :param steps_mm: distance of the doses that the machine can apply
-    :param min_dose_mm: smallest dose but none, and the largest one ``max_dose_mm``
-    :param width_m: width of the machine; ``None`` if it is not known
-    :param direction_deg: driving direction, clockwise from north; ``None`` for the long side of the field
-    :param min_zone_ha: minimum area of a zone [ha]; by default 5 % of the field
-    :param below_share: share of the root zone below the sensed depth [0..1]
-    :param below_shift: how much moister the soil there is than what was sensed, and its standard deviation
-        ``below_sd``
-    :raises InputError: if a value is out of range
-    """
-
-    wilting_point: float
-    field_capacity: float
-    wilting_point_sd: float = 0.0
-    field_capacity_sd: float = 0.0
-    root_depth_mm: float = 300.0
-    depletion: float = 0.5
-    target: float | None = None
-    efficiency: float = 1.0
-    steps_mm: float = 5.0
-    min_dose_mm: float = 0.0
-    max_dose_mm: float = 60.0
-    width_m: float | None = None
-    direction_deg: float | None = None
-    min_zone_ha: float | None = None
     below_share: float = 0.0
+    """Share of the root zone below the sensed depth [0..1]."""
     below_shift: float = 0.0
+    """Moisture there minus that above [m^3/m^3]."""
     below_sd: float = 0.0
-
-    def __post_init__(self) -> None:
-        low, high = self.wilting_point, self.field_capacity
-        rules = (
-            (0 <= low < high < 1, f"wilting point {low:g} and field capacity {high:g} are no limits of a soil",
-             "give them in rising order"),
-            (0 < self.efficiency <= 1, f"an efficiency of {self.efficiency:g} is not possible",
-             "give the share of the water that reaches the roots, above 0 and at most 1, such as 0.8"),
-            (0 < self.steps_mm <= self.max_dose_mm,
-             f"steps of {self.steps_mm:g} mm do not fit a largest dose of {self.max_dose_mm:g} mm",
-             "give steps above 0 and at most the largest dose"),
-            (0 <= self.min_dose_mm <= self.max_dose_mm,
-             f"a smallest dose of {self.min_dose_mm:g} mm does not fit a largest of {self.max_dose_mm:g} mm",
-             "give one from 0 to the largest dose"),
-            (self.stress < self.full < 1,
-             f"a target of {self.full:g} m3/m3 is not above {self.stress:.3g} m3/m3, where plants lack water",
-             "give one between this and the pore volume"),
-            *((value is None or value > 0, f"{name} of {value} is not possible", "give one above 0")
-              for name, value in (("width_m", self.width_m), ("min_zone_ha", self.min_zone_ha))),
-        )  # fmt: skip
-        for holds, what, remedy in rules:
-            if not holds:
-                raise InputError(what, remedy)
-
-    @property
-    def full(self) -> float:
-        """Moisture to fill the root zone to; field capacity unless another one is given."""
-        return self.field_capacity if self.target is None else self.target
-
-    @property
-    def stress(self) -> float:
-        """Moisture below which plants lack water."""
-        return stress_vwc(self.wilting_point, self.field_capacity, self.depletion)
+    """Standard deviation of :attr:`below_shift` [m^3/m^3]."""
 
     @property
     def stress_sd(self) -> float:
-        """Standard deviation of the root zone's moisture minus :attr:`stress`, but for the error of the rate.
-
-        A soil that holds more water at field capacity holds more at the wilting point: errors of both are alike.
-        """
-        of_limits = (1 - self.depletion) * self.field_capacity_sd + self.depletion * self.wilting_point_sd
-        return math.hypot(self.below_share * self.below_sd, of_limits)
+        """Standard deviation of the root zone's moisture minus :attr:`stress`, but for the error of the rate."""
+        return math.hypot(self.below_share * self.below_sd, self.left(1 - self.depletion)[1])
 
     @property
     def full_sd(self) -> float:
         """Standard deviation of the root zone's moisture minus :attr:`full`, but for the error of the rate."""
-        of_target = self.field_capacity_sd if self.target is None else 0.0
+        of_target = self.left(self.target_share)[1] if self.target is None else 0.0
         return math.hypot(self.below_share * self.below_sd, of_target)
 
     @property

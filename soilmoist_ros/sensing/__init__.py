@@ -66,7 +66,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.lines import split_lines as split_lines
     from soilmoist_ros.sensing.moisture.combined import DISAGREEMENT_SD as DISAGREEMENT_SD
     from soilmoist_ros.sensing.moisture.combined import PROFILE_SD as PROFILE_SD
-    from soilmoist_ros.sensing.moisture.combined import SITE_SCATTER as SITE_SCATTER
     from soilmoist_ros.sensing.moisture.combined import CombinedN0 as CombinedN0
     from soilmoist_ros.sensing.moisture.combined import N0Source as N0Source
     from soilmoist_ros.sensing.moisture.combined import combine_n0 as combine_n0
@@ -89,12 +88,14 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.footprint import Weighting as Weighting
     from soilmoist_ros.sensing.moisture.footprint import mean_of_cores as mean_of_cores
     from soilmoist_ros.sensing.moisture.footprint import sensed_soil as sensed_soil
+    from soilmoist_ros.sensing.moisture.general import GENERAL_SD as GENERAL_SD
     from soilmoist_ros.sensing.moisture.general import SENSITIVITIES as SENSITIVITIES
     from soilmoist_ros.sensing.moisture.general import SurveyAir as SurveyAir
     from soilmoist_ros.sensing.moisture.general import general_calibration as general_calibration
     from soilmoist_ros.sensing.moisture.general import sensitivity_of as sensitivity_of
     from soilmoist_ros.sensing.moisture.general import why_no_soil as why_no_soil
     from soilmoist_ros.sensing.moisture.site import Calibration as Calibration
+    from soilmoist_ros.sensing.moisture.site import Irrigation as Irrigation
     from soilmoist_ros.sensing.moisture.site import N0Estimate as N0Estimate
     from soilmoist_ros.sensing.moisture.site import Site as Site
     from soilmoist_ros.sensing.moisture.site import Soil as Soil
@@ -102,7 +103,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.site import estimate_n0 as estimate_n0
     from soilmoist_ros.sensing.moisture.site import load_site as load_site
     from soilmoist_ros.sensing.moisture.site import n0_in_other_time as n0_in_other_time
-    from soilmoist_ros.sensing.moisture.site import stress_vwc as stress_vwc
     from soilmoist_ros.sensing.moisture.site import unusual_n0 as unusual_n0
     from soilmoist_ros.sensing.moisture.site import write_calibration as write_calibration
     from soilmoist_ros.sensing.moisture.site import write_site_values as write_site_values
@@ -169,12 +169,12 @@ __getattr__, __dir__, __all__ = open_door(
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of utc_text",
         "lines": "log_files read_data split_lines",
-        "moisture.combined": "DISAGREEMENT_SD PROFILE_SD SITE_SCATTER CombinedN0 N0Source combine_n0 combined_calibration difference_sd earlier_source level_vwc_sd",
+        "moisture.combined": "DISAGREEMENT_SD PROFILE_SD CombinedN0 N0Source combine_n0 combined_calibration difference_sd earlier_source level_vwc_sd",
         "moisture.cores": "SoilCore possible_days profiles_of read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
-        "moisture.general": "SENSITIVITIES SurveyAir general_calibration sensitivity_of why_no_soil",
-        "moisture.site": "Calibration N0Estimate Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time stress_vwc unusual_n0 write_calibration write_site_values",
+        "moisture.general": "GENERAL_SD SENSITIVITIES SurveyAir general_calibration sensitivity_of why_no_soil",
+        "moisture.site": "Calibration Irrigation N0Estimate Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration write_site_values",
         "moisture.texture": "SoilTexture TEXTURES",
         "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",

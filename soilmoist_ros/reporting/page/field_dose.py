@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -134,7 +134,7 @@ class FieldDose:
         )
         return {
             "missing": None,
-            "settings": asdict(self.settings),
+            "settings": self.settings.model_dump(),
             "target_vwc": self.settings.full,
             "needed_below_vwc": self.settings.stress,
             "area_m2": self.area_m2,
@@ -176,7 +176,7 @@ def _find(run: MapRun) -> FieldDose | NoDose:
     mask = soil_map.grid.mask
     try:
         below, text = _below(run, curve)
-        settings = replace(_settings(run), **below)
+        settings = DoseSettings(**run.irrigation.model_dump(), **below)
         dose = find_dose(soil_map.rate[mask], soil_map.rate_sd[mask], curve, settings)
         area = field_polygon(soil_map)
         zones = zones_of_dose(dose, soil_map.grid.cells, soil_map.grid.cell_m, area, settings)
@@ -212,12 +212,6 @@ def _lacking(run: MapRun) -> NoDose | None:
     return None
 
 
-def _settings(run: MapRun) -> DoseSettings:
-    """Settings of the site file."""
-    given = {field.name: getattr(run.irrigation, field.name, None) for field in fields(DoseSettings)}
-    return DoseSettings(**{name: value for name, value in given.items() if value is not None})
-
-
 # The soil below the sensed depth ---------------------------------------------------------------------------------
 
 
@@ -235,7 +229,7 @@ def soil_water_index(days: Array, vwc: Array, time_days: float) -> tuple[float, 
     return index, gain
 
 
-def _below(run: MapRun, curve: MoistureCurve) -> tuple[dict[str, float], str]:
+def _below(run: MapRun, curve: MoistureCurve) -> tuple[dict[str, Any], str]:
     """Share, shift and standard deviation of the soil below the sensed depth, and a sentence about it."""
     depth_mm = DEFAULT_DEPTH_MM if run.sensed is None else 10 * run.sensed.depth_cm[0]
     root_mm, limits = run.irrigation.root_depth_mm, run.irrigation
@@ -321,7 +315,7 @@ class _Decision:
         edge = np.asarray(curve.rate_cps(max(settings.stress - settings.below_share * settings.below_shift, 0.0)))
         common = None if leave_out == "calibration" else common_rate_sd(curve, self.rate)
         exact = {"limits": {"wilting_point_sd": 0.0, "field_capacity_sd": 0.0}, "below": {"below_sd": 0.0}}
-        of_limit = replace(settings, **exact.get(leave_out, {})).stress_sd / abs(float(curve.slope(edge)))
+        of_limit = settings.model_copy(update=exact.get(leave_out)).stress_sd / abs(float(curve.slope(edge)))
         sd = np.sqrt(variance + of_limit**2 + (0.0 if common is None else common) ** 2)
         learned = np.sqrt(np.maximum(self.variance - variance, 1e-9 * self.variance))
         away = self.rate - edge

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.pipeline import IrrigationLimits, MapRun
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import (
     CERTAIN,
     Certainty,
@@ -26,7 +26,6 @@ from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.field_dose import FEW_PLACES, FieldDose, NoDose, field_dose
 from soilmoist_ros.reporting.page.frame import part_of_area, percent, volume
 from soilmoist_ros.reporting.page.statistics import calibration_sd, is_usable, mean_moisture, unusable_share
-from soilmoist_ros.sensing import stress_vwc
 
 Array = NDArray[np.float64]
 
@@ -159,13 +158,6 @@ def irrigation(run: MapRun) -> IrrigationAdvice:
     return replace(found, steps=tuple(_steps(run, found)))
 
 
-def stress_point(limits: IrrigationLimits) -> float | None:
-    """Moisture below which plants lack water [m^3/m^3]; ``None`` without wilting point and field capacity."""
-    if limits.wilting_point is None or limits.field_capacity is None:
-        return None
-    return stress_vwc(limits.wilting_point, limits.field_capacity, limits.depletion)
-
-
 def has_level(run: MapRun) -> bool:
     """True if limits, amounts of water and advice may rest on the moisture of a map."""
     return absolute(run) and is_usable(run.soil_map)
@@ -186,10 +178,10 @@ def _probability(run: MapRun, number: Array, edges: Array, relative: bool) -> Ar
 
 def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
     """Names of the zones, the two limits between them, and their origin."""
-    limits, stress, holds = run.irrigation, stress_point(run.irrigation), has_level(run)
+    limits, stress, holds = run.irrigation, run.irrigation.stress, has_level(run)
     if holds and limits.dry_below is not None and limits.moist_above is not None:
         return BY_USER, np.array([limits.dry_below, limits.moist_above]), "The limits are those of the site file."
-    if holds and stress is not None and limits.field_capacity is not None:
+    if holds and limits.wilting_point is not None and limits.field_capacity is not None:
         basis = (
             f"Plants lack water below {volume(stress)} %: there, {percent(limits.depletion)} of the water between "
             f"field capacity ({volume(limits.field_capacity)} %) and wilting point "
@@ -198,7 +190,7 @@ def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
         return BY_PLANT, np.array([stress, limits.field_capacity]), basis
     edges = np.nanquantile(values, (1 / 3, 2 / 3))
     basis = "The zones only compare places of this field: each is about a third of the area, dry or wet."
-    if stress is None and limits.dry_below is None:
+    if math.isnan(stress) and limits.dry_below is None:
         basis += (
             " For absolute zones, give wilting point and field capacity, or your own limits, in the site file."
         )

@@ -28,8 +28,6 @@ PROFILE_SD = 0.05
 """Standard deviation of the moisture of one profile about the mean of its footprint, an assumption where nothing
 shows it [m^3/m^3]. Famiglietti et al. (2008, Water Resources Research 44, W01423): 0.036 over 2.5 m to 0.071 over
 50 km; footprints of 10 to 200 m lie in between."""
-SITE_SCATTER = GENERAL_SD
-"""Standard deviation of log N0 between sites that the general calibration does not explain."""
 SAME_SITE_M = 300.0
 """Distance up to which two calibrations are of one site, about the reach of a bare probe [m]."""
 DISAGREEMENT_SD = 2.0
@@ -96,7 +94,7 @@ def earlier_source(
 ) -> N0Source:
     """What an earlier calibration of the same sensor says of a site.
 
-    At another site the scatter between sites (:data:`SITE_SCATTER`) acts twice, once at each site. At the same
+    At another site the scatter between sites (:data:`GENERAL_SD`) acts twice, once at each site. At the same
     site it does not act: another day of cores is another sample of one N0.
 
     :param before: site with the earlier calibration, ``path`` is its file; ``here``: the site to calibrate
@@ -123,7 +121,7 @@ def earlier_source(
         raise InputError("it is not known whether it is the same site", "give both site files a location", path)
     if _distance_m(there, place) > SAME_SITE_M:
         factor = scale()
-        return N0Source("earlier", n0 * factor, math.hypot(sd / n0, SITE_SCATTER, SITE_SCATTER), SITE_SCATTER)
+        return N0Source("earlier", n0 * factor, math.hypot(sd / n0, GENERAL_SD, GENERAL_SD), GENERAL_SD)
     if days and found.date and set(days) & set(found.date.split(", ")):
         raise InputError(f"is of the same day, {found.date}: its cores would count twice", "leave it out", path)
     return N0Source("earlier day", n0, sd / n0)

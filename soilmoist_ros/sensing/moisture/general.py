@@ -45,7 +45,7 @@ GENERAL_N0_CPS = 0.6905
 RIGIDITY_GV = 2.893
 """Vertical cutoff rigidity of the reference place, Marquardt near Potsdam, by the table of this package [GV]."""
 GENERAL_SD, SCALING_SD = 0.051, 0.021
-"""Relative standard deviations of N0: between sites, and of the scaling between places against the model PARMA."""
+"""Standard deviations of log N0: between sites, and of the scaling between places against the model PARMA."""
 SCALED_HPA, SCALED_GV = (840.0, 1060.0), (1.5, 8.6)
 """Pressures and rigidities of the 75 sites; the scaling is twice as uncertain beyond."""
 JUNG_CPS, JUNG_SD = 161.8, 0.004

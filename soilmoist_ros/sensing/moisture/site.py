@@ -188,15 +188,6 @@ class Vegetation(Section):
     """Stage of its growth: emerged, growing or full."""
 
 
-def stress_vwc(wilting_point: float, field_capacity: float, depletion: float) -> float:
-    """Moisture below which plants lack water [m^3/m^3].
-
-    Readily available water is the share ``depletion`` of the water between wilting point and field capacity
-    (Allen et al. 1998, FAO Irrigation and drainage paper 56, equations 82 and 83).
-    """
-    return field_capacity - depletion * (field_capacity - wilting_point)
-
-
 class Irrigation(Section):
     """Limits of dry and moist soil for the report, terciles of the field if none are given; and the dose."""
 
@@ -219,7 +210,9 @@ class Irrigation(Section):
     moist_above: WaterFraction | None = None
     """Your own limit of moist soil [m^3/m^3]."""
     target: WaterFraction | None = None
-    """Moisture to fill the root zone to [m^3/m^3]; field capacity if left out."""
+    """Moisture to fill the root zone to [m^3/m^3]; by ``target_share`` if left out."""
+    target_share: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Instead, share of the water between wilting point and field capacity to fill the root zone to."""
     efficiency: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Share of the applied water that reaches the root zone."""
     steps_mm: Annotated[float, Field(gt=0, le=500)] = 5.0
@@ -247,6 +240,16 @@ class Irrigation(Section):
         return {**{name: getattr(found, name) for name in names}, **values}
 
     @model_validator(mode="after")
+    def _in_pairs(self) -> Irrigation:
+        for low, high in (("wilting_point", "field_capacity"), ("dry_below", "moist_above")):
+            values = getattr(self, low), getattr(self, high)
+            if (values[0] is None) != (values[1] is None):
+                raise ValueError(f"give '{low}' and '{high}' together")
+            if values[0] is not None and values[0] >= values[1]:
+                raise ValueError(f"'{low}' must be below '{high}'")
+        return self
+
+    @model_validator(mode="after")
     def _possible_dose(self) -> Irrigation:
         typical = None if self.texture is None else TEXTURES[self.texture]
         given = self.wilting_point, self.field_capacity
@@ -261,21 +264,39 @@ class Irrigation(Section):
             raise ValueError(
                 f"'min_dose_mm' {self.min_dose_mm:g} is larger than 'max_dose_mm' {self.max_dose_mm:g}"
             )
-        if self.target is not None and self.field_capacity is not None and self.wilting_point is not None:
-            stress = stress_vwc(self.wilting_point, self.field_capacity, self.depletion)
-            if self.target <= stress:
-                raise ValueError(f"'target' {self.target:g} is not above {stress:.3g}, where plants lack water")
+        if self.target is not None and self.target_share != 1:
+            raise ValueError("give 'target' or 'target_share', not both")
+        if self.full <= self.stress:
+            key = "target_share" if self.target is None else "target"
+            what = f"'{key}' {getattr(self, key):g}"
+            raise ValueError(f"{what} is not above {self.stress:.3g}, where plants lack water")
         return self
 
-    @model_validator(mode="after")
-    def _in_pairs(self) -> Irrigation:
-        for low, high in (("wilting_point", "field_capacity"), ("dry_below", "moist_above")):
-            values = getattr(self, low), getattr(self, high)
-            if (values[0] is None) != (values[1] is None):
-                raise ValueError(f"give '{low}' and '{high}' together")
-            if values[0] is not None and values[0] >= values[1]:
-                raise ValueError(f"'{low}' must be below '{high}'")
-        return self
+    def left(self, share: float) -> tuple[float, float]:
+        """Moisture when a share of the water between wilting point and field capacity is left, and its standard
+        deviation [m^3/m^3]; NaN without the two limits.
+
+        A soil that holds more water at field capacity holds more at the wilting point: errors of both are alike.
+        """
+        low, high = self.wilting_point, self.field_capacity
+        if low is None or high is None:
+            return math.nan, math.nan
+        sds = self.wilting_point_sd or 0.0, self.field_capacity_sd or 0.0
+        return high - (1 - share) * (high - low), share * sds[1] + (1 - share) * sds[0]
+
+    @property
+    def stress(self) -> float:
+        """Moisture below which plants lack water [m^3/m^3]; NaN without wilting point and field capacity.
+
+        Readily available water is the share ``depletion`` of the water between wilting point and field capacity
+        (Allen et al. 1998, FAO Irrigation and drainage paper 56, equations 82 and 83).
+        """
+        return self.left(1 - self.depletion)[0]
+
+    @property
+    def full(self) -> float:
+        """Moisture to fill the root zone to [m^3/m^3]; NaN if it is not known."""
+        return self.left(self.target_share)[0] if self.target is None else self.target
 
 
 class Site(Section):

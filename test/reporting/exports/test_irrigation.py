@@ -18,13 +18,13 @@ from hypothesis import strategies as st
 from reporting.exports.irrigated import OUTLINE, irrigated
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import BorderSource
-from soilmoist_ros.pipeline import IrrigationLimits
 from soilmoist_ros.reporting.exports import irrigation, sheet
 from soilmoist_ros.reporting.exports.irrigation import RATE_UNITS, dose_layer, irrigation_plan, rate, write_dose
 from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run, open_run, open_source
 from soilmoist_ros.reporting.exports.sheet import headline, write_sheet
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.outputs import write_outputs
+from soilmoist_ros.sensing import Irrigation
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def test_the_sheet_is_one_page_with_every_dose(plan, tmp_path):
 
 @pytest.mark.slow
 def test_a_run_is_exported_as_its_zones(make_run, tmp_path):
-    limits = IrrigationLimits(wilting_point=0.08, field_capacity=0.3, width_m=8, efficiency=0.8)
+    limits = Irrigation(wilting_point=0.08, field_capacity=0.3, width_m=8, efficiency=0.8)
     folder = tmp_path / "run"
     write_outputs(folder, make_run(irrigation=limits))
     about = json.loads((folder / "summary.json").read_text())["dose"]

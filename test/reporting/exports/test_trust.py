@@ -14,15 +14,16 @@ import pytest
 import rasterio
 from scipy.io import netcdf_file
 
-from soilmoist_ros.pipeline.run import CalibrationInfo, IrrigationLimits
+from soilmoist_ros.pipeline.run import CalibrationInfo
 from soilmoist_ros.reporting import open_run, write_outputs
 from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.page.irrigation import irrigation
+from soilmoist_ros.sensing import Irrigation
 
 pytestmark = pytest.mark.slow  # runs are written and exported
 
-LIMITS = IrrigationLimits(500.0, 0.12, 0.30)
+LIMITS = Irrigation(root_depth_mm=500.0, wilting_point=0.12, field_capacity=0.30)
 GUESS = CalibrationInfo(7.0, 1.4, illustrative=True)
 
 
@@ -134,7 +135,7 @@ def test_a_zone_of_the_advice_is_not_merged_away_without_a_word(make_run, tmp_pa
     """A limit that cuts off the driest cells: too small for a polygon, but named with its area."""
     run = make_run()
     driest = float(np.nanquantile(run.soil_map.vwc, 0.02))
-    run = make_run(irrigation=IrrigationLimits(300.0, dry_below=driest, moist_above=0.45))
+    run = make_run(irrigation=Irrigation(dry_below=driest, moist_above=0.45))
     write_outputs(tmp_path, run)
     notes = []
     (path,) = export_run(tmp_path, ["zones"], note=notes.append)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from nodes.browser import PHONE, chromium
 from soilmoist_ros.mapping import EarlierSurvey, PoissonKriging, Samples
-from soilmoist_ros.pipeline.run import CalibrationInfo, EarlierRun, IrrigationLimits
+from soilmoist_ros.pipeline.run import CalibrationInfo, EarlierRun
 from soilmoist_ros.reporting.certainty import CERTAIN
 from soilmoist_ros.reporting.dose import DoseSettings, find_dose, saved_zones
 from soilmoist_ros.reporting.page.field_dose import (
@@ -31,9 +31,10 @@ from soilmoist_ros.reporting.page.field_dose import (
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.report import render_report, write_report
 from soilmoist_ros.reporting.run_summary import summary
+from soilmoist_ros.sensing import Irrigation
 from soilmoist_ros.sensing.moisture.footprint import SensedSoil
 
-LIMITS = IrrigationLimits(wilting_point=0.12, field_capacity=0.30, width_m=6, efficiency=0.8)
+LIMITS = Irrigation(wilting_point=0.12, field_capacity=0.30, width_m=6, efficiency=0.8)
 DEEP = SensedSoil((40.0, 35.0, 45.0), (10.0, 9.0, 11.0))
 
 
@@ -52,9 +53,9 @@ def test_recursive_filter_is_the_weighted_mean_of_wagner(days, time, seed):
     ("changes", "missing"),
     [
         ({"calibration": CalibrationInfo(7.0, 1.4, illustrative=True)}, "a guess"),
-        ({"irrigation": IrrigationLimits()}, "texture, or wilting_point and field_capacity, are not in"),
-        ({"irrigation": dataclasses.replace(LIMITS, width_m=90)}, "wider than the field"),
-        ({"irrigation": dataclasses.replace(LIMITS, target=0.5)}, "above the pore volume"),
+        ({"irrigation": Irrigation()}, "texture, or wilting_point and field_capacity, are not in"),
+        ({"irrigation": LIMITS.model_copy(update={"width_m": 90})}, "wider than the field"),
+        ({"irrigation": LIMITS.model_copy(update={"target": 0.5})}, "above the pore volume"),
     ],
 )
 def test_a_run_without_a_dose_says_what_is_missing(make_run, changes, missing):
@@ -116,7 +117,7 @@ def test_the_advice_leads_with_the_dose(make_run):
         "none",
         *(f"{d:g} mm" for d in sorted({z.gross_mm for z in found.irrigated})),
     ]
-    for limits, said in ((LIMITS, False), (dataclasses.replace(LIMITS, width_m=90), True)):
+    for limits, said in ((LIMITS, False), (LIMITS.model_copy(update={"width_m": 90}), True)):
         page = render_report(make_run(irrigation=limits, sensed=DEEP))
         assert ("lacks " in page) is said, "one interval of the missing water"
     assert irrigation(dataclasses.replace(run, simulated=True)).steps[0].startswith("Simulated: ")
@@ -134,7 +135,7 @@ def test_a_phone_shows_the_whole_dose_and_scrolls_down_only(make_run, tmp_path):
 
 
 def test_the_lead_says_what_the_largest_dose_leaves(make_run):
-    small = dataclasses.replace(LIMITS, max_dose_mm=10)
+    small = LIMITS.model_copy(update={"max_dose_mm": 10})
     run = make_run(irrigation=small, sensed=DEEP)
     top = [zone for zone in field_dose(run).zones if zone.gross_mm == 10]
     left = sum((zone.net_mm - 0.8 * 10) * zone.area_m2 for zone in top) / sum(zone.area_m2 for zone in top)
@@ -177,7 +178,7 @@ def test_earlier_surveys_tell_of_the_soil_below(make_run, the_map):
 
 @pytest.mark.parametrize("vwc", [0.19, 0.205, 0.215, 0.23])
 def test_the_share_after_more_counts_is_what_draws_of_them_show(the_map, vwc):
-    limits = DoseSettings(0.12, 0.30, field_capacity_sd=0.01, wilting_point_sd=0.01)
+    limits = DoseSettings(wilting_point=0.12, field_capacity=0.30, field_capacity_sd=0.01, wilting_point_sd=0.01)
     rate, before, after = np.array([float(the_map.curve.rate_cps(vwc))]), np.array([0.04]), np.array([0.01])
     shown = np.random.default_rng(5).normal(rate, np.sqrt(before - after), 4000)
     needed = find_dose(shown, np.full(4000, np.sqrt(after[0])), the_map.curve, limits).needed

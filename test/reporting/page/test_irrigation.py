@@ -12,10 +12,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.pipeline.run import CalibrationInfo, IrrigationLimits
+from soilmoist_ros.pipeline.run import CalibrationInfo
 from soilmoist_ros.reporting.moisture_steps import moisture_series
-from soilmoist_ros.reporting.page.irrigation import BY_PLANT, RELATIVE, irrigation, stress_point
+from soilmoist_ros.reporting.page.irrigation import BY_PLANT, RELATIVE, irrigation
 from soilmoist_ros.reporting.page.statistics import mean_moisture
+from soilmoist_ros.sensing import Irrigation
 from soilmoist_ros.sensing.records import CountRecord
 
 
@@ -34,8 +35,8 @@ def test_without_limits_the_zones_are_thirds_and_say_so(make_run):
 
 def test_available_water_gives_the_stress_point_and_the_missing_water(make_run, the_map):
     # FAO-56 example: field capacity 0.30, wilting point 0.12, p = 0.5: half of 0.18 may be used
-    limits = IrrigationLimits(root_depth_mm=500, wilting_point=0.12, field_capacity=0.30)
-    assert stress_point(limits) == pytest.approx(0.21)
+    limits = Irrigation(root_depth_mm=500, wilting_point=0.12, field_capacity=0.30)
+    assert limits.stress == pytest.approx(0.21)
     found = irrigation(make_run(irrigation=limits))
     assert names(found) == BY_PLANT
     for zone, chosen in zip(found.zones, (found.number == i for i in range(3)), strict=True):
@@ -46,7 +47,7 @@ def test_available_water_gives_the_stress_point_and_the_missing_water(make_run, 
 
 
 def test_a_cell_is_certain_if_it_lies_in_its_zone_four_times_in_five(make_run, the_map):
-    found = irrigation(make_run(irrigation=IrrigationLimits(dry_below=0.2, moist_above=0.35)))
+    found = irrigation(make_run(irrigation=Irrigation(dry_below=0.2, moist_above=0.35)))
     drawn = np.random.default_rng(3).normal(the_map.rate, the_map.rate_sd, (4000, *the_map.rate.shape))
     with np.errstate(invalid="ignore"):
         zone = np.searchsorted([0.2, 0.35], np.nan_to_num(the_map.curve.vwc(drawn), nan=0.4), side="right")
@@ -59,7 +60,7 @@ def test_a_cell_is_certain_if_it_lies_in_its_zone_four_times_in_five(make_run, t
 
 
 def test_a_guessed_calibration_has_no_absolute_zones(make_run):
-    limits = IrrigationLimits(dry_below=0.2, moist_above=0.3)
+    limits = Irrigation(dry_below=0.2, moist_above=0.3)
     found = irrigation(make_run(irrigation=limits, calibration=CalibrationInfo(7.0, 1.4, illustrative=True)))
     assert names(found) == RELATIVE
     assert "Illustrative" in found.level
@@ -91,16 +92,16 @@ def test_a_probe_at_one_place_has_its_water_at_the_end(make_run, map_of):
     assert found.water.startswith("At the end the upper 300 mm of the soil held ")
     assert "drive the sensor over the field" in found.advice
     for dry_below, first in ((0.6, "Irrigate: at the end it was dry here."), (0.01, "No irrigation needed now:")):
-        limits = IrrigationLimits(dry_below=dry_below, moist_above=0.9)
+        limits = Irrigation(dry_below=dry_below, moist_above=0.9)
         steps = irrigation(make_run(soil_map=map_of(n=1), track=track, irrigation=limits)).steps
         assert steps[0].startswith(first)
     end = float(moisture_series(track, map_of(n=1).curve).bands.vwc[-1])
-    limits = IrrigationLimits(dry_below=end + 1e-4, moist_above=0.9)
+    limits = Irrigation(dry_below=end + 1e-4, moist_above=0.9)
     unsure = irrigation(make_run(soil_map=map_of(n=1), track=track, irrigation=limits)).steps[0]
     assert unsure == "At the end it was dry here, but that is not certain: count longer first."
 
 
-LIMITS = IrrigationLimits(dry_below=0.21, moist_above=0.30, field_capacity=0.30)  # no wilting point, so no dose
+LIMITS = Irrigation(dry_below=0.21, moist_above=0.30).model_copy(update={"field_capacity": 0.30})  # and no dose
 
 
 @pytest.fixture
@@ -131,7 +132,7 @@ def advised(make_run, the_map):
         ((0.214, 0.213, 0.05), ["No part of the field seems dry, but that is certain on none of it: count"]),
         ((0.31, 0.29, 0.05), ["No irrigation needed now: no part", "Moist on 0.06 ha, certain on none of it."]),
         ((0.19, 0.19, 0.01, LIMITS, 0.5), ["Dry on 0.11 ha, certain on none of it: take more soil"]),
-        ((0.10, 0.26, 0.05, IrrigationLimits(dry_below=0.2, moist_above=0.25)),
+        ((0.10, 0.26, 0.05, Irrigation(dry_below=0.2, moist_above=0.25)),
          ["Irrigate the 0.06 ha that are dry", "With field capacity in the site file",
           "No irrigation needed now on the other 0.05 ha.", "Moist on 0.05 ha"]),
     ],
@@ -162,7 +163,7 @@ def test_advice_never_rests_on_a_zone_that_is_not_certain(advised, west, east, r
 def test_no_advice_rests_on_moisture_that_is_impossible(make_run, the_map, share_of_n0):
     n0_cps = float(the_map.rate[the_map.grid.mask].mean()) / share_of_n0
     wrong = dataclasses.replace(the_map, curve=dataclasses.replace(the_map.curve, n0_cps=n0_cps))
-    found = irrigation(make_run(soil_map=wrong, irrigation=IrrigationLimits(dry_below=0.2, moist_above=0.3)))
+    found = irrigation(make_run(soil_map=wrong, irrigation=Irrigation(dry_below=0.2, moist_above=0.3)))
     assert names(found) == RELATIVE
     assert found.advice.startswith("Next: check N0, the bulk density and the tubes that were counted")
     assert found.water == ""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.sensing.moisture.combined import (
-    SITE_SCATTER,
+    GENERAL_SD,
     N0Source,
     combine_n0,
     combined_calibration,
@@ -47,20 +47,20 @@ def test_independent_sources_weigh_by_inverse_variance(one, other, sd, other_sd)
 
 
 def test_what_all_sources_do_not_know_of_the_site_does_not_average_out():
-    many = [N0Source("elsewhere", 1.0, math.hypot(0.03, SITE_SCATTER), SITE_SCATTER)] * 60
-    assert combine_n0(many).sd == pytest.approx(SITE_SCATTER, rel=0.02)
+    many = [N0Source("elsewhere", 1.0, math.hypot(0.03, GENERAL_SD), GENERAL_SD)] * 60
+    assert combine_n0(many).sd == pytest.approx(GENERAL_SD, rel=0.02)
 
 
 def test_simulated_sites_lie_within_the_stated_error():
     rng = np.random.default_rng(5)
     errors = []
     for _ in range(500):
-        here, there = SITE_SCATTER * rng.standard_normal(2)  # log N0 of the sites; the general one is 0
+        here, there = GENERAL_SD * rng.standard_normal(2)  # log N0 of the sites; the general one is 0
         general = N0Source(
-            "general", math.exp(0.03 * rng.standard_normal()), math.hypot(0.03, SITE_SCATTER), SITE_SCATTER
+            "general", math.exp(0.03 * rng.standard_normal()), math.hypot(0.03, GENERAL_SD), GENERAL_SD
         )
         elsewhere = math.exp(there + 0.01 * rng.standard_normal())
-        before = N0Source("earlier", elsewhere, math.hypot(0.01, SITE_SCATTER, SITE_SCATTER), SITE_SCATTER)
+        before = N0Source("earlier", elsewhere, math.hypot(0.01, GENERAL_SD, GENERAL_SD), GENERAL_SD)
         cores = N0Source("cores", math.exp(here + 0.04 * rng.standard_normal()), 0.04)
         both = combine_n0([cores, general, before])
         errors.append((math.log(both.n0_cps) - here) / both.sd)
@@ -111,7 +111,7 @@ def test_another_day_here_and_another_site():
     far = site(n0_sd_cps=0.02, place={**HERE, "latitude_deg": 51.0})
     there = earlier_source(far, FILE, site(), [], lambda: 1.2)
     assert there.n0_cps == pytest.approx(1.2)
-    assert there.sd == pytest.approx(math.hypot(0.02, SITE_SCATTER, SITE_SCATTER))
+    assert there.sd == pytest.approx(math.hypot(0.02, GENERAL_SD, GENERAL_SD))
     cores = UncertaintyPart(name="cores", value=1.2, unit="counts/s", sd=0.06, origin="measured", share=0.03)
     both = earlier_source(site(n0_sd_cps=0.02, method="combined", parts=[cores]), FILE, site(), [], None)
     assert (both.n0_cps, both.sd) == (1.2, pytest.approx(0.05))  # without the prior that it has in it
