@@ -211,21 +211,27 @@ class Team:
         return lost
 
     def standing(self) -> Iterator[tuple[str, Place]]:
-        """Places to keep away from: where a robot stands, or a lost one may be."""
+        """Places to keep away from: where a robot stands, or will stand, or a lost one may be.
+
+        A way that ended beside the stop to which another robot drives would keep both from their stops.
+        """
         for name, robot in self.robots.items():
             status, lost = robot.status, self.is_lost(robot)
             if status is None:
                 continue
             if status.place is not None and (lost or status.phase not in _DRIVES):
                 yield name, status.place
-            if lost and status.target is not None:
+            if status.target is not None and (lost or status.phase in _DRIVES):
                 yield name, status.target.xy
 
     def near(self, place: Place) -> str:
-        """Robot that stands, or may stand, too near to a place, in words; empty without one."""
+        """Robot that stands, or will stand, too near to a place, in words; empty without one."""
         for name, there in self.standing():
             if math.dist(place, there) < self.apart_m:
-                return f"{name} is {math.dist(place, there):.1f} m from it, nearer than {self.apart_m:g} m"
+                status = self.robots[name].status
+                stops = status is not None and status.phase in _DRIVES and not self.is_lost(self.robots[name])
+                is_there = "will stop" if stops else "is"
+                return f"{name} {is_there} {math.dist(place, there):.1f} m from it, nearer than {self.apart_m:g} m"
         return ""
 
     def set_off(self) -> None:
