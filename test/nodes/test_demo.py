@@ -50,7 +50,7 @@ def test_two_robots_share_maps_of_two_properties_and_keep_apart(tmp_path):
     said = run_demo(out, options)
     assert said.startswith("console    http://127.0.0.1:")
     assert "robot 2: " in said  # what it does at that moment; the bag says below that it counted
-    # Mapper and recorder may receive the records of two robots in different orders, which are merged in other samples.
+    # Mapper and recorder may get the records of two robots in different orders, and merge them to other samples.
     compared = re.findall(r"^map +(equals the robot's last one|differs .* by up to (\S+) of)", said, re.MULTILINE)
     assert len(compared) == 2, said
     assert all(float(largest or 0) < 0.1 for _, largest in compared), compared
