@@ -226,6 +226,7 @@ class MissionControl:
             self._current.waiting_for: self._access is None,
             f"a position{f' ({self._no_place})' if self._no_place else ''}": self._feed.place is None,
             self._waiting_for: bool(self._waiting_for),
+            f"the place of {self.team.waiting_for} ({self.team.lost_s:g} s at most)": bool(self.team.waiting_for),
         }
         return tuple(what for what, lacks in missing.items() if lacks)
 

@@ -210,6 +210,15 @@ class Team:
             self.robots[name] = OtherRobot()
         return lost
 
+    @property
+    def waiting_for(self) -> str:
+        """Robots to keep apart from whose places are not known yet; empty once all are heard or silent for long."""
+        return self._unheard(self.lost_s) if self.apart_m else ""
+
+    def _unheard(self, limit_s: float) -> str:
+        unheard = (name for name, robot in self.robots.items() if robot.status is None and not robot.stranger)
+        return ", ".join(name for name in unheard if self.robots[name].silent_s <= limit_s)
+
     def standing(self) -> Iterator[tuple[str, Place]]:
         """Places to keep away from: where a robot stands, or will stand, or a lost one may be.
 
@@ -283,9 +292,8 @@ class Team:
     def health(self, under_way: bool) -> Health | None:
         """Faults of the other robots; ``None`` without a fault."""
         faults = []
-        unheard = [name for name, robot in self.robots.items() if robot.status is None and not robot.stranger]
-        if unheard:
-            faults.append(f"no status of {', '.join(unheard)} yet")
+        if unheard := self._unheard(math.inf):
+            faults.append(f"no status of {unheard} yet")
         level = Level.WARN
         for name, robot in self.robots.items():
             status = robot.status

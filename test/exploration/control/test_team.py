@@ -307,6 +307,17 @@ def test_a_stop_too_near_to_another_robot_is_not_chosen_and_a_way_leads_past_it(
     assert one.shown.failures == 1
 
 
+def test_a_robot_does_not_start_before_it_knows_where_the_others_are_unless_they_stay_silent():
+    one = Robot("/robot_1", (2.5, 30.0))
+    one.control.other("/robot_2", None)
+    together([one], lambda: one.time_s > BEGIN_S + 4)
+    reply = one.control.command(Verb.START)
+    assert not reply.accepted
+    assert "the place of /robot_2 (30 s at most)" in reply.message
+    together([one], lambda: one.time_s > BEGIN_S + 35)
+    assert one.control.command(Verb.START).accepted, "it is not there today"
+
+
 @pytest.mark.slow
 def test_a_way_leads_past_the_stop_that_another_robot_drives_to():
     """Two that set off to the middle of a field would stop beside each other, each in the other's way."""
