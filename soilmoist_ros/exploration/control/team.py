@@ -212,7 +212,7 @@ class Team:
 
     @property
     def waiting_for(self) -> str:
-        """Robots to keep apart from whose places are not known yet; empty once all are heard or silent for long."""
+        """Robots to keep apart from whose places are unknown; empty once all are heard or silent for long."""
         return self._unheard(self.lost_s) if self.apart_m else ""
 
     def _unheard(self, limit_s: float) -> str:
