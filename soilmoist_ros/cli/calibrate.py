@@ -10,67 +10,33 @@ from dataclasses import replace
 from datetime import UTC, datetime, time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import click
 
+from soilmoist_ros import pipeline, reporting, sensing  # their names load on first use
 from soilmoist_ros.cli.answer import answering, put, say, warn, wrote
 from soilmoist_ros.cli.options import FILE, InputFileType, MomentType, Name
 from soilmoist_ros.foundation import InputError, Mistake, listing
 
-if TYPE_CHECKING:
-    from soilmoist_ros.reporting import LevelOfPlaces
-    from soilmoist_ros.sensing import (
-        Calibration,
-        CalibrationCounts,
-        CoreMean,
-        Footprint,
-        LogFile,
-        MoistureCurve,
-        N0Estimate,
-        Site,
-        Soil,
-        SoilCore,
-        SurveyAir,
-        Weighting,
-    )
-
 DAY_S = 86_400.0
 AFTER_MAP_DAYS = 2
 """Days after a survey within which cores are compared with its map; without rain the pattern lasts."""
-SENSITIVITIES = 0.05, 30.0
+USUAL_SENSITIVITIES = 0.05, 30.0
 """Sensitivities of neutron sensors to the reference detector, small tubes to large rovers."""
 TIME = MomentType()
-
-
-class Counting(NamedTuple):
-    """Options of the counts at a calibration: logs with their format, or counts with their effective exposure [s];
-    and begin and end of the records that count.
-    """
-
-    logs: tuple[Path, ...]
-    logger: str | None
-    counts: int | None
-    exposure_s: float | None
-    window: tuple[datetime | None, datetime | None]
 
 
 @click.command("calibrate")
 @click.argument("cores", type=InputFileType(), required=False)
 @click.option("--site", type=InputFileType(), help="Site file to read; N0 or the sensitivity is written to it.")
-@click.option(
-    "--log", "logs", type=InputFileType(), multiple=True, help="Neutron log of the calibration. Repeatable."
-)
-@click.option(
-    "--logger", type=Name("logger"), help="Logger format of the logs. Default: detected from the header."
-)
+@click.option("--log", "logs", type=InputFileType(), multiple=True,
+              help="Neutron log of the calibration. Repeatable.")  # fmt: skip
+@click.option("--logger", type=Name("logger"), help="Logger format of --log. Default: detected from the header.")
 @click.option("--counts", type=click.IntRange(min=1), help="Instead of --log: raw counts of all tubes.")
-@click.option(
-    "--exposure",
-    "exposure_s",
-    type=click.FloatRange(min=0, min_open=True),
-    help="Effective exposure of --counts: live time divided by the product of the correction factors [s].",
-)
+@click.option("--exposure", "exposure_s", type=click.FloatRange(min=0, min_open=True),
+              help="Effective exposure of --counts: live time over the product of the factors [s].")  # fmt: skip
 @click.option("--run", type=FILE,
               help="Instead of --log: map (output folder) with the rates at the places of the cores.")  # fmt: skip
 @click.option("--from", "start", type=TIME, metavar="TIME",
@@ -80,13 +46,8 @@ class Counting(NamedTuple):
               help="Curve from the rate to the moisture. Default: that of the site file.")  # fmt: skip
 @click.option("--weights", "weighting", type=click.Choice(["revised", "conventional", "equal"]),
               default="revised", show_default=True, help="How distance and depth of the cores weigh.")  # fmt: skip
-@click.option(
-    "--date",
-    "dates",
-    multiple=True,
-    metavar="DAY",
-    help="Day of the calibration; written to the site file. Chooses among the days of the cores. Repeatable.",
-)
+@click.option("--date", "dates", multiple=True, metavar="DAY", help="Day of the calibration; written to the site "
+              "file. Chooses among the days of the cores. Repeatable.")  # fmt: skip
 @click.option("--cores-only", is_flag=True, help="Use the cores alone, not the general calibration.")
 @click.option("--earlier", type=InputFileType(), multiple=True,
               help="Site file with an earlier calibration of this sensor, anywhere. Repeatable.")  # fmt: skip
@@ -104,31 +65,7 @@ class Counting(NamedTuple):
 @click.option("--out", type=FILE, help="Folder of the sheet of --plan. Default: RUN/cores.")
 @click.option("--dry-run", is_flag=True, help="Print the result; do not write the site file.")
 @answering
-def command(
-    cores: Path | None,
-    site: Path | None,
-    logs: tuple[Path, ...],
-    logger: str | None,
-    counts: int | None,
-    exposure_s: float | None,
-    run: Path | None,
-    start: datetime | None,
-    end: datetime | None,
-    curve: Literal["desilets", "universal"] | None,
-    weighting: Weighting,
-    dates: tuple[str, ...],
-    cores_only: bool,
-    earlier: tuple[Path, ...],
-    station_logs: tuple[Path, ...],
-    station_logger: str | None,
-    station_site: Path | None,
-    station_sensitivity: float | None,
-    station_sensitivity_sd: float | None,
-    plan: Path | None,
-    places: int,
-    out: Path | None,
-    dry_run: bool,
-) -> None:
+def command(**given: Any) -> None:
     """Find N0 from soil CORES (a CSV file) and the counts at the calibration.
 
     CORES has one row per core. Its first line names the columns: vwc [m3/m3], or gravimetric_water [g/g] and
@@ -138,80 +75,60 @@ def command(
     With --beside, find the sensitivity of a sensor from counts next to a station. With --plan, find the places in
     a field where cores lower the uncertainty most, and write a sheet to fill in.
     """
-    if sum((cores is not None, bool(station_logs), plan is not None)) != 1:
+    options = SimpleNamespace(**given)  # as click has checked them
+    if sum((options.cores is not None, bool(options.station_logs), options.plan is not None)) != 1:
         raise click.UsageError("give one of CORES, --beside and --plan")
-    if plan is not None:
-        _plan(plan, places, out)
-        return
-    if site is None:
+    if options.plan is not None:
+        _plan(options.plan, options.places, options.out)
+    elif options.site is None:
         raise click.UsageError("Missing option '--site'.")
-    if station_logs:
-        station = station_site, station_sensitivity, station_sensitivity_sd
-        _compare(site, logs, logger, station_logs, station_logger, station, dry_run)
-        return
-    assert cores is not None
-    counting = Counting(logs, logger, counts, exposure_s, (start, end))
-    _calibrate(cores, site, counting, run, curve, weighting, dates, cores_only, earlier, dry_run)
+    elif options.cores is None:
+        _compare(options, options.site)
+    else:
+        _calibrate(options, options.cores, options.site)
 
 
-def _calibrate(
-    cores: Path,
-    site: Path,
-    counting: Counting,
-    run: Path | None,
-    curve: Literal["desilets", "universal"] | None,
-    weighting: Weighting,
-    dates: tuple[str, ...],
-    cores_only: bool,
-    earlier: tuple[Path, ...],
-    dry_run: bool,
-) -> None:
+def _calibrate(options: SimpleNamespace, cores: Path, site: Path) -> None:
     """N0 from cores, written to the site file."""
-    from soilmoist_ros.sensing import (
-        Calibration,
-        Soil,
-        estimate_n0,
-        load_site,
-        mean_of_cores,
-        read_soil_cores,
-        write_calibration,
-    )
-
-    known = load_site(site)
-    table = read_soil_cores(cores, known.soil.bulk_density_gcm3 if known.soil else None, dates)
-    sampled, before = table.cores, known.calibration
+    known, run, weighting, dates = sensing.load_site(site), options.run, options.weighting, options.dates
+    table = sensing.read_soil_cores(cores, known.soil.bulk_density_gcm3 if known.soil else None, dates)
+    sampled, before, soil = table.cores, known.calibration, known.soil
     for note in table.notes:
         warn(f"note       {note}")
-    soil = known.soil
     if soil is None:
-        density = mean_of_cores(sampled, "equal").bulk_density_gcm3
+        density = sensing.mean_of_cores(sampled, "equal").bulk_density_gcm3
         if density is None:
             remedy = "add 'soil: {bulk_density_gcm3: ...}' to the file, or a column bulk_density_gcm3 to the cores"
             raise InputError("has no soil properties", remedy, site)
-        soil = Soil(bulk_density_gcm3=round(density, 4))
-    unit = known.calibration or Calibration(n0_cps=1.0)
-    unit = unit.model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None, "curve": curve or unit.curve})
+        soil = sensing.Soil(bulk_density_gcm3=round(density, 4))
+    unit = known.calibration or sensing.Calibration(n0_cps=1.0)
+    unit = unit.model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None, "curve": options.curve or unit.curve})
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
-    counted = _counted(known, counting) if run is None else _no_counts(run, counting)
+    counted = _counted(known, options) if run is None else _no_counts(run, options)
     _require_days_of_counts(table.days or dates, counted, cores)
     air, bound_water = _air(known, counted), soil.lattice_water + soil.organic_water
     unit_curve = unit.curve_of(soil, known.reference_humidity_gm3)
     try:
-        mean = mean_of_cores(sampled, weighting, air, bound_water, soil.bulk_density_gcm3)
+        mean = sensing.mean_of_cores(sampled, weighting, air, bound_water, soil.bulk_density_gcm3)
         if run is not None:
-            level = _at_places(run, sampled, unit_curve, weighting, air)
+            source = reporting.open_source(reporting.open_run(run))
+            level = reporting.n0_at_places(source, sampled, unit_curve, weighting, air)
             estimate, rate = level.estimate, level.rate_cps
             rate_sd = rate * estimate.from_counting_cps / estimate.n0_cps
             at_places = f", the map at {level.places} place{'s' * (level.places > 1)}"
             mean = replace(mean, vwc=level.vwc, vwc_sd=level.vwc_sd)
         else:
-            rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
-            estimate, at_places = estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve), ""
+            rate, rate_sd, at_places, level = counted.rate_cps, counted.rate_sd_cps, "", None
+            estimate = sensing.estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve)
     except ValueError as error:
-        raise InputError(
-            f"the calibration has no solution: {error}", "check the cores and the soil properties", cores
-        ) from None
+        what, remedy = f"the calibration has no solution: {error}", "check the cores and the soil properties"
+        raise InputError(what, remedy, cores) from None
+    for note in () if level is None else level.notes:
+        warn(f"note       {note}")
+    if level is not None and level.spread > 1.5:
+        what = f"cores and map differ {level.spread:.1f} times more from place to place than both errors explain"
+        warn(f"doubt      {what}: was there rain between them? The error of N0 is that much larger")
     put(
         n0_cps=estimate.n0_cps, n0_sd_cps=estimate.n0_sd_cps, curve=unit.curve, days=list(table.days),
         rate_cps=rate, rate_sd_cps=rate_sd, cores=mean.count,
@@ -234,53 +151,31 @@ def _calibrate(
         before = None  # its N0 is of another kind
     for doubt in (*counted.doubts(known), *_doubts(estimate.n0_cps, before, mean.bulk_density_gcm3, soil)):
         warn(f"doubt      {doubt}")
-    result = Calibration(
-        n0_cps=round(estimate.n0_cps, 5),
-        curve=unit.curve,
-        parameter_set=unit.parameter_set,
-        n0_sd_cps=round(estimate.n0_sd_cps, 5),
-        date=", ".join(dates or table.days) or None,
+    result = sensing.Calibration(
+        n0_cps=round(estimate.n0_cps, 5), curve=unit.curve, parameter_set=unit.parameter_set,
+        n0_sd_cps=round(estimate.n0_sd_cps, 5), date=", ".join(dates or table.days) or None,
         note=f"{mean.count} soil cores, mean VWC {mean.vwc:.3f} m3/m3, {mean.weights}",
-    )
-    if not cores_only:
+    )  # fmt: skip
+    if not options.cores_only:
+        of_air = sensing.SurveyAir(pressure_hpa=counted.pressure_hpa)
+        prior = _general_of_run(run, known) if run is not None else _general(known, of_air)
         days = tuple(table.days) or dates
-        prior = _general_of_run(run, known) if run is not None else _general(known, _survey_air(counted))
-        result = _combined(result, estimate, mean, rate, unit_curve, known, prior, earlier, days)
-    elif earlier:
+        result = _combined(result, estimate, mean, rate, unit_curve, known, site, prior, options.earlier, days)
+    elif options.earlier:
         raise click.UsageError("--earlier is not used with --cores-only")
-    if dry_run:
+    if options.dry_run:
         say(f"dry run: {site} is not changed")
         return
-    write_calibration(site, result, soil if load_site(site).soil is None else None)
+    sensing.write_calibration(site, result, soil if sensing.load_site(site).soil is None else None)
     wrote([site])
 
 
 def _combined(
-    alone: Calibration,
-    cores: N0Estimate,
-    mean: CoreMean,
-    rate_cps: float,
-    unit_curve: MoistureCurve,
-    known: Site,
-    general: tuple[Calibration | None, str],
-    earlier: tuple[Path, ...],
-    days: Sequence[str],
-) -> Calibration:
+    alone: sensing.Calibration, cores: sensing.N0Estimate, mean: sensing.CoreMean, rate_cps: float,
+    unit_curve: sensing.MoistureCurve, known: sensing.Site, site: Path,
+    general: tuple[sensing.Calibration | None, str], earlier: tuple[Path, ...], days: Sequence[str],
+) -> sensing.Calibration:  # fmt: skip
     """The calibration by the cores together with the general and earlier ones; as it was where there is none."""
-    from soilmoist_ros.sensing import (
-        DISAGREEMENT_SD,
-        GENERAL_SD,
-        PROFILE_SD,
-        N0Source,
-        combine_n0,
-        combined_calibration,
-        difference_sd,
-        earlier_source,
-        estimate_n0,
-        level_vwc_sd,
-        load_site,
-    )
-
     prior, why = general
     if prior is None:
         say(f"general    not used: {why}")
@@ -288,52 +183,46 @@ def _combined(
             return alone
     assumed = math.isnan(mean.vwc_sd)
     if assumed:
-        warn(f"assumption the profile is within {PROFILE_SD:g} m3/m3 (1 sd) of its footprint's mean")
+        warn(f"assumption the profile is within {sensing.PROFILE_SD:g} m3/m3 (1 sd) of its footprint's mean")
         rate_sd = cores.from_counting_cps / cores.n0_cps * rate_cps
-        cores = estimate_n0(rate_cps, rate_sd, mean.vwc, PROFILE_SD, unit_curve)
-    sources = [N0Source("cores", cores.n0_cps, cores.n0_sd_cps / cores.n0_cps)]
+        cores = sensing.estimate_n0(rate_cps, rate_sd, mean.vwc, sensing.PROFILE_SD, unit_curve)
+    sources = [sensing.N0Source("cores", cores.n0_cps, cores.n0_sd_cps / cores.n0_cps)]
     if prior is not None:
         sd = (prior.n0_sd_cps or 0.0) / prior.n0_cps
-        sources.append(N0Source("general", prior.n0_cps, sd, min(GENERAL_SD, sd)))
+        sources.append(sensing.N0Source("general", prior.n0_cps, sd, min(sensing.GENERAL_SD, sd)))
     for one in earlier:
-        before = load_site(one)
-        sources.append(earlier_source(before, one, known, days, partial(_scale, known, before, one)))
-    result, both = combined_calibration(alone, cores, sources, prior, assumed)
-    without = combine_n0(sources[1:])
-    curve = replace(unit_curve, n0_cps=result.n0_cps)
-    before_sd, after_sd = (100 * level_vwc_sd(curve, rate_cps, sd) for sd in (without.sd, both.sd))
-    differ = difference_sd(sources[0], N0Source("", without.n0_cps, without.sd))
+        before = sensing.load_site(one)
+        scale = partial(_scale, known, site, before, one)
+        sources.append(sensing.earlier_source(before, one, known, days, scale))
+    result, both = sensing.combined_calibration(alone, cores, sources, prior, assumed)
+    without, curve = sensing.combine_n0(sources[1:]), replace(unit_curve, n0_cps=result.n0_cps)
+    before_sd, after_sd = (100 * sensing.level_vwc_sd(curve, rate_cps, sd) for sd in (without.sd, both.sd))
+    differ = sensing.difference_sd(sources[0], sensing.N0Source("", without.n0_cps, without.sd))
     names = listing([one.name for one in sources[1:]])
     for source in sources:
         say(f"{source.name:<10} N0 {source.n0_cps:.4f} +- {source.n0_cps * source.sd:.4f} counts/s")
     say(f"together   N0 {result.n0_cps:.4f} +- {result.n0_sd_cps:.4f} counts/s")
-    say(
-        f"worth      {names} alone +- {before_sd:.1f} % by volume, with the cores +- {after_sd:.1f}; the cores "
-        f"weigh {100 * both.weights[0]:.0f} %; they agree within {differ:.1f} sd"
-    )
+    worth = f"{names} alone +- {before_sd:.1f} % by volume, with the cores +- {after_sd:.1f}"
+    say(f"worth      {worth}; these weigh {100 * both.weights[0]:.0f} %; both agree within {differ:.1f} sd")
     put(
         method="combined", n0_cps=result.n0_cps, n0_sd_cps=result.n0_sd_cps, n0_of_cores_cps=cores.n0_cps,
         weight_of_cores=both.weights[0], disagreement_sd=differ, level_vwc_sd_before=before_sd / 100,
         level_vwc_sd=after_sd / 100,
     )  # fmt: skip
-    if differ > DISAGREEMENT_SD:
-        warn(
-            f"doubt      the cores and {names} contradict each other by {differ:.1f} sd: check cores, density and "
-            "sensitivity; --cores-only uses the cores alone"
-        )
+    if differ > sensing.DISAGREEMENT_SD:
+        what, check = f"the cores and {names} contradict each other by {differ:.1f} sd", "density and sensitivity"
+        warn(f"doubt      {what}: check cores, {check}; --cores-only uses the cores alone")
     return result
 
 
-def _about(mean: CoreMean) -> str:
+def _about(mean: sensing.CoreMean) -> str:
     depth = "" if math.isnan(mean.depth_cm) else f", seen to {mean.depth_cm:.0f} cm"
     error = ", of unknown error (one profile)" if math.isnan(mean.vwc_sd) else f" +- {mean.vwc_sd:.4f}"
     return f"{mean.count} in {mean.profiles} profiles, mean VWC {mean.vwc:.4f} m3/m3{error}, {mean.weights}{depth}"
 
 
-def _require_days_of_counts(days: Sequence[str], counted: CalibrationCounts, cores: Path) -> None:
+def _require_days_of_counts(days: Sequence[str], counted: sensing.CalibrationCounts, cores: Path) -> None:
     """Refuse counts of other days than the cores; of a date whose month is not clear, both days are compared."""
-    from soilmoist_ros.sensing import possible_days
-
     if math.isnan(counted.first_s):
         return
     # Clocks of loggers and of people differ by up to half a day from UTC.
@@ -341,86 +230,66 @@ def _require_days_of_counts(days: Sequence[str], counted: CalibrationCounts, cor
     if not counted.records:  # cores are taken where the map says, often later
         latest_s += AFTER_MAP_DAYS * DAY_S
     for day in days:
-        begins_s = [datetime.combine(of, time(), UTC).timestamp() for of in possible_days(day)]
+        begins_s = [datetime.combine(of, time(), UTC).timestamp() for of in sensing.possible_days(day)]
         if begins_s and not any(earliest_s < at < latest_s for at in begins_s):
             first, last = (datetime.fromtimestamp(at, UTC) for at in (counted.first_s, counted.last_s))
-            message = (
-                f"the cores are of {day}, and the counts of {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
-            )
+            of_counts = f"the counts of {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
             source = "log" if counted.records else "run"
-            raise InputError(message, f"give the {source} of that day, or correct the date of the cores", cores)
+            remedy = f"give the {source} of that day, or correct the date of the cores"
+            raise InputError(f"the cores are of {day}, and {of_counts}", remedy, cores)
         if not counted.records and all(at > counted.last_s for at in begins_s):
             warn(f"doubt      the cores are of {day}, after the survey: was there rain between them?")
-    if not counted.records:
-        return
     long_days = (counted.last_s - counted.first_s) / DAY_S
-    if days and long_days > len(days) + 2:
+    if counted.records and days and long_days > len(days) + 2:
         warn(f"doubt      {long_days:.0f} days are counted for cores of {listing(days)}: choose --from and --to")
 
 
-def _doubts(n0_cps: float, before: Calibration | None, density: float | None, soil: Soil) -> Iterator[str]:
+def _doubts(
+    n0_cps: float, before: sensing.Calibration | None, density: float | None, soil: sensing.Soil
+) -> Iterator[str]:
     """Doubts about the result of a calibration."""
-    from soilmoist_ros.sensing import unusual_n0
-
-    if doubt := unusual_n0(n0_cps):
+    if doubt := sensing.unusual_n0(n0_cps):
         yield f"{doubt}: check counts, exposure and their units"
     if before is not None and not before.illustrative and not 0.8 < n0_cps / before.n0_cps < 1.25:
         yield f"N0 was {before.n0_cps:g} counts/s in the site file: are probe, tubes and corrections as before?"
     if density is not None and not 0.85 < density / soil.bulk_density_gcm3 < 1.18:
-        yield (
-            f"the cores have a bulk density of {density:.2f} g/cm3, the site file {soil.bulk_density_gcm3:g}: the "
-            "curve uses that of the site file"
-        )
+        used = f"the site file {soil.bulk_density_gcm3:g}: the curve uses that of the site file"
+        yield f"the cores have a bulk density of {density:.2f} g/cm3, {used}"
 
 
-def _air(site: Site, counted: CalibrationCounts) -> Footprint:
+def _air(site: sensing.Site, counted: sensing.CalibrationCounts) -> sensing.Footprint:
     """Conditions of the weights; without a measured pressure that of the altitude, else the reference value."""
-    from soilmoist_ros.sensing import Footprint, standard_pressure_hpa
-
     place = site.corrections.place or site.location
     reference_hpa = site.corrections_parameters.reference_pressure_hpa
     if place is not None and place.altitude_m is not None:
-        reference_hpa = standard_pressure_hpa(place.latitude_deg, place.altitude_m)
-    return Footprint(
-        math.nan,
-        site.reference_humidity_gm3 if math.isnan(counted.humidity_gm3) else counted.humidity_gm3,
-        reference_hpa if math.isnan(counted.pressure_hpa) else counted.pressure_hpa,
-        site.vegetation_height_m,
-        site.footprint_radius_m,
-    )
+        reference_hpa = sensing.standard_pressure_hpa(place.latitude_deg, place.altitude_m)
+    humidity_gm3 = site.reference_humidity_gm3 if math.isnan(counted.humidity_gm3) else counted.humidity_gm3
+    pressure_hpa = reference_hpa if math.isnan(counted.pressure_hpa) else counted.pressure_hpa
+    probe = site.vegetation_height_m, site.footprint_radius_m
+    return sensing.Footprint(math.nan, humidity_gm3, pressure_hpa, *probe)
 
 
-def _counted(site: Site, given: Counting) -> CalibrationCounts:
-    from soilmoist_ros.sensing import CalibrationCounts, calibration_counts
-
-    logs, logger, counts, exposure_s, (start, end) = given
-    if (counts is None) != (exposure_s is None) or bool(logs) == (counts is not None):
+def _counted(site: sensing.Site, given: SimpleNamespace) -> sensing.CalibrationCounts:
+    counts, exposure_s, start, end = given.counts, given.exposure_s, given.start, given.end
+    if (counts is None) != (exposure_s is None) or bool(given.logs) == (counts is not None):
         raise click.UsageError("give the counts of the calibration with --log, or with --counts and --exposure")
     if counts is not None and exposure_s is not None:
         if start or end:
             raise click.UsageError("--from and --to select records of a log; they require --log")
-        return CalibrationCounts(counts, exposure_s, 0, 0, math.nan, math.nan, math.nan, math.nan)
+        return sensing.CalibrationCounts(counts, exposure_s, 0, 0, math.nan, math.nan)
     first_s, last_s = start.timestamp() if start else -math.inf, end.timestamp() if end else math.inf
-    return calibration_counts(_read(site, logs, logger), site, first_s, last_s)
+    return sensing.calibration_counts(_read(site, given.logs, given.logger), site, first_s, last_s)
 
 
-# Places of cores on a map, and a sensor next to a station ------------------------------------------------------
-
-
-def _no_counts(run: Path, given: Counting) -> CalibrationCounts:
+def _no_counts(run: Path, given: SimpleNamespace) -> sensing.CalibrationCounts:
     """Stand-in for counts where the rates are those of a map: its time and mean weather."""
-    from soilmoist_ros.reporting import open_run
-    from soilmoist_ros.sensing import CalibrationCounts
-
-    if given.logs or given.counts is not None or given.exposure_s is not None or any(given.window):
-        raise click.UsageError(
-            "--run has the counts already: leave out --log, --counts, --exposure, --from and --to"
-        )
-    about = open_run(run).summary
+    if given.logs or given.counts is not None or given.exposure_s is not None or given.start or given.end:
+        raise click.UsageError("--run has the counts: leave out --log, --counts, --exposure, --from and --to")
+    about = reporting.open_run(run).summary
     first_s, last_s = (about.get(name) or math.nan for name in ("first_stamp_s", "last_stamp_s"))
     if about.get("simulated"):
         first_s = last_s = math.nan  # the date of a simulation is not one of cores
-    return CalibrationCounts(0, 1.0, 0, 0, *_weather_of(about), first_s, last_s)
+    return sensing.CalibrationCounts(0, 1.0, 0, 0, *_weather_of(about), first_s, last_s)
 
 
 def _weather_of(summary: Mapping[str, Any]) -> tuple[float, float]:
@@ -435,35 +304,14 @@ def _weather_of(summary: Mapping[str, Any]) -> tuple[float, float]:
     return pressure_hpa, humidity_gm3
 
 
-def _at_places(
-    run: Path, cores: Sequence[SoilCore], unit_curve: MoistureCurve, weighting: Weighting, air: Footprint
-) -> LevelOfPlaces:
-    """N0 from the cores and a map at their places."""
-    from soilmoist_ros.reporting import n0_at_places, open_run, open_source
-
-    level = n0_at_places(open_source(open_run(run)), cores, unit_curve, weighting, air)
-    for note in level.notes:
-        warn(f"note       {note}")
-    if level.spread > 1.5:
-        warn(
-            f"doubt      cores and map differ {level.spread:.1f} times more from place to place than both errors "
-            "explain: was there rain between them? The error of N0 is that much larger"
-        )
-    return level
-
-
 def _plan(run: Path, count: int, out: Path | None) -> None:
     """Print where cores lower the uncertainty most, and write the sheet and the waypoints."""
-    from soilmoist_ros.reporting import open_run, open_source, plan_cores, write_plan
-
-    source = open_source(open_run(run))
-    plan = plan_cores(source, count)
+    source = reporting.open_source(reporting.open_run(run))
+    plan = reporting.plan_cores(source, count)
     for note in (*source.notes, *plan.notes):
         warn(f"note       {note}")
-    say(
-        f"before     N0 +- {100 * plan.prior_sd:.1f} %, the mean moisture +- {100 * plan.prior_vwc_sd:.1f} % by "
-        "volume"
-    )
+    level = f"N0 +- {100 * plan.prior_sd:.1f} %, the mean moisture +- {100 * plan.prior_vwc_sd:.1f} % by volume"
+    say(f"before     {level}")
     say("place  latitude    longitude    expected        cores [cm]                     after it")
     for one in plan.places:
         layers = ", ".join(f"{top}-{bottom}" for top, bottom in one.layers_cm)
@@ -477,166 +325,123 @@ def _plan(run: Path, count: int, out: Path | None) -> None:
         places=[one._asdict() for one in plan.places], prior_sd=plan.prior_sd, prior_vwc_sd=plan.prior_vwc_sd,
         spacing_m=plan.spacing_m, edge_m=plan.edge_m,
     )  # fmt: skip
-    wrote(write_plan(plan, out or run / "cores", source.title))
+    wrote(reporting.write_plan(plan, out or run / "cores", source.title))
     say("then       fill in the sheet, and: soilmoist calibrate cores.csv --site SITE --run RUN")
 
 
-def _compare(
-    site: Path,
-    logs: tuple[Path, ...],
-    logger: str | None,
-    station_logs: tuple[Path, ...],
-    station_logger: str | None,
-    station: tuple[Path | None, float | None, float | None],
-    dry_run: bool,
-) -> None:
+def _compare(options: SimpleNamespace, site: Path) -> None:
     """The sensitivity of a sensor from counts next to a station, written to the site file."""
-    from soilmoist_ros.sensing import compare_side_by_side, load_site, utc_text, write_site_values
-
-    if not logs:
+    if not options.logs:
         raise click.UsageError("--beside requires --log, the log of your own sensor")
-    station_site, given, given_sd = station
-    known = load_site(site)
-    of_station = load_site(station_site) if station_site else known
-    sensitivity, sensitivity_sd, origin = _sensitivity_of(of_station, station_site, given, given_sd)
-    own, other = _read(known, logs, logger), _read(of_station, station_logs, station_logger)
-    found = compare_side_by_side(own, known, other, of_station)
+    known = sensing.load_site(site)
+    of_station = sensing.load_site(options.station_site) if options.station_site else known
+    sensitivity, sensitivity_sd, origin = _sensitivity_of(of_station, options)
+    own = _read(known, options.logs, options.logger)
+    other = _read(of_station, options.station_logs, options.station_logger)
+    found = sensing.compare_side_by_side(own, known, other, of_station)
     value, sd = found.sensitivity(sensitivity, sensitivity_sd)
-    _require_usual(f"the counts have a ratio of {found.ratio:.3g}, which makes a sensitivity", value, logs[0])
+    _require_usual(f"a ratio of counts of {found.ratio:.3g} makes a sensitivity", value, options.logs[0])
     put(
         ratio=found.ratio, ratio_sd=found.ratio_sd, sensor_sensitivity=value, sensor_sensitivity_sd=sd,
         own_counts=found.own_counts, station_counts=found.other_counts, counted_s=found.counted_s, gaps=found.gaps,
     )  # fmt: skip
-    say(
-        f"together   {found.counted_s / 3600:.1f} h of {utc_text(found.first_s)} to {utc_text(found.last_s)} UTC, "
-        f"{len(found.gaps)} gaps"
-    )
+    first, last = sensing.utc_text(found.first_s), sensing.utc_text(found.last_s)
+    say(f"together   {found.counted_s / 3600:.1f} h of {first} to {last} UTC, {len(found.gaps)} gaps")
     for begin, end in sorted(found.gaps, key=lambda gap: gap[0] - gap[1])[:3]:
-        say(f"gap        {(end - begin) / 3600:.1f} h of {utc_text(begin)} to {utc_text(end)} UTC")
+        first, last = sensing.utc_text(begin), sensing.utc_text(end)
+        say(f"gap        {(end - begin) / 3600:.1f} h of {first} to {last} UTC")
     say(f"counts     {found.own_counts} here, {found.other_counts} of the station")
     say(f"ratio      {found.ratio:.4f} +- {found.ratio_sd:.4f}, from counting")
     say(f"station    sensitivity {sensitivity:.3f} +- {sensitivity_sd:.3f}, {origin}")
     say(f"sensor     sensitivity {value:.3f} +- {sd:.3f}")
-    if dry_run:
+    if options.dry_run:
         say(f"dry run: {site} is not changed")
         return
-    write_site_values(site, {"sensor_sensitivity": round(value, 4), "sensor_sensitivity_sd": round(sd, 4)})
+    sensing.write_site_values(site, {"sensor_sensitivity": round(value, 4), "sensor_sensitivity_sd": round(sd, 4)})
     wrote([site])
 
 
-def _read(site: Site, logs: tuple[Path, ...], logger: str | None) -> list[LogFile]:
+def _read(site: sensing.Site, logs: tuple[Path, ...], logger: str | None) -> list[sensing.LogFile]:
     """Logs of one sensor, with what the user should know of them."""
-    from soilmoist_ros.pipeline import read_logs, reading_of, skipped_text
-    from soilmoist_ros.sensing import log_doubts
-
     skipped: list[Mistake] = []
-    found = read_logs(logs, logger, site, skipped=skipped)
-    for key, text in reading_of(found).items():
+    found = pipeline.read_logs(logs, logger, site, skipped=skipped)
+    for key, text in pipeline.reading_of(found).items():
         say(f"{key:<10} {text}")
-    for text in [skipped_text(skipped)] * bool(skipped) + [str(problem) for problem in log_doubts(found)]:
-        warn(f"warning    {text}")
+    lost = [pipeline.skipped_text(skipped)] * bool(skipped)
+    for problem in (*lost, *sensing.log_doubts(found)):
+        warn(f"warning    {problem}")
     return found
 
 
-# The general calibration ------------------------------------------------------------------------------------
-
-
-def _survey_air(counted: CalibrationCounts) -> SurveyAir:
-    from soilmoist_ros.sensing import SurveyAir
-
-    return SurveyAir(pressure_hpa=counted.pressure_hpa)
-
-
-def _general(site: Site, air: SurveyAir) -> tuple[Calibration | None, str]:
+def _general(site: sensing.Site, air: sensing.SurveyAir) -> tuple[sensing.Calibration | None, str]:
     """General calibration of a site, or ``None`` and the reason."""
-    from soilmoist_ros.sensing import general_calibration, sensitivity_of, why_no_soil
-
-    if sensitivity_of(site) is None:
+    if sensing.sensitivity_of(site) is None:
         return None, "the site file has no sensor_sensitivity; --beside finds it"
     if site.calibration is not None and site.calibration.curve != "desilets":
         return None, f"it is of the curve desilets, the site's is {site.calibration.curve}"
-    if why := why_no_soil(site):
+    if why := sensing.why_no_soil(site):
         return None, why
-    found = general_calibration(site, air)
+    found = sensing.general_calibration(site, air)
     if found is None:
         return None, "the site file needs a location, with altitude_m where the log has no pressure"
     return found[0], ""
 
 
-def _general_of_run(run: Path, site: Site) -> tuple[Calibration | None, str]:
+def _general_of_run(run: Path, site: sensing.Site) -> tuple[sensing.Calibration | None, str]:
     """The general calibration that a run was made with, else the one of the site at its datum; or the reason."""
-    from soilmoist_ros.reporting import open_run
-    from soilmoist_ros.sensing import Calibration, SurveyAir, UncertaintyPart, sensitivity_of
-
-    summary = open_run(run).summary
-    about, own = summary.get("calibration") or {}, sensitivity_of(site)
-    parts = [
-        UncertaintyPart(**{name: value for name, value in part.items() if value is not None})
-        for part in about.get("parts", [])
-    ]
+    summary = reporting.open_run(run).summary
+    about, own = summary.get("calibration") or {}, sensing.sensitivity_of(site)
+    known = [{name: value for name, value in part.items() if value is not None} for part in about.get("parts", [])]
+    parts = [sensing.UncertaintyPart(**part) for part in known]
     used = next((part.value for part in parts if part.name == "sensitivity"), math.nan)
     of_site = own is None or math.isclose(own.value, used, rel_tol=1e-3)
     right_curve = site.calibration is None or site.calibration.curve == about.get("curve")
     if about.get("method") == "general" and of_site and right_curve:
-        names = ("n0_cps", "n0_sd_cps", "method")
-        return Calibration(**{name: about[name] for name in names}, parts=parts, note=about.get("source")), ""
+        values = {name: about[name] for name in ("n0_cps", "n0_sd_cps", "method")}
+        return sensing.Calibration(**values, parts=parts, note=about.get("source")), ""
     datum, pressure_hpa = summary.get("datum") or {}, _weather_of(summary)[0]
     latitude, longitude = (float(datum.get(name, math.nan)) for name in ("latitude_deg", "longitude_deg"))
-    return _general(site, SurveyAir(latitude, longitude, pressure_hpa))
+    return _general(site, sensing.SurveyAir(latitude, longitude, pressure_hpa))
 
 
-def _reference_n0_cps(site: Site) -> float | None:
-    """N0 of the reference detector at a site by the general calibration; ``None`` if its altitude is unknown."""
-    from soilmoist_ros.sensing import SurveyAir, general_calibration
+def _reference_n0_cps(site: sensing.Site, path: Path) -> float:
+    """N0 of the reference detector at the site of a file by the general calibration."""
+    alike = site.model_copy(update={"sensor_sensitivity": 1.0, "soil": None})
+    if (found := sensing.general_calibration(alike, sensing.SurveyAir())) is None:
+        what = "has no location with altitude_m, so its N0 cannot be compared with that of another site"
+        raise InputError(what, "add it", path)
+    return found[0].n0_cps
 
-    found = general_calibration(site.model_copy(update={"sensor_sensitivity": 1.0, "soil": None}), SurveyAir())
-    return None if found is None else found[0].n0_cps
 
-
-def _scale(here: Site, there: Site, path: Path) -> float:
-    """N0 of one sensor at a site relative to that at another one, by the general calibration."""
-    of_here, of_there = map(_reference_n0_cps, (here, there))
-    if of_here is None or of_there is None:
-        raise InputError("is of another site of unknown altitude", "add altitude_m to both locations", path)
-    return of_here / of_there
+def _scale(here: sensing.Site, path: Path, there: sensing.Site, other: Path) -> float:
+    """N0 of one sensor at the site of a file relative to that at another one, by the general calibration."""
+    return _reference_n0_cps(here, path) / _reference_n0_cps(there, other)
 
 
 def _require_usual(name: str, sensitivity: float, path: Path | None = None) -> None:
-    low, high = SENSITIVITIES
+    low, high = USUAL_SENSITIVITIES
     if not low <= sensitivity <= high:
-        remedy = (
-            "check that both sensors counted side by side, the units of their counts, and the station's values"
-        )
-        message = (
-            f"{name} of {sensitivity:.3g}: neutron sensors have {low:g} to {high:g} of the reference detector"
-        )
-        raise InputError(message, remedy, path)
+        remedy = "check that both sensors stood side by side, the units of their counts, and the station's values"
+        usual = f"neutron sensors have {low:g} to {high:g} of the reference detector"
+        raise InputError(f"{name} of {sensitivity:.3g}: {usual}", remedy, path)
 
 
-def _sensitivity_of(
-    station: Site, path: Path | None, given: float | None, given_sd: float | None
-) -> tuple[float, float, str]:
+def _sensitivity_of(station: sensing.Site, options: SimpleNamespace) -> tuple[float, float, str]:
     """Sensitivity of a station, its standard deviation, and where it is from: as given, from its site file, or by
     its N0, whose site then differs from others by as much as sites do.
     """
-    from soilmoist_ros.sensing import GENERAL_SD, Site, sensitivity_of
-
+    given, path = options.station_sensitivity, options.station_site
     if given is not None:
         _require_usual("--station-sensitivity", given)
-        known = sensitivity_of(Site(sensor_sensitivity=given, sensor_sensitivity_sd=given_sd))
-        assert known is not None
-        return known.value, known.sd, "as given"
-    if path is None:
+        station = sensing.Site(sensor_sensitivity=given, sensor_sensitivity_sd=options.station_sensitivity_sd)
+    elif path is None:
         raise InputError("nothing is known of the station", "give --station-sensitivity or --station-site")
-    if (known := sensitivity_of(station)) is not None:
-        return known.value, known.sd, f"of {path.name}"
+    if (known := sensing.sensitivity_of(station)) is not None:
+        return known.value, known.sd, f"of {path.name}" if given is None else "as given"
     own = station.calibration
     if own is None or own.illustrative or own.curve != "desilets" or own.method != "cores":
         remedy = "give --station-sensitivity, or a site file with sensor_sensitivity or an N0 from cores"
         raise InputError("has no sensitivity and no N0 from cores of the curve desilets", remedy, path)
-    reference_cps = _reference_n0_cps(station)
-    if reference_cps is None:
-        raise InputError("has no location with altitude_m, so its N0 cannot be compared", "add it", path)
-    value = own.n0_cps / reference_cps
-    sd = math.hypot((own.n0_sd_cps or 0.0) / own.n0_cps, GENERAL_SD)
+    value = own.n0_cps / _reference_n0_cps(station, path)
+    sd = math.hypot((own.n0_sd_cps or 0.0) / own.n0_cps, sensing.GENERAL_SD)
     return value, value * sd, f"by N0 of {path.name}"
