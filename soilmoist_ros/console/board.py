@@ -15,6 +15,10 @@ from soilmoist_ros.exploration import MissionStatus, Phase
 
 STEP_M = 0.5
 """Moves shorter than this are no way, but noise of the receiver [m]."""
+RESTING = frozenset({Phase.IDLE, Phase.FINISHED})
+"""Phases in which a robot stands where its next mission will start."""
+BEGUN_S = 5.0
+"""Time of a mission in which its robot is still where it started [s]."""
 MAX_TRAIL = 4000
 """Places of a way at most; then every second one is left out."""
 MAX_COUNTS = 200
@@ -96,11 +100,12 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class RobotHistory:
-    """Writes the sections ``place``, ``trail`` and ``count`` of a robot."""
+    """Writes the sections ``place``, ``trail``, ``start`` (where its mission began) and ``count`` of a robot."""
 
     def __init__(self, board: Board, robot: str) -> None:
         self._board, self._robot = board, robot
         self._trail: tuple[tuple[float, float], ...] = ()
+        self._start: list[float] | None = None
         self._heading_deg: float | None = None
         self._stop = ""
         self._counts: tuple[tuple[int, int], ...] = ()
@@ -121,6 +126,9 @@ class RobotHistory:
 
     def count(self, status: MissionStatus) -> None:
         """The mission says how much it has counted at its stop."""
+        if self._trail and (status.phase in RESTING or status.time_used_s < BEGUN_S):
+            self._start = list(self._trail[-1])
+            self._board.put(f"start/{self._robot}", self._start)
         stop = status.target.name if status.target and status.phase is Phase.COUNTING else ""
         if stop != self._stop:
             self._stop, self._counts = stop, ()

@@ -79,6 +79,7 @@ def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, 
     return {
         "phase": str(status.phase),
         "headline": headline(status),
+        "ready": status.phase is not Phase.IDLE or status.reason.endswith(READY),
         "reason": status.reason,
         "moving": status.phase in MOVING,
         "running": status.phase not in (Phase.IDLE, Phase.FINISHED),
@@ -100,6 +101,7 @@ def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, 
         "forecast": forecast.text if forecast else values.get("forecast", ""),
         "last_command": values.get("last_command", ""),
         "settings": _settings(values.get("settings", "")),
+        "home_place": _home(values.get("home_place", "")),
     }
 
 
@@ -176,6 +178,14 @@ def _place(x_m: float, y_m: float) -> list[float]:
 
 def _whole(value: float) -> int | None:
     return round(value) if math.isfinite(value) else None
+
+
+def _home(text: str) -> list[float] | None:
+    """Place of the home of a planner [m]; ``None`` without one."""
+    try:
+        return place_views([read_json(text)])[0]
+    except (TypeError, ValueError):
+        return None
 
 
 def _settings(text: str) -> dict[str, Any]:

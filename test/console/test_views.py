@@ -61,6 +61,9 @@ def test_a_way_is_kept_for_those_who_come_late():
     assert board.get("place/r1") == [0.1, 0.0, None, 0.02]
     history.place(3.0, 0.0, 0.02)
     assert board.get("place/r1") == [3.0, 0.0, 90, 0.02], "it has driven to the east"
+    history.count(replace(STATUS, phase=Phase.IDLE))
+    history.count(replace(STATUS, time_used_s=60.0))
+    assert board.get("start/r1") == [3.0, 0.0], "where the next mission starts"
     for step in range(2 * MAX_TRAIL):
         history.place(3.0, float(step), 0.02)
     assert len(board.get("trail/r1")) <= MAX_TRAIL

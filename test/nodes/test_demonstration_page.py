@@ -228,12 +228,9 @@ def stop_without_a_link(ada, bo, link):
 
 
 def go_home(ada):
-    slide(ada.page, "Slide to drive home and end")
-    ada.shows("notice", "there is no home: set one")
-    ada.page.get_by_text("Change the mission").click()
-    ada.page.locator("#set-home").fill("r04c05")
-    ada.page.get_by_role("button", name="Change", exact=True).click()
-    ada.shows("last-command", "home r04c05")
+    ada.shows("actions", "there is no home")
+    ada.page.get_by_role("button", name="Home is where it started").click()
+    ada.shows("last-command", "home r")
     ada.wait(lambda: "changed" in ada.page.locator("#notice").inner_text())
     assert "sent home by Ada" in ada.slide_until("Slide to drive home and end")
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Is everything ready? Each check has a level, what was heard, and what to do.
 
-import { clockOffS, nowS, sections } from "./link.js";
+import { clockOffS, lost, nowS, sections } from "./link.js";
 
 const SILENT_S = 10, CLOCK_S = 5, FAR_M = 500, LOW_PERCENT = 40, EMPTY_PERCENT = 15;
 // What a mission needs: the parts of health that say so, what to do if none is heard, and if it is not well.
@@ -41,8 +41,13 @@ function clock() {
   return [1, `the robot's computer is ${off} s ${clockOffS > 0 ? "ahead of" : "behind"} this device`, "set the wrong one; the receiver's time or NTP sets the robot's"];
 }
 
-// [name, level, what, remedy], for a robot.
+// [name, level, what, remedy], for a robot. Without a link nothing is known to be ready.
 export function checks(robot) {
+  const found = heardChecks(robot);
+  return lost() ? found.map(([name, , text]) => [name, 3, `not known without a connection; last: ${text}`, ""]) : found;
+}
+
+function heardChecks(robot) {
   const parts = sections.health ?? [];
   const rows = CHECKS.map(([name, pattern, absent, remedy]) => {
     const mine = parts.filter((part) => pattern.test(part.name));

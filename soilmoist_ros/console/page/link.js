@@ -8,13 +8,14 @@ export let clockOffS = null;  // clock of the robot's computer, less that of thi
 const client = sessionStorage.getItem("client") || Array.from(crypto.getRandomValues(new Uint8Array(16)), (n) => n.toString(16).padStart(2, "0")).join("");
 sessionStorage.setItem("client", client);
 const listeners = new Set();
-const RETRY_MS = 1000, SILENT_MS = 6000, COMMAND_MS = 9000, CHOICE_MS = 65000, STOP_MS = 6000, DRIFT = 2e-4;
+const RETRY_MS = 1000, SILENT_MS = 6000, COMMAND_MS = 9000, CHOICE_MS = 65000, STOP_MS = 6000, LOST_S = 5, DRIFT = 2e-4;
 let socket = null, heardAt = null, offset = 0, fresh = false;
 
 export const listen = (call) => listeners.add(call);
 export const connected = () => socket !== null && socket.readyState === 1 && heardAt !== null;
 // Steady time of the robot's computer now [s], as far as it is known here.
 export const nowS = () => performance.now() / 1000 + offset;
+export const lost = () => !connected() || silentS() > LOST_S;
 export const silentS = () => (heardAt === null ? Infinity : (performance.now() - heardAt) / 1000);
 
 function apply(message) {

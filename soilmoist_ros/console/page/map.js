@@ -115,7 +115,11 @@ function paint() {
   if (picture.image) image(picture.image, picture.extent, false);
   pen.globalAlpha = 1;
   for (const hole of field.no_go) hatch(hole, "#a80018");
-  for (const robot of sections.robots ?? []) for (const one of sections[`ruled_out/${robot}`] ?? []) hatch(one, "#6a3a00");
+  for (const robot of sections.robots ?? []) for (const [index, one] of (sections[`ruled_out/${robot}`] ?? []).entries()) {
+    hatch(one, "#6a3a00");
+    label(String(index + 1), pixel([0, 1].map((axis) => one.reduce((sum, corner) => sum + corner[axis] / one.length, 0))), "#6a3a00", "center", 15, true);
+  }
+  for (const robot of sections.robots ?? []) { const home = sections[`mission/${robot}`]?.home_place; if (home) label("⌂", pixel(home), "#0b5127", "center", 26, true); }
   path(field.boundary); line("#fff", 5); line("#10151b", 2.5);
   nodes(); samples(); visits();
   (sections.robots ?? []).forEach(robotLayer);

@@ -7,7 +7,7 @@ import { draft, draw } from "./map.js";
 import { $, button, element, fill, setText } from "./widgets.js";
 
 const MAX_FILE = 2_000_000;
-let page = null, area = null, saved = "";  // saved: the file that was chosen from the list, or made of what is drawn
+let page = null, area = null, saved = "", before = {};  // saved: the file that was chosen from the list, or made of what is drawn
 
 export const drawn = () => draft.boundary.length > 2 && draft.drawing !== draft.boundary;
 export const hasDraft = () => drawn() || draft.areas.some((one) => one.length > 2 && one !== draft.drawing);
@@ -41,6 +41,21 @@ export function addCorner([x, y]) {
   if (!draft.drawing) { page.notice("Choose what to draw first: boundary or no-go area."); return; }
   draft.drawing.push([Math.round(x * 100) / 100, Math.round(y * 100) / 100]);
   changed();
+}
+
+function begin(kind) {
+  before = { boundary: draft.boundary, areas: [...draft.areas] };
+  draft.drawing = [];
+  if (kind === "boundary") draft.boundary = draft.drawing; else draft.areas.push(draft.drawing);
+  changed();
+}
+
+// What the map shows while corners are tapped: a text and buttons.
+export function drawingBar() {
+  const count = draft.drawing.length, few = count < 3 ? `${3 - count} more` : "";
+  return [`Tap the corners of the ${draft.drawing === draft.boundary ? "boundary" : "no-go area"}, in order: ${count} so far.`,
+    button("Undo", () => { draft.drawing.pop(); changed(); }, "", count ? "" : "no corner"),
+    button("Cancel", () => { Object.assign(draft, before, { drawing: null }); changed(); }), button("Done", done, "primary", few)];
 }
 
 function changed() { area = null; page.changed(); draw(); page.render(); }
@@ -84,7 +99,7 @@ async function read(file) {
 }
 
 async function ruleOut() {
-  for (const polygon of draft.areas.filter((one) => one.length > 2)) if (!(await page.ask("rule_out", { polygon }))) return;
+  for (const polygon of draft.areas.filter((one) => one.length > 2)) if (!(await page.ruleOut(polygon))) return;
   draft.areas = [];
   changed();
 }
@@ -110,7 +125,7 @@ const accuracy = (sd) => (sd === null || sd === undefined ? "of unknown accuracy
 function about(kind) {
   const now = walk();
   if (now) return `${now.who || "Somebody"} walks the ${now.kind === "area" ? "no-go area" : "boundary"} with the robot: ${now.count} places, receiver ${accuracy(now.sd)}.`;
-  if (kind) return `Tap the corners on the map, in order. ${draft.drawing.length} so far.`;
+  if (kind) return "";
   if (!hasDraft()) return "The next mission explores this field. Draw, walk or import another one, or add no-go areas.";
   const count = field().no_go.length, size = area ? `, ${(area / 10000).toFixed(2)} ha` : "";
   return `Drawn: ${drawn() ? "a boundary" : "the present boundary"} with ${count} no-go area${count === 1 ? "" : "s"}${size}. Start with this plan to use it.`;
@@ -125,9 +140,9 @@ export function renderOutline() {
     if (!may) return [];
     const row = (...nodes) => element("div", { class: "buttons" }, ...nodes);
     if (now) return [row(button("Finish the walk", () => endWalk(true), "primary"), button("Discard it", () => endWalk(false)))];
-    if (kind) return [row(button("Undo corner", () => { draft.drawing.pop(); changed(); }), button("Done", done, "primary"))];
+    if (kind) return [];
     const nodes = [
-      row(button("Draw boundary", () => { draft.boundary = []; draft.drawing = draft.boundary; changed(); }), button("Draw no-go area", () => { const one = []; draft.areas.push(one); draft.drawing = one; changed(); })),
+      row(button("Draw boundary", () => begin("boundary")), button("Draw no-go area", () => begin("area"))),
       row(button("Walk boundary", () => beginWalk("boundary")), button("Walk no-go area", () => beginWalk("area"))),
     ];
     if (hasDraft()) nodes.push(row(button("Download field file", download), button("Clear", () => { Object.assign(draft, { boundary: [], areas: [], drawing: null }); changed(); })));

@@ -8,7 +8,7 @@ import { checks } from "./checks.js";
 import { field, fieldFile, fieldIsUsed, hasDraft, renderFiles, renderOutline, save, startOutline } from "./outline.js";
 import { $, button, duration, element, fill, setText, slide } from "./widgets.js";
 
-export { addCorner } from "./outline.js";
+export { addCorner, drawingBar } from "./outline.js";
 
 const DWELLS = [
   ["optimal", "As long as it pays", null],
@@ -200,14 +200,14 @@ export function renderPlan() {
   renderKnown();
   renderForm();
   $("plan-run").disabled = busy || !may;
-  $("plan-run").textContent = busy ? "Simulating…" : "Forecast";
+  $("plan-run").textContent = busy ? "Simulating…" : may ? "Forecast" : "Forecast: only for who has the controls";
   $("forecast-part").hidden = !found;
   if (found) showForecast();
   const running = now?.running ?? null;
-  fill("plan-start", [may, running], () => {
+  fill("plan-start", [may, running, now?.ready === false && now.reason], () => {
     if (!may || !now) return [];
     if (running) return [element("p", {}, "A mission is under way: time, strategy, dwell and ends change at once, the field and what is known before with the next mission."), button("Change the mission to this plan", use)];
-    return [slide("Slide to start with this plan", async () => { if (await use()) await page.ask("start"); }), button("Only keep this plan for the next start", use)];
+    return [slide("Slide to start with this plan", async () => { if (await use() && await page.ask("start")) page.open("survey"); }, "", now.ready === false ? now.reason : ""), button("Only keep this plan for the next start", use)];
   });
 }
 

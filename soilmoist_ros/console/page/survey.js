@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The survey: what the mission does, and what an operator may ask for.
 
-import { command, connect, connected, emergency, listen, nowS, sections, silentS, takeControls, valuesAt } from "./link.js";
+import { command, connect, connected, emergency, listen, lost, nowS, sections, takeControls, valuesAt } from "./link.js";
 import { draft, draw, fade, fit, load, mark, onPlace, showLayer, shownLayer, showRobot, zoom } from "./map.js";
-import { addCorner, know, renderPlan, showChoices, startPlan } from "./plan.js";
+import { addCorner, drawingBar, know, renderPlan, showChoices, startPlan } from "./plan.js";
 import { renderResults, showRuns, startResults } from "./results.js";
 import { $, button, duration, element, fill, metres, setText, slide } from "./widgets.js";
 
@@ -17,20 +17,28 @@ const SETTINGS = [
   ["home", "Home: the node of the map where the robot drives at the end", { type: "text" }],
 ];
 const TABS = [["plan", "Plan"], ["survey", "Survey"], ["results", "Results"]];
-let tab = "survey", robot = "", place = null, stopping = null, noticeTimer = 0;
+let tab = "survey", robot = "", place = null, picking = false, stopping = null, noticeTimer = 0, wasStale = "";
 
 const mission = () => sections[`mission/${robot}`];
 const mayAsk = () => sections.viewer?.may_steer ?? false;  // has the controls, or may have them
 const taken = () => mayAsk() && Boolean(sections.viewer.holder) && !sections.viewer.holds;
-const maySteer = () => mayAsk() && !taken();
+const maySteer = () => connected() && mayAsk() && !taken();
 const heardAgo = () => nowS() - (sections.heard?.[`mission/${robot}`] ?? -Infinity);
+const ended = () => mission()?.phase === "finished";
 const anyEmergency = () => (sections.robots ?? []).some((one) => sections[`mission/${one}`]?.emergency);
+
+// Why the state that is shown may be old; empty if it is not.
+function stale() {
+  if (ended() || !mission()) return "";
+  if (lost()) return "No connection";
+  return heardAgo() > OLD_S && !sections.watch_only ? `Not heard for ${duration(Math.floor(heardAgo()))}` : "";
+}
 
 // Commands -----------------------------------------------------------------------------------------------------------
 
-function notice(text, bad = false, ms = bad ? 15000 : 6000) {
+function notice(text, bad = false, ms = bad ? 15000 : 6000, ...more) {
   const node = $("notice");
-  node.textContent = text;
+  node.replaceChildren(text, ...more);
   node.dataset.kind = bad ? "bad" : "";
   node.hidden = false;
   clearTimeout(noticeTimer);
@@ -110,25 +118,58 @@ function placeText(values) {
   return ["No value here yet", ""];
 }
 
+// Corners of an area without stops; as long as it is on the page, it can be lifted.
+async function ruleOut(polygon) {
+  const to = robot;
+  if (!(await ask("rule_out", { polygon }, to))) return false;
+  notice("No stop is chosen in this area any more.", false, 20000, button("Undo", () => ask("lift", { polygon }, to)));
+  return true;
+}
+
+function insideOf(corners, x, y) {
+  return corners.reduce((inside, [ax, ay], index) => {
+    const [bx, by] = corners.at(index - 1);
+    return (ay > y) !== (by > y) && x < (bx - ax) * (y - ay) / (by - ay) + ax ? !inside : inside;
+  }, false);
+}
+
+// Why no stop can be at a place, empty if one can.
+function barred(x, y) {
+  const field = sections.field;
+  if (!insideOf(field.boundary, x, y)) return "outside the field";
+  if (field.no_go.some((one) => insideOf(one, x, y))) return "in a no-go area";
+  return "";
+}
+
+function notMeasuring() {
+  const now = mission();
+  if (!now?.running) return "no mission is under way";
+  if (now.phase === "returning") return "the robot drives home";
+  return (sections[`ruled_out/${robot}`] ?? []).some((one) => insideOf(one, place.x, place.y)) ? "in an area without stops" : "";
+}
+
 function renderPlace() {
   $("place").hidden = !place;
+  document.body.classList.toggle("placing", Boolean(place));
   if (!place) return;
   const [value, more] = placeText(place.values);
   setText("place-value", value);
   const where = `${place.x.toFixed(1)} m east, ${place.y.toFixed(1)} m north`;
   setText("place-more", [more, where].filter(Boolean).join(" · "));
-  fill("place-actions", [place.x, place.y, maySteer()], () => {
+  const bar = barred(place.x, place.y), why = bar || notMeasuring();
+  fill("place-actions", [place.x, place.y, maySteer(), bar, why], () => {
     if (!maySteer()) return [];
     const target = place.node ? place.node.slice(2) : [place.x, place.y];
-    const name = place.node ? `Slide: measure at ${place.node[1]}` : "Slide: measure here";
+    const name = place.node ? `Slide: measure at ${place.node[1]}` : "Slide: measure here", here = [place.x, place.y];
     const dwell = element("input", { type: "number", min: 1, id: "place-dwell", placeholder: "as the mission decides" });
     const size = element("select", { id: "place-size" }, ...[5, 10, 20, 40].map((m) => element("option", { value: m }, `${m} m around`)));
     size.addEventListener("change", () => mark([place.x, place.y], octagon(Number(size.value))));
-    const rule = button("Rule out", async () => { if (await ask("rule_out", { polygon: octagon(Number(size.value)) })) leave(); });
     return [
       element("label", { for: "place-dwell" }, "Time at the stop [s]"), dwell,
-      slide(name, async () => { if (await ask("measure", { place: target, dwell: dwell.value })) leave(); }),
-      element("label", { for: "place-size" }, "No stops in an area"), element("div", { class: "buttons" }, size, rule),
+      slide(name, async () => { if (await ask("measure", { place: target, dwell: dwell.value })) leave(); }, "", why),
+      element("label", { for: "place-size" }, "No stops in an area"), size,
+      slide("Slide: rule this area out", async () => { if (await ruleOut(octagon(Number(size.value)))) leave(); }, "", bar),
+      button("Make this place home", async () => { if (await ask("change", { place: here })) leave(); }, "", bar),
     ];
   });
 }
@@ -142,9 +183,10 @@ function kindOf(now) {
 }
 
 function renderState() {
-  const now = mission();
-  $("state").dataset.kind = kindOf(now);
-  setText("headline", now ? now.headline : "Waiting for the planner");
+  const now = mission(), old = stale();
+  document.body.classList.toggle("stale", Boolean(old));
+  $("state").dataset.kind = old ? "unknown" : kindOf(now);
+  setText("headline", now ? `${old && `${old}. Last known: `}${now.headline}` : "Waiting for the planner");
   let reason = now?.reason ?? "It has not been heard yet.";
   if (now?.emergency) reason += now.stop_requests ? `. The robot is not known to stand (asked ${now.stop_requests} times)` : ". The robot stands";
   setText("reason", reason);
@@ -157,24 +199,34 @@ function renderState() {
     $("progress").value = now.planned_dwell_s ? Math.min(1, now.dwell_s / now.planned_dwell_s) : 0;
     spark(sections[`count/${robot}`] ?? []);
   }
-  const shown = now && [now.running, now.paused, now.phase === "returning", now.emergency, sections.viewer, robot, heardAgo() > GONE_S];
+  const shown = now && [now.running, now.paused, now.phase === "returning", now.emergency, sections.viewer, robot, heardAgo() > GONE_S, lost(), reasons(now)];
   fill("actions", shown, () => actions(now));
 }
 
+// Why the robot cannot be started, sent home, or skip a stop.
+function reasons(now) {
+  return {
+    start: now.ready === false ? now.reason : "", home: now.settings?.home === "" ? "there is no home, set it below" : "",
+    skip: now.stop ? "" : "no stop is chosen yet",
+  };
+}
+
 function actions(now) {
-  if (!now || !connected()) return [];
-  if (sections.watch_only) return [];
+  if (!now || sections.watch_only) return [];
+  if (lost()) return [element("p", {}, "No connection: nothing can be asked for. STOP is tried until it is acknowledged.")];
+  const why = reasons(now);
   if (!mayAsk()) return [element("p", {}, "Read-only: open the address with the token that the console prints.")];
   if (taken()) return [element("p", {}, `${sections.viewer.holder} has the controls. STOP works for everybody.`), slide("Slide to take over the controls", takeOver)];
   if (heardAgo() > GONE_S) return [element("p", {}, "The planner is not heard any more: it has ended, or the link to it is lost.")];
   if (now.emergency) return [slide("Slide to release STOP", release, "danger")];
   const end = slide("Slide to end the mission", () => ask("abort"), "danger");
-  if (!now.running) return [slide("Slide to start", () => ask("start"))];
-  if (now.paused) return [slide("Slide to resume", () => ask("resume")), slide("Slide to drive home and end", () => ask("return_home")), end];
+  if (!now.running) return [slide("Slide to start", () => ask("start"), "", why.start)];
+  const home = slide("Slide to drive home and end", () => ask("return_home"), "", why.home);
+  if (now.paused) return [slide("Slide to resume", () => ask("resume")), home, end];
   if (now.phase === "returning") return [button("Pause", () => ask("pause"), "primary"), end];
   return [
-    element("div", { class: "buttons" }, button("Pause", () => ask("pause"), "primary"), button("Skip this stop", () => ask("skip"))),
-    slide("Slide to drive home and end", () => ask("return_home")), end,
+    element("div", { class: "buttons" }, button("Pause", () => ask("pause"), "primary"), button("Skip this stop", () => ask("skip"), "", why.skip)),
+    home, end,
   ];
 }
 
@@ -193,6 +245,13 @@ function renderMission() {
   setText("forecast", now?.forecast ? `Map: ${now.forecast}` : "No forecast yet.");
   setText("ends", now?.running && now.left_s ? `Ends in ${duration(now.left_s)} of mission time at the latest, way home included.` : "");
   setText("last-command", now?.last_command ? `Last command: ${now.last_command}` : "");
+  renderHome(now);
+  const ruled = sections[`ruled_out/${robot}`] ?? [];
+  $("ruled-part").hidden = !ruled.length;
+  fill("ruled", [ruled, maySteer()], () => ruled.map((polygon, index) => {
+    const wide = Math.round(Math.max(...polygon.map(([x]) => x)) - Math.min(...polygon.map(([x]) => x)));
+    return element("li", {}, element("label", {}, `${index + 1}: ${wide} m across`), button("Show", () => mark(null, polygon)), button("Lift", () => ask("lift", { polygon }), "", maySteer() ? "" : "look on only"));
+  }));
   const queue = now?.queue ?? [];
   $("queue-part").hidden = !queue.length;
   fill("queue", [queue, maySteer()], () => queue.map((name, index) => {
@@ -205,6 +264,16 @@ function renderMission() {
     return element("li", {}, name, up, down, remove);
   }));
   $("change").hidden = !maySteer();
+}
+
+function renderHome(now) {
+  const name = now?.settings?.home, begun = sections[`start/${robot}`];
+  $("home-part").hidden = name === undefined;
+  setText("home", name ? `The robot drives to ${name} at the end.` : "There is no home: the robot stays where the mission ends.");
+  fill("home-actions", [begun, maySteer(), sections.watch_only], () => (!maySteer() ? [] : [
+    button("Home is where it started", () => ask("change", { place: begun }), "", begun ? "" : "not seen by this page"),
+    button("Tap home on the map", () => { picking = true; render(); }),
+  ]));
 }
 
 function settingsForm() {
@@ -228,34 +297,37 @@ function renderAges() {
   rows.push(["map", heard.map, true]);
   const list = rows.map(([text, at, slow]) => {
     const age = at === undefined ? null : Math.max(0, nowS() - at);
-    const old = age === null || (!slow && age > OLD_S);
+    const old = !ended() && (age === null || (!slow && age > OLD_S));
     return [text, age === null ? "never" : `${duration(Math.floor(age))} ago`, old];
   });
   fill("ages", list, () => list.map(([text, age, old]) => element("li", { "data-kind": old ? "old" : "" }, element("span", {}, text), element("b", {}, age))));
   const node = $("link"), first = heard[`mission/${robot}`], age = first === undefined ? null : Math.max(0, Math.floor(nowS() - first));
-  const lost = !connected() || silentS() > 5;
-  node.dataset.kind = lost || age === null || (age > OLD_S && !sections.watch_only) ? "lost" : "";
-  node.textContent = lost ? "connection lost" : age === null ? "robot not heard yet" : sections.watch_only && mission()?.phase === "finished" ? "finished" : age <= 2 ? "live" : `robot last heard ${duration(age)} ago`;
+  const gone = lost(), over = ended();
+  node.dataset.kind = over || !(gone || age === null || (age > OLD_S && !sections.watch_only)) ? "" : "lost";
+  node.textContent = over && (gone || sections.watch_only) ? "finished" : gone ? "connection lost" : age === null ? "robot not heard yet" : age <= 2 ? "live" : `robot last heard ${duration(age)} ago`;
   const alarm = $("alarm");
   const text = stopping?.text
     ? `STOP WAS NOT ACKNOWLEDGED (${stopping.text}). Use the button on the robot. Trying again, ${stopping.tries} so far.`
-    : !lost || !sections.field ? "" : sections.watch_only ? "The simulation has ended."
+    : !sections.field ? "" : !gone ? unheard() : sections.watch_only ? "The simulation has ended." : over ? "The connection has ended, after the mission."
     : "Connection to the console lost. The robot goes on by itself; STOP may not reach it.";
   if (alarm.textContent !== text) alarm.textContent = text;
   alarm.hidden = !text;
   alarm.classList.toggle("loud", Boolean(stopping?.text));
+  alarm.classList.toggle("calm", !stopping && (over || Boolean(sections.watch_only)));
   const stop = $("stop");
   stop.dataset.kind = stopping ? "asking" : anyEmergency() ? "pressed" : "";
   const word = stopping ? "STOPPING…" : anyEmergency() ? "STOP is pressed" : "STOP";
   if (stop.textContent !== word) stop.textContent = word;
 }
 
+const unheard = () => (mission()?.running && heardAgo() > GONE_S ? `The robot has not been heard for ${duration(Math.floor(heardAgo()))}. It goes on by itself; STOP may not reach it.` : "");
+
 function renderHealth() {
   const parts = sections.health ?? [], well = parts.filter((part) => !part.level);
   const row = (part) => element("li", { "data-level": part.level }, element("b", {}, `${part.name.replace(/^\//, "")}: `), part.message);
   fill("health", parts.filter((part) => part.level), () => parts.filter((part) => part.level).map(row));
   $("well-part").hidden = !well.length;
-  setText("well-about", `${well.length === parts.length ? "All well: " : ""}${well.length} parts work`);
+  setText("well-about", stale() || lost() ? `Not known now; ${well.length} parts worked when last heard` : `${well.length === parts.length ? "All well: " : ""}${well.length} parts work`);
   fill("well", well, () => well.map(row));
 }
 
@@ -285,6 +357,23 @@ function renderMap() {
   draw();
 }
 
+// What is tapped on the map at present, with its buttons on it.
+function renderMapbar() {
+  const drawing = tab === "plan" && draft.drawing, on = picking || Boolean(drawing);
+  document.body.classList.toggle("onmap", on);
+  $("mapbar").hidden = !on;
+  if (!on) return;
+  const [text, ...buttons] = picking ? ["Tap where home is.", button("Cancel", () => { picking = false; render(); })] : drawingBar();
+  setText("mapbar-text", text);
+  fill("mapbar-buttons", [picking, text], () => buttons);
+}
+
+async function onMap(at) {
+  if (picking) { picking = false; render(); await ask("change", { place: at }); }
+  else if (tab === "plan") addCorner(at);
+  else await choose(at);
+}
+
 function renderFrame() {
   const robots = sections.robots ?? [];
   if (!robots.includes(robot) && robots.length) robot = robots[0];
@@ -304,6 +393,7 @@ function renderFrame() {
 
 function showTab(name) {
   tab = TABS.some(([one]) => one === name) ? name : "survey";
+  picking = false;
   document.querySelector("main").dataset.tab = tab;
   $("plan").hidden = tab !== "plan"; $("results").hidden = tab !== "results"; $("panel").hidden = tab !== "survey";
   draft.shown = tab === "plan";
@@ -322,7 +412,7 @@ function renderTabs() {
   }));
 }
 
-function render() { renderTabs(); renderFrame(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderPlace(); }
+function render() { renderTabs(); renderFrame(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderMapbar(); renderPlace(); }
 
 $("stop").addEventListener("click", stop);
 $("place-close").addEventListener("click", leave);
@@ -334,11 +424,11 @@ $("fade").addEventListener("input", () => fade(Number($("fade").value)));
 $("who").value = localStorage.getItem("who") || "";
 $("who").addEventListener("change", () => localStorage.setItem("who", $("who").value));
 settingsForm();
-onPlace((where) => { if (tab === "plan") addCorner(where); else choose(where); });
-startPlan({ ask, notice, maySteer, mission, render, robot: () => robot });
+onPlace(onMap);
+startPlan({ ask, ruleOut, open: (name) => { showTab(name); scrollTo(0, 0); }, notice, maySteer, mission, render, robot: () => robot });
 startResults({ notice, maySteer, know: (names) => { know(names); showTab("plan"); scrollTo(0, 0); $("known").open = true; $("known").scrollIntoView(); } });
 addEventListener("hashchange", () => showTab(location.hash.slice(1)));
 showTab(location.hash.slice(1));
 listen(render);
-setInterval(renderAges, 1000);
+setInterval(() => { const now = stale() || String(lost()); if (now === wasStale) renderAges(); else { wasStale = now; render(); } }, 1000);
 connect();

@@ -20,16 +20,19 @@ export function setText(id, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-export const button = (text, call, kind = "") => element("button", { type: "button", class: kind, onclick: call }, text);
+const reasoned = (text, why) => (why ? `${text}: ${why}` : text);
+
+// "why" disables it, and is in it.
+export const button = (text, call, kind = "", why = "") => element("button", { type: "button", class: kind, onclick: call, disabled: Boolean(why) }, reasoned(text, why));
 
 let slides = 0;
 let held = null; // the slide under a finger
 for (const end of ["pointerup", "pointercancel"]) window.addEventListener(end, () => { held = null; });
 
 // A control that must be moved to its end: for what moves a robot. By keyboard: End, or the arrow keys.
-export function slide(text, call, kind = "") {
+export function slide(text, call, kind = "", why = "") {
   const id = `slide-${++slides}`;
-  const input = element("input", { type: "range", min: 0, max: 100, step: 5, value: 0, id });
+  const input = element("input", { type: "range", min: 0, max: 100, step: 5, value: 0, id, disabled: Boolean(why) });
   const reset = () => { input.value = 0; };
   const done = () => {
     const far = Number(input.value) >= 95;
@@ -43,7 +46,7 @@ export function slide(text, call, kind = "") {
   });
   input.addEventListener("pointerdown", () => { delete input.dataset.keys; held = input; });
   input.addEventListener("blur", reset);
-  return element("div", { class: `slide ${kind}`, "data-slide": text }, input, element("label", { for: id }, text));
+  return element("div", { class: `slide ${why ? "off" : kind}`, "data-slide": text }, input, element("label", { for: id }, reasoned(text, why)));
 }
 
 // Replaces children if what they depend on has changed, but a slide only when no finger is on it any more: the robot

@@ -47,7 +47,7 @@ from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator, in_
 from soilmoist_ros.exploration.navigation.pose_client import MAX_AGE_S
 from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, inside_any
 from soilmoist_ros.exploration.travel.travel import LearnedMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, PlaneMove, other_datum
@@ -554,6 +554,9 @@ class MissionControl:
         ahead = requested if target is None else (target, *requested)
         if choice is not None and choice.stop == target:
             ahead = (choice.stop, *requested, *choice.ahead)
+        barred = inside_any(status.ruled_out, [stop.xy for stop in ahead])
+        ahead = tuple(stop for stop, out in zip(ahead, barred, strict=True) if not out)
+        home = self._mission.current_rules.home
         self._shown_stamp_s, self._shown_place_s = self._record_stamp_s, self._feed.place_s
         more = {
             "on_the_way": self.navigator.on_the_way,
@@ -563,6 +566,7 @@ class MissionControl:
             RECORD_STAMP: repr(self._record_stamp_s),
             PLACE_TIME: repr(self._feed.place_s + offset_s),
             "settings": json.dumps(self.settings),
+            "home_place": json.dumps(home and list(home.xy)),
             "last_command": self._last_command[0],
             "last_command_s": repr(self._last_command[1]),
         }

@@ -25,6 +25,8 @@ from soilmoist_ros.mapping import Field, require_no_go
 
 Place = tuple[float, float]
 
+ROUNDED_M = 0.02
+"""Largest error of a corner that a message or a page has rounded [m]."""
 TARGETS = ("rate", "vwc")  # which map is to be good
 
 
@@ -55,7 +57,7 @@ class OperatorRequest:
     hours: float = 0.0  # time of the mission from its start [h]; 0: as it is
     strategy: str = ""  # strategy that chooses stops; empty: as it is
     target: str = ""  # map that plans improve; empty: as it is
-    home: str = ""  # name of the stop to return to; empty: as it is
+    home: str = ""  # name of the stop to return to; empty: the one nearest to the place, or as it is
     until_sd: float | None = None  # deviation of the map at which the mission ends; 0: never, ``None``: as it is
     until_gain: float | None = None  # gain in ten minutes below which it ends [%]; 0: never, ``None``: as it is
     field: str = ""  # field file of the next mission; empty: as it is
@@ -121,6 +123,8 @@ class Requests:
                 return replace(command, stop=self._stop(request), dwell_s=self._dwell_s(request.dwell))
             case Verb.RULE_OUT:
                 return replace(command, polygon=self._polygon(request))
+            case Verb.LIFT:
+                return replace(command, polygon=self._ruled_out(request))
             case Verb.ORDER:
                 return replace(command, stops=self._order(request.stops))
             case Verb.CHANGE:
@@ -211,6 +215,16 @@ class Requests:
             raise RequestError(ReplyCode.BAD_POLYGON, message, remedy)
         return tuple(corners)
 
+    def _ruled_out(self, request: OperatorRequest) -> tuple[Place, ...]:
+        """The ruled-out area with these corners."""
+        for area in self.state.ruled_out:
+            pairs = zip(area, request.polygon, strict=False)
+            if len(area) == len(request.polygon) and all(math.dist(*pair) <= ROUNDED_M for pair in pairs):
+                return area
+        message = f"none of the {len(self.state.ruled_out)} ruled-out areas has these corners"
+        remedy = "give polygon as in ruled_out_areas of mission_state"
+        raise RequestError(ReplyCode.BAD_POLYGON, message, remedy)
+
     def _order(self, stops: tuple[str, ...]) -> tuple[str, ...]:
         queue = [queued.stop.name for queued in self.state.queue]
         unknown = [name for name in stops if name not in queue or stops.count(name) > 1]
@@ -234,7 +248,7 @@ class Requests:
             dwell=rule,
             strategy=strategy or None,
             target=self._target(request.target) if request.target else None,
-            home=self._home(request.home) if request.home else None,
+            home=self._home(request),
             warm_up_stops=warm_up(strategy, self.settings.preset)[0] if strategy else None,
             until_sd=request.until_sd,
             until_gain=request.until_gain,
@@ -271,6 +285,11 @@ class Requests:
             raise RequestError(ReplyCode.BAD_SETTING, message, "start the planner with a calibrated site file")
         return target
 
-    def _home(self, home: str) -> Stop:
+    def _home(self, request: OperatorRequest) -> Stop | None:
+        """The stop to return to: by name, or the one nearest to a place; ``None``: as it is."""
+        home = request.home
+        if not home and (request.place or request.geographic_place):
+            place = self._place(request)
+            home = min(self._known_access().stops, key=lambda stop: math.dist(place, stop.xy)).name
         with _refused(ReplyCode.UNKNOWN_STOP):
-            return self._known_access().with_home(home, self.state.position).stop(home)
+            return self._known_access().with_home(home, self.state.position).stop(home) if home else None

@@ -32,7 +32,7 @@ class Command:
     who: str = ""  # name of the client; empty: the operator
     stop: Stop | None = None  # stop to measure at (``MEASURE``); it joins the queue
     dwell_s: float | None = None  # for how long [s]; ``None``: as the dwell rule says
-    polygon: Polygon = ()  # corners of an area in which no stop may be chosen (``RULE_OUT``) [m]
+    polygon: Polygon = ()  # corners of an area without stops (``RULE_OUT``), or with stops again (``LIFT``) [m]
     stops: tuple[str, ...] = ()  # names of the queued stops in their new order; the others are dropped (``ORDER``)
     changes: Changes | None = None  # new settings (``CHANGE``)
 

@@ -505,6 +505,10 @@ class _Step:
     def leave_for_good(self, stop: Stop, reason: str) -> None:
         """Rule the target out, and choose another stop unless paused."""
         self.rule_out(stop)
+        self.leave(reason)
+
+    def leave(self, reason: str) -> None:
+        """Leave the target, and choose another stop unless paused."""
         self.leave_stop(VisitEnd.SKIPPED, reason)
         self.set(wait_until_s=None)
         if self.state.resume is not None:
@@ -534,10 +538,19 @@ class _Step:
         self.set(ruled_out=(*self.state.ruled_out, corners), queue=kept)
         target = self.state.target
         if target is not None and inside_any([corners], target.stop.xy)[0]:
-            self.leave_for_good(target.stop, f"{target.stop.name} is ruled out by {command.by}")
+            self.leave(f"{target.stop.name} is ruled out by {command.by}")  # as long as its area is
         else:
             self.plan_again(f"an area is ruled out by {command.by}")
         return True, f"no stop is chosen in the area; {self.state.reason}"
+
+    def lift_area(self, command: events.Command) -> Done:
+        """Let stops be chosen again in an area that was ruled out."""
+        kept = tuple(area for area in self.state.ruled_out if area != command.polygon)
+        if len(kept) == len(self.state.ruled_out):
+            return False, "this area is not ruled out"
+        self.set(ruled_out=kept)
+        self.plan_again(f"an area is lifted by {command.by}")
+        return True, f"stops may be chosen in the area again; {self.state.reason}"
 
     def order(self, command: events.Command) -> Done:
         queued = {one.stop.name: one for one in self.state.queue}
@@ -1136,6 +1149,7 @@ COMMANDS: Final[dict[Verb, Callable[[_Step, events.Command], Done]]] = {
     Verb.SKIP: _Step.skip,
     Verb.MEASURE: _Step.measure,
     Verb.RULE_OUT: _Step.rule_out_area,
+    Verb.LIFT: _Step.lift_area,
     Verb.ORDER: _Step.order,
     Verb.CHANGE: _Step.change,
     Verb.RETURN: _Step.return_home,

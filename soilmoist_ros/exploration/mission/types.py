@@ -49,6 +49,7 @@ class Verb(StrEnum):
     SKIP = "skip"
     MEASURE = "measure"
     RULE_OUT = "rule_out"
+    LIFT = "lift"
     ORDER = "order"
     CHANGE = "change"
     RETURN = "return_home"

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Requests of an operator: what is refused and why, and what the others do in a whole planner without ROS."""
 
+import dataclasses
 import math
 from dataclasses import replace
 from itertools import permutations
@@ -132,6 +133,19 @@ def test_a_closed_polygon_is_as_good_as_an_open_one():
         assert requests().command(OperatorRequest("rule_out", polygon=polygon), 0.0).polygon == corners
 
 
+def test_an_area_is_lifted_by_its_corners_as_a_page_has_rounded_them():
+    area = ((1.004, 1.0), (9.0, 1.0), (9.0, 9.0))
+    state = dataclasses.replace(under_way().state, ruled_out=(area,))
+    shown = ((1.0, 1.0), *area[1:])
+    assert requests(state=state).command(OperatorRequest("lift", polygon=shown), 0.0).polygon == area
+    refused(ReplyCode.BAD_POLYGON, "none of the 0 ruled-out areas", verb="lift", polygon=shown)
+
+
+def test_home_is_the_stop_nearest_to_a_place():
+    request = OperatorRequest("change", place=(1.2, 0.7))
+    assert requests().command(request, 0.0).changes.home == FREE.stop("r0c0")
+
+
 @pytest.mark.parametrize("stops", [("x",), ("r0c0", "r0c0")])
 def test_an_order_of_stops_that_are_not_in_the_queue(stops):
     refused(ReplyCode.UNKNOWN_STOP, verb="order", stops=stops)
@@ -172,6 +186,22 @@ def test_settings_that_can_be_used():
 
 def ask(around, verb, **values):
     return around.control.request(OperatorRequest(verb, "Ada", **values))
+
+
+def test_the_shown_tour_leaves_out_an_area_at_once_and_has_it_again_when_it_is_lifted():
+    around = Around(budget_s=3600.0)
+    around.begin()
+    ask(around, "measure", place=(15.0, 5.0))
+    around.control._choice = dataclasses.replace(around.control._choice, ahead=(Stop("later", 5.0, 15.0),))
+    area = ((3.0, 13.0), (7.0, 13.0), (7.0, 17.0), (3.0, 17.0))
+    around.control.show()
+    assert around.shown[-1][1][-1].name == "later"
+    assert ask(around, "rule_out", polygon=area).accepted
+    assert around.status.ruled_out == (area,)
+    assert "later" not in [stop.name for stop in around.shown[-1][1]]
+    assert ask(around, "lift", polygon=area).accepted
+    around.control.show()
+    assert around.shown[-1][1][-1].name == "later"
 
 
 def measured(around):

@@ -517,6 +517,10 @@ def test_an_area_is_ruled_out():
     driver.plan(NORTH)
     assert "ruled out" in driver.reason
     assert not ask(driver, "measure", stop=NORTH).answer.accepted
+    assert not ask(driver, "lift", polygon=area[:3]).answer.accepted
+    assert ask(driver, "lift", polygon=area).answer.accepted
+    assert driver.mission.status.ruled_out == ()
+    assert ask(driver, "measure", stop=NORTH).answer.accepted
 
 
 def test_settings_change_while_it_runs():
