@@ -10,7 +10,7 @@ import click
 
 from soilmoist_ros.cli.answer import answering, warn, wrote
 from soilmoist_ros.cli.options import FILE, Name, confirmed, overwrite_option
-from soilmoist_ros.foundation import InputError
+from soilmoist_ros.foundation import InputError, SoilmoistError
 
 
 @click.command("export")
@@ -25,11 +25,11 @@ from soilmoist_ros.foundation import InputError
 @click.option("--step", type=click.FloatRange(min=0, min_open=True),
               help="Distance of contour lines [% by volume, or counts/s]. Default: a round one.")  # fmt: skip
 @click.option("--root-depth", "root_depth_mm", type=click.FloatRange(min=0, min_open=True),
-              help="Depth of the root zone for the water of zones [mm]. Default: the run's, or 300.")  # fmt: skip
+              help="Depth of the root zone for the water of zones [mm]; a dose has the run's.")  # fmt: skip
 @click.option("--rate-column", default="RATE", show_default=True,
               help="Column of the irrigation rate in dose, at most ten characters.")  # fmt: skip
 @click.option("--rate-unit", type=click.Choice(["mm", "l/m2", "m3/ha", "in", "gal/ac"]), default="mm",
-              show_default=True, help="Unit of the irrigation rate in dose and isoxml.")  # fmt: skip
+              show_default=True, help="Unit of the rate; in and gal/ac give a sheet in acres.")  # fmt: skip
 @click.option("--isoxml-version", type=click.IntRange(3, 4), default=3, show_default=True,
               help="Version of ISOXML. Terminals for version 4 read version 3 too.")  # fmt: skip
 @click.option("--isoxml-form", type=click.Choice(["grid1", "grid2", "polygons"]), default="grid1",
@@ -75,4 +75,7 @@ def command(
     def replaces(held: str) -> bool:
         return overwrite or confirmed(out or run / "export", held)
 
-    wrote(export_run(run, names, out, settings, lambda text: warn(f"note: {text}"), replaces))
+    refused: list[str] = []
+    wrote(export_run(run, names, out, settings, lambda text: warn(f"note: {text}"), replaces, refused))
+    if refused:
+        raise SoilmoistError(f"not written: {'; '.join(refused)}")

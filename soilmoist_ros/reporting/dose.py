@@ -347,13 +347,27 @@ def sure_share(dose: Dose) -> float:
 
 
 def dose_at(zones: Sequence[DoseZone], xy: Array) -> Array:
-    """Gross dose of places, shape (n,) [mm]."""
-    from scipy.spatial import cKDTree
+    """Gross dose of places, shape (n,) [mm]; on a border that of the nearest zone."""
+    from shapely import STRtree, contains_xy, points, prepare
 
-    found, tree = np.zeros(len(xy)), cKDTree(xy)
+    found = np.full(len(xy), np.nan)
     for zone in zones:
-        found[_places(zone.shape, xy, tree)] = zone.gross_mm
+        prepare(zone.shape)
+        found[contains_xy(zone.shape, *xy.T)] = zone.gross_mm
+    left = np.isnan(found)
+    nearest = STRtree([zone.shape for zone in zones]).nearest(points(xy[left]))
+    found[left] = np.array([zone.gross_mm for zone in zones])[nearest]
     return found
+
+
+def capped(zones: Sequence[DoseZone], settings: DoseSettings) -> tuple[float, float]:
+    """Largest dose of the machine, and the mean water that remains missing where it is applied [mm]; 0 for less
+    than half a step.
+    """
+    top = float(settings.doses_mm[-1])
+    dry = [zone for zone in zones if zone.gross_mm >= top]
+    left = zones_mean(dry, "net_mm") - settings.efficiency * top if dry else 0.0
+    return top, left if left > settings.efficiency * settings.steps_mm / 2 else 0.0
 
 
 def zones_mean(zones: Sequence[DoseZone], name: str) -> float:

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from soilmoist_ros.cli.main import main
-from soilmoist_ros.sensing.moisture.site import load_site
+from soilmoist_ros.sensing import GENERAL_SD, SurveyAir, general_calibration, load_site
 
 DRY = [(1, 0.2), (25, 0.18), (75, 0.17), (200, 0.18)]
 SITE = "location: {latitude_deg: 51.5, longitude_deg: -1.5, altitude_m: 190}\nfootprint_radius_m: 200\n"
@@ -244,6 +244,31 @@ def test_an_earlier_day_at_this_site_sharpens_and_the_same_day_is_refused(calibr
     assert "its cores would count twice" in error["message"]
 
 
+def test_an_earlier_calibration_at_another_site_is_scaled_and_weighs_as_sites_differ(calibrate, tmp_path):
+    other = SITE.replace("51.5", "46.5").replace("190", "1500")
+    calibrate(cores_of(0.25), site=other + SOIL, counts=3000)
+    before = tmp_path / "before.yaml"
+    before.write_text((tmp_path / "site.yaml").read_text())
+    there = load_site(before)
+    alone = calibrate(cores_of(0.25), counts=1800)
+    both = calibrate(cores_of(0.25), "--earlier", before, counts=1800)
+    air = SurveyAir()
+    here, away = (
+        general_calibration(site.model_copy(update={"sensor_sensitivity": 1.0, "soil": None}), air)[0].n0_cps
+        for site in (load_site(tmp_path / "site.yaml"), there)
+    )
+    assert here > 1.1 * away  # at one pressure; the cutoff rigidity is larger there
+    n0_cps, sd = there.calibration.n0_cps * here / away, there.calibration.n0_sd_cps / there.calibration.n0_cps
+    precision = [(alone["n0_sd_cps"] / alone["n0_cps"]) ** -2, 1 / (sd**2 + 2 * GENERAL_SD**2)]
+    assert both["weight_of_cores"] == pytest.approx(precision[0] / sum(precision), rel=1e-3)
+    expected = np.average(np.log([alone["n0_cps"], n0_cps]), weights=precision)
+    assert np.log(both["n0_cps"]) == pytest.approx(expected, abs=1e-4)
+    before.write_text(before.read_text().replace(", altitude_m: 1500", ""))
+    (error,) = calibrate(cores_of(0.25), "--earlier", before, counts=1800)["errors"]
+    assert error["message"].startswith("has no location with altitude_m")
+    assert error["path"].endswith("before.yaml")
+
+
 def thin(log, share):
     """A sensor next to the station of a log: independent Poisson counts, fewer by a share."""
     rng = np.random.default_rng(4)
@@ -288,6 +313,13 @@ def test_the_sensitivity_of_a_sensor_next_to_a_station(tmp_path):
     assert found["sensor_sensitivity_sd"] == pytest.approx(0.04, rel=0.02)
     assert site.read_text().startswith("# Site of the public records")
     assert load_site(site).sensor_sensitivity == pytest.approx(found["sensor_sensitivity"], abs=1e-4)
+    stated = tmp_path / "stated.yaml"
+    stated.write_text(kansas.read_text() + "sensor_sensitivity: 1.5\nsensor_sensitivity_sd: 0.15\n")
+    by_file = compare("--station-site", stated)
+    assert by_file["sensor_sensitivity"] / by_file["ratio"] == pytest.approx(1.5, abs=1e-9), "not by its N0"
+    assert by_file["sensor_sensitivity_sd"] / by_file["sensor_sensitivity"] == pytest.approx(0.1, rel=0.05)
+    given = compare("--station-site", stated, "--station-sensitivity", 2)
+    assert given["sensor_sensitivity"] / given["ratio"] == pytest.approx(2), "what is given goes first"
     by_n0 = compare("--station-site", kansas)
     assert by_n0["sensor_sensitivity"] / by_n0["ratio"] == pytest.approx(0.81, abs=0.01)
     assert by_n0["sensor_sensitivity_sd"] / by_n0["sensor_sensitivity"] > 0.05  # sites differ

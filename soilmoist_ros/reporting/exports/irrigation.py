@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.reporting.dose import DoseZone, saved_zones, total_m3, zones_mean
+from soilmoist_ros.reporting.dose import DoseSettings, DoseZone, capped, saved_zones, total_m3, zones_mean
 from soilmoist_ros.reporting.exports.layers import Layer, origin, texts, write_layers, write_shapefile
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
 
@@ -29,6 +29,36 @@ RATE_UNITS: dict[str, Fraction] = {
 """Units of a rate for one millimetre of water; all are exact."""
 
 
+class Units(NamedTuple):
+    """Units of a sheet: their names, their number in 1 mm, 1 m^2 and 1 m^3, and decimals of a depth."""
+
+    depth: str
+    area: str
+    water: str
+    per_mm: float
+    per_m2: float
+    per_m3: float
+    decimals: int
+
+    @classmethod
+    def of(cls, rate_unit: str) -> Units:
+        """Acres and inches for the units of the United States, else hectares and millimetres."""
+        if rate_unit in ("in", "gal/ac"):
+            return cls("in", "ac", "gal", 1 / 25.4, 1 / 4046.8564224, 1 / 0.003785411784, 2)
+        return cls("mm", "ha", "m³", 1.0, 1e-4, 1.0, 0)
+
+    def dose(self, gross_mm: float) -> str:
+        """A dose without its unit."""
+        return f"{round(gross_mm * self.per_mm, 2):g}"
+
+    def missing(self, zones: Sequence[DoseZone]) -> str:
+        """Water missing in zones with its interval, without the unit."""
+        net, low, high = (
+            f"{zones_mean(zones, name) * self.per_mm:.{self.decimals}f}" for name in ("net_mm", "p05_mm", "p95_mm")
+        )
+        return f"{net} ({low} to {high})"
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """Zones to irrigate by the map of a property.
@@ -36,12 +66,14 @@ class Plan:
     :param zones: from the lowest to the highest dose; together they are the field
     :param date: last day of the survey (UTC), empty for a clock without a date
     :param certain: false if the doses are a best estimate only
+    :param capped: see :func:`soilmoist_ros.reporting.dose.capped`
     """
 
     one: ExportedProperty
     zones: Sequence[DoseZone]
     date: str
     certain: bool
+    capped: tuple[float, float] = (0.0, 0.0)
 
     @property
     def irrigated(self) -> list[DoseZone]:
@@ -56,27 +88,34 @@ class Plan:
     @property
     def facts(self) -> dict[str, str]:
         """Calibration, date, interval and total for readers; name and value have 32 letters at most together."""
-        names = "net_mm", "p05_mm", "p95_mm", "sure"
-        net, low, high, sure = (zones_mean(self.zones, name) for name in names)
+        top, left = self.capped
         return {
             "calibration": self.one.calibration,
             "survey": self.date or "no date",
-            "missing": f"{net:.0f} mm ({low:.0f} to {high:.0f})",
-            "dose right with": f"{100 * sure:.0f} %",
+            "missing [mm]": Units.of("mm").missing(self.zones),
+            "dose right with": f"{100 * zones_mean(self.zones, 'sure'):.0f} %",
             "water": f"{self.volume_m3:.0f} m3",
             **({} if self.certain else {"best estimate": "not certain"}),
+            **({"capped at": f"{top:g} mm, {left:.0f} mm remain"} if left else {}),
         }
 
 
-def irrigation_plan(source: RunSource) -> Plan:
+def irrigation_plan(source: RunSource, settings: ExportSettings) -> Plan:
     """The plan of the first property with moisture, as in the report.
 
-    :raises InputError: if the run has no dose; the message says what is missing
+    :raises InputError: if the run has no dose, and says what is missing; or if it is for another root depth
     """
     one = next((one for one in source.properties if one.quantity is MOISTURE), source.properties[0])
     zones = saved_zones(source.run.summary, source.run.folder)
+    about = source.run.summary["dose"]
+    used = DoseSettings(**about["settings"])
+    if settings.root_depth_mm not in (None, used.root_depth_mm):
+        raise InputError(
+            f"the dose is for roots of {used.root_depth_mm:g} mm, not {settings.root_depth_mm:g} mm",
+            "set root_depth_mm in the site file and make the map again, or leave out --root-depth",
+        )
     date = source.survey[1].date().isoformat() if source.survey else ""
-    return Plan(one, zones, date, source.run.summary["dose"].get("certain") is True)
+    return Plan(one, zones, date, about.get("certain") is True, capped(zones, used))
 
 
 def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer:
@@ -94,6 +133,7 @@ def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer
         "SURE_PCT": np.round([100 * zone.sure for zone in zones], 1),
         "AREA_HA": np.round([zone.area_m2 / 1e4 for zone in zones], 4),
         "VOLUME_M3": np.round([zone.volume_m3 for zone in zones], 1),
+        "LEFT_MM": np.round([plan.capped[1] * (zone.gross_mm >= plan.capped[0]) for zone in zones], 1),
         **origin(source, plan.one, len(zones)),
     }
     taken = {"ZONE", "DATE", *columns}
@@ -127,7 +167,7 @@ def write_dose(source: RunSource, folder: Path, settings: ExportSettings) -> lis
     """
     from pyproj import CRS
 
-    layer = dose_layer(source, irrigation_plan(source), settings)
+    layer = dose_layer(source, irrigation_plan(source, settings), settings)
     crs = CRS.from_epsg(4326)
     return [
         write_shapefile(folder / "dose.zip", layer, source.frame),

@@ -20,7 +20,7 @@ from soilmoist_ros.reporting.colours import colour_ramp, coloured_png, palette_p
 from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
 from soilmoist_ros.reporting.exports.zones import shown_range
-from soilmoist_ros.reporting.geotiff import BANDS, CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
+from soilmoist_ros.reporting.geotiff import BANDS, CLOCK, DOSE, UNITS, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.page.frame import fill_template, round_step
 
 DATE_TIME = "%Y-%m-%dT%H:%M:%SZ"
@@ -119,7 +119,7 @@ def _variables(source: RunSource, one: ExportedProperty) -> Iterator[tuple[str, 
         yield "time_bounds", (np.array([[begin, end]]), ("time", "nv"), {})
         dimensions = ("time", "y", "x")
     for name, values in one.bands.items():
-        unit, meaning = BANDS.get(name, ("1", name))
+        unit, meaning = {**BANDS, **DOSE}.get(name, ("1", name))
         if one.calibration == ILLUSTRATIVE and name.startswith(MOISTURE.band):
             meaning = f"{meaning}, {ILLUSTRATIVE}"
         related = {

@@ -104,6 +104,7 @@ def export_run(
     settings: ExportSettings | None = None,
     note: Callable[[str], None] = lambda text: None,
     replaces: Callable[[str], bool] = lambda held: True,
+    refused: list[str] | None = None,
 ) -> list[Path]:
     """Export a run into files for other programs.
 
@@ -112,10 +113,12 @@ def export_run(
     :param folder: folder for the files; made if missing; by default ``export`` in the folder of the run
     :param note: is called with what the user should know, such as what the run lacks
     :param replaces: whether files of earlier exports, named in words, may be replaced; when all are complete
-    :raises InputError: for an unknown name, a run without a map, a missing library, or a folder that
-        cannot be written, holds another run, or has files that must not be replaced
+    :param refused: gets the name of each export that the run does not allow, and the reason, while others are
+        written; without a list, the first of them is an error
+    :raises InputError: for an unknown name, a run without a map, exports that are all refused, a missing library,
+        or a folder that cannot be written, holds another run, or has files that must not be replaced
     """
-    kinds = [EXPORTS.get(name) for name in dict.fromkeys(names)]
+    kinds = {name: EXPORTS.get(name) for name in names}
     if not kinds:
         raise InputError("no export is given", f"use one of: {', '.join(EXPORTS.names())}")
     source = open_source(open_run(run))
@@ -129,7 +132,15 @@ def export_run(
         raise InputError(f"cannot be written: {error.strerror}", "choose another folder", target) from None
     try:
         chosen = settings or ExportSettings()
-        paths = [path for kind in kinds for path in kind.write(source, workshop, chosen)]
+        paths, failed = list[Path](), list[InputError]()
+        for name, kind in kinds.items():
+            try:
+                paths += kind.write(source, workshop, chosen)
+            except InputError as error:
+                failed.append(error)
+                if refused is None or len(failed) == len(kinds):
+                    raise InputError([mistake for one in failed for mistake in one.mistakes]) from None
+                refused.append(f"{name}: {error}")
         final = {path: target / path.relative_to(workshop) for path in paths}
         held = [end.name for path, end in final.items() if end.exists() and not cmp(path, end, shallow=False)]
         if held and not replaces(f"{', '.join(held)} of an earlier export"):

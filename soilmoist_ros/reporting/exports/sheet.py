@@ -13,7 +13,7 @@ import numpy as np
 from soilmoist_ros.foundation import optional_module
 from soilmoist_ros.reporting.colours import FAINT, INK, SOFT, WATER, hex_ramp
 from soilmoist_ros.reporting.dose import DoseZone, zones_by_dose, zones_mean
-from soilmoist_ros.reporting.exports.irrigation import Plan, irrigation_plan, rate
+from soilmoist_ros.reporting.exports.irrigation import Plan, Units, irrigation_plan, rate
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource
 from soilmoist_ros.reporting.geometry import right_handed
 from soilmoist_ros.reporting.page.frame import round_step
@@ -31,7 +31,7 @@ MAX_ROWS = 14
 """Doses in the table; more are on the map and in the total only."""
 MIN_LABEL_SHARE = 0.01
 """Area of a zone, as a share of the field, from which its dose stands on the map."""
-_IN_HEADLINE = {"water", "best estimate"}
+_IN_HEADLINE = {"water", "best estimate", "capped at"}
 _FONTS = {"pdf.fonttype": 42, "font.size": 10.0}
 
 
@@ -40,42 +40,48 @@ def write_sheet(source: RunSource, folder: Path, settings: ExportSettings) -> li
 
     :raises InputError: if there is no dose, or matplotlib is missing
     """
-    plan = irrigation_plan(source)
+    plan = irrigation_plan(source, settings)
     path = folder / "irrigation.pdf"
     with optional_module("matplotlib", "reports").rc_context(_FONTS):
         sheet(source, plan, settings).savefig(path, format="pdf", metadata={"CreationDate": None})
     return [path]
 
 
-def headline(plan: Plan) -> str:
+def headline(plan: Plan, units: Units) -> str:
     """Advice in one sentence.
 
-    >>> headline(Plan(None, [], "", True))
+    >>> headline(Plan(None, [], "", True), Units.of("mm"))
     'No irrigation'
     """
     zones, before = plan.irrigated, "" if plan.certain else "Best estimate, not certain: "
     if not zones:
         return f"{before}No irrigation"
     doses = sorted({zone.gross_mm for zone in zones})
-    amount = f"{doses[0]:g}" if len(doses) == 1 else f"{doses[0]:g} to {doses[-1]:g}"
-    wet, whole = (sum(zone.area_m2 for zone in some) / 1e4 for some in (zones, plan.zones))
-    return f"{before}Irrigate {amount} mm on {wet:.2f} of {whole:.2f} ha: {plan.volume_m3:,.0f} m³"
+    amount = " to ".join(units.dose(dose) for dose in (doses[0], *doses[1:][-1:]))
+    wet, whole = (sum(zone.area_m2 for zone in some) * units.per_m2 for some in (zones, plan.zones))
+    water = f"{plan.volume_m3 * units.per_m3:,.0f} {units.water}"
+    return f"{before}Irrigate {amount} {units.depth} on {wet:.2f} of {whole:.2f} {units.area}: {water}"
 
 
 def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     """The page as a figure of matplotlib."""
     figure: Figure = optional_module("matplotlib.figure", "reports").Figure(figsize=A4_IN)
-    wide = 1 - 2 * MARGIN
+    wide, units, (top, left) = 1 - 2 * MARGIN, Units.of(settings.rate_unit), plan.capped
     figure.text(MARGIN, 0.945, textwrap.shorten(source.title, 42), size=20, weight="bold", color=INK)
-    figure.text(MARGIN, 0.918, headline(plan), size=14 if plan.certain else 11, color=INK)
-    facts = "   ".join(f"{name}: {value}" for name, value in plan.facts.items() if name not in _IN_HEADLINE)
+    figure.text(MARGIN, 0.918, headline(plan, units), size=14 if plan.certain else 11, color=INK)
+    known = {**plan.facts, "missing [mm]": ""} | {f"missing [{units.depth}]": units.missing(plan.zones)}
+    facts = "   ".join(f"{name}: {value}" for name, value in known.items() if value and name not in _IN_HEADLINE)
     figure.text(MARGIN, 0.896, facts, size=9.5, color=INK)
-    if source.simulated:
-        figure.text(MARGIN, 0.876, "Simulated counts: this is an example, not a field", size=11, color="#b00020")
+    alerts = ["Simulated counts: this is an example, not a field."] if source.simulated else []
+    if left:
+        most, rest = f"{units.dose(top)} {units.depth}", f"{left * units.per_mm:.{units.decimals}f} {units.depth}"
+        alerts.append(f"{most} is the largest dose of the machine: about {rest} remain missing.")
+    if alerts:
+        figure.text(MARGIN, 0.876, " ".join(alerts), size=11 if len(alerts) == 1 else 8, color="#b00020")
     doses = zones_by_dose(plan.zones)
     colours = dict(zip(doses, _colours(list(doses)), strict=True))
-    _map(figure.add_axes((MARGIN, 0.40, wide, 0.46)), source, plan, colours)
-    _table(figure.add_axes((MARGIN, 0.13, wide, 0.24)), doses, colours, settings)
+    _map(figure.add_axes((MARGIN, 0.40, wide, 0.46)), source, plan, colours, units)
+    _table(figure.add_axes((MARGIN, 0.13, wide, 0.24)), doses, colours, settings.rate_unit, units)
     about = (
         "Doses are gross: with the losses of the irrigation. Missing is the water that the root zone lacks, the "
         "mean of the field with the 90 % interval of a place. Right with: probability that the dose is the right "
@@ -92,7 +98,7 @@ def _colours(doses: list[float]) -> list[str]:
     return ["#ffffff"] * (len(doses) - len(wet)) + hex_ramp(WATER, len(wet) + 1)[1:]
 
 
-def _map(axes: Axes, source: RunSource, plan: Plan, colours: dict[float, str]) -> None:
+def _map(axes: Axes, source: RunSource, plan: Plan, colours: dict[float, str], units: Units) -> None:
     """Zones with their doses, a scale and an arrow to the north."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Line
@@ -110,7 +116,7 @@ def _map(axes: Axes, source: RunSource, plan: Plan, colours: dict[float, str]) -
         draw(zone.shape, facecolor=colours[zone.gross_mm])
         if zone.area_m2 < MIN_LABEL_SHARE * source.boundary.area:
             continue
-        at, text = zone.shape.representative_point(), f"{zone.gross_mm:g} mm"
+        at, text = zone.shape.representative_point(), f"{units.dose(zone.gross_mm)} {units.depth}"
         axes.text(at.x, at.y, text, bbox=box, ha="center", va="center", size=9, color=INK)
     west, south, east, north = source.boundary.bounds
     axes.set(xlim=(west, east), ylim=(south - 0.08 * (north - south), north), aspect="equal")
@@ -125,27 +131,24 @@ def _map(axes: Axes, source: RunSource, plan: Plan, colours: dict[float, str]) -
 
 
 def _table(
-    axes: Axes, doses: dict[float, list[DoseZone]], colours: dict[float, str], settings: ExportSettings
+    axes: Axes, doses: dict[float, list[DoseZone]], colours: dict[float, str], unit: str, units: Units
 ) -> None:
     """A row for each dose, and the total."""
     axes.set_axis_off()
     axes.set(xlim=(0, 1), ylim=(MAX_ROWS / 2 + 2, -0.5))
-    unit = settings.rate_unit
     right: dict[str, Any] = {"ha": "right", "va": "center", "size": 10, "color": INK}
     places = (0.22, 0.38, 0.55, 0.76, 0.96)
-    titles = (f"dose [{unit}]", "area [ha]", "water [m³]", "missing [mm]", "right with")
-    rows = [titles]
+    titles = f"area [{units.area}]", f"water [{units.water}]", f"missing [{units.depth}]"
+    rows = [(f"dose [{unit}]", *titles, "right with")]
+
+    def sums(zones: list[DoseZone]) -> tuple[str, str]:
+        area = f"{sum(zone.area_m2 for zone in zones) * units.per_m2:.2f}"
+        return area, f"{sum(zone.volume_m3 for zone in zones) * units.per_m3:,.0f}"
+
     for zones in list(doses.values())[-MAX_ROWS:]:
-        area = [zone.area_m2 for zone in zones]
-        net, low, high, sure = (zones_mean(zones, name) for name in ("net_mm", "p05_mm", "p95_mm", "sure"))
-        rows.append((
-            f"{rate(zones[0].gross_mm, unit):.4g}", f"{sum(area) / 1e4:.2f}",
-            f"{sum(zone.volume_m3 for zone in zones):,.0f}", f"{net:.0f} ({low:.0f} to {high:.0f})",
-            f"{100 * sure:.0f} %",
-        ))  # fmt: skip
-    every = [zone for zones in doses.values() for zone in zones]
-    area_ha, water = sum(zone.area_m2 for zone in every) / 1e4, sum(zone.volume_m3 for zone in every)
-    rows.append(("total", f"{area_ha:.2f}", f"{water:,.0f}", "", ""))
+        dose, sure = f"{rate(zones[0].gross_mm, unit):.4g}", f"{100 * zones_mean(zones, 'sure'):.0f} %"
+        rows.append((dose, *sums(zones), units.missing(zones), sure))
+    rows.append(("total", *sums([zone for zones in doses.values() for zone in zones]), "", ""))
     step = min(1.0, (MAX_ROWS / 2 + 2) / len(rows))
     for number, row in enumerate(rows):
         weight = "bold" if number in (0, len(rows) - 1) else "normal"

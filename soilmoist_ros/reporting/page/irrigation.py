@@ -20,7 +20,7 @@ from soilmoist_ros.reporting.certainty import (
     certainty,
     class_probability,
 )
-from soilmoist_ros.reporting.dose import zones_by_dose, zones_mean
+from soilmoist_ros.reporting.dose import capped, zones_by_dose, zones_mean
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.field_dose import FEW_PLACES, FieldDose, NoDose, field_dose
@@ -425,13 +425,9 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
 
 def _capped(found: FieldDose) -> str:
     """What the largest dose of the machine leaves missing, as a part of a sentence; empty if it is enough."""
-    top, settings = float(found.settings.doses_mm[-1]), found.settings
-    zones = [zone for zone in found.zones if zone.gross_mm >= top]
-    size = sum(zone.area_m2 for zone in zones)
-    left = sum((zone.net_mm - settings.efficiency * top) * zone.area_m2 for zone in zones) / size if zones else 0.0
-    if left <= settings.efficiency * settings.steps_mm / 2:
-        return ""
-    return f"; {top:g} mm is the largest dose of the machine, about {left:.0f} mm remain missing"
+    top, left = capped(found.zones, found.settings)
+    text = f"; {top:g} mm is the largest dose of the machine, about {left:.0f} mm remain missing"
+    return text if left else ""
 
 
 def _surer(found: FieldDose) -> str:

@@ -67,6 +67,10 @@ ORGANIC_GCM3 = 0.8
 """Bulk density below which a soil is organic: its organic water is far above the default range [g/cm^3]."""
 DENSITY_ERROR, WATER_ERROR = 0.07, 0.01
 """Errors of a density (relative) and of bound water [g/g] that a user gives without one."""
+ORGANIC_ERROR = (2.5 - 1.4) / math.sqrt(12) / 2
+"""Relative error of organic water, 16 %: organic matter is 1.4 to 2.5 times its carbon (Pribyl 2010, Geoderma
+156:75, abstract), taken as uniform about 2. Kinds of peat scatter by 5 to 15 % (Klingenfuß et al. 2014, Geoderma
+235-236:410, abstract)."""
 BIOMASS_KGM2, BIOMASS_SD_KGM2 = 0.5, 0.5
 """Default range of the dry biomass above the ground [kg/m^2]: bare soil to a full crop, without forest."""
 COLD_DEGC = 2.0
@@ -186,7 +190,7 @@ def soil_of(site: Site) -> tuple[Soil, list[UncertaintyPart]]:
     if not known:
         changed |= {"lattice_water": BOUND_WATER, "bound_water_sd": BOUND_WATER_SD}
     elif soil.bound_water_sd is None:
-        changed["bound_water_sd"] = WATER_ERROR
+        changed["bound_water_sd"] = math.hypot(WATER_ERROR, ORGANIC_ERROR * soil.organic_water)
     full = soil.model_copy(update=changed)
     water = full.lattice_water + full.organic_water
     return full, [

@@ -11,27 +11,39 @@ from fractions import Fraction
 import numpy as np
 import pyogrio
 import pytest
+import rasterio
 import shapely
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
 from reporting.exports.irrigated import OUTLINE, irrigated
+from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import BorderSource
-from soilmoist_ros.reporting.exports import irrigation, sheet
-from soilmoist_ros.reporting.exports.irrigation import RATE_UNITS, dose_layer, irrigation_plan, rate, write_dose
+from soilmoist_ros.reporting.exports import irrigation, isoxml, sheet
+from soilmoist_ros.reporting.exports.irrigation import (
+    RATE_UNITS,
+    Units,
+    dose_layer,
+    irrigation_plan,
+    rate,
+    write_dose,
+)
 from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run, open_run, open_source
 from soilmoist_ros.reporting.exports.sheet import headline, write_sheet
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.sensing import Irrigation
 
+MM = Units.of("mm")
+
 
 @pytest.fixture
 def plan(monkeypatch):
     source, its = irrigated()
     for module in (irrigation, sheet):
-        monkeypatch.setattr(module, "irrigation_plan", lambda run: its)
+        monkeypatch.setattr(module, "irrigation_plan", lambda *_: its)
     return source, its
 
 
@@ -79,12 +91,29 @@ def test_without_a_dose_the_reason_is_named():
 def test_facts_fit_a_designator_and_the_headline_says_what_to_do():
     _, plan = irrigated((0.0, 60.0, 60.0))
     assert all(len(f"{name}: {value}") <= 32 for name, value in plan.facts.items())
-    assert headline(plan) == "Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
-    assert headline(replace(plan, zones=plan.zones[:1])) == "No irrigation"
+    assert headline(plan, MM) == "Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
+    assert headline(replace(plan, zones=plan.zones[:1]), MM) == "No irrigation"
     guess = replace(plan, certain=False)
-    assert headline(guess) == "Best estimate, not certain: Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
+    assert headline(guess, MM) == "Best estimate, not certain: Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
     assert guess.facts == {**plan.facts, "best estimate": "not certain"}
     assert all(len(f"{name}: {value}") <= 32 for name, value in guess.facts.items())
+    acres = "Irrigate 2.36 in on 1.57 of 2.46 ac: 100,784 gal"  # 25.4 mm, 4046.86 m2, 3.7854 l
+    assert headline(plan, Units.of("gal/ac")) == acres
+
+
+def test_files_name_what_the_largest_dose_leaves_missing():
+    source, plan = irrigated((0.0, 12.5, 17.5))
+    plan = replace(plan, capped=(17.5, 12.3))
+    assert plan.facts["capped at"] == "17.5 mm, 12 mm remain"
+    assert all(len(f"{name}: {value}") <= 32 for name, value in plan.facts.items())
+    assert dose_layer(source, plan, ExportSettings()).columns["LEFT_MM"].tolist() == [0, 0, 12.3]
+    xml, _ = isoxml.task_data(source, plan, ExportSettings())
+    assert b"capped at: 17.5 mm, 12 mm remain" in xml
+    page = sheet.sheet(source, plan, ExportSettings(rate_unit="in"))
+    shown = [text.get_text() for part in (page, *page.axes) for text in part.texts]
+    assert "0.69 in is the largest dose of the machine: about 0.48 in remain missing." in shown
+    assert {"area [ac]", "water [gal]", "missing [in]", "0.49 in", "0.69 in"} < set(shown)
+    assert headline(plan, Units.of("in")) in shown
 
 
 @pytest.mark.slow
@@ -98,7 +127,7 @@ def test_the_sheet_is_one_page_with_every_dose(plan, tmp_path):
     shown = [text.get_text() for axes in page.axes for text in axes.texts] + [
         text.get_text() for text in page.texts
     ]
-    for text in ("West", "10 mm", "15 mm", "100", "150", "N", "  50 m", headline(its)):
+    for text in ("West", "10 mm", "15 mm", "100", "150", "N", "  50 m", headline(its, MM)):
         assert text in shown
     assert any("calibration: own   survey: 2026-05-03" in text for text in shown)
     page.canvas.draw()
@@ -111,7 +140,7 @@ def test_the_sheet_is_one_page_with_every_dose(plan, tmp_path):
 
 @pytest.mark.slow
 def test_a_run_is_exported_as_its_zones(make_run, tmp_path):
-    limits = Irrigation(wilting_point=0.08, field_capacity=0.3, width_m=8, efficiency=0.8)
+    limits = Irrigation(wilting_point=0.08, field_capacity=0.3, width_m=8, efficiency=0.8, max_dose_mm=20)
     folder = tmp_path / "run"
     write_outputs(folder, make_run(irrigation=limits))
     about = json.loads((folder / "summary.json").read_text())["dose"]
@@ -120,9 +149,17 @@ def test_a_run_is_exported_as_its_zones(make_run, tmp_path):
     assert [path.name for path in paths] == ["dose.zip", "dose.geojson", "taskdata.zip", "irrigation.pdf"]
     assert any("run the task 3 times" in text for text in notes)
     source = open_source(open_run(folder))
-    plan = irrigation_plan(source)
+    plan = irrigation_plan(source, ExportSettings())
     assert plan.volume_m3 == pytest.approx(about["volume_m3"], rel=1e-12), "as the report has it"
     assert plan.certain is about["certain"]
+    assert plan.capped[0] == max(zone.gross_mm for zone in plan.zones) == 20
+    assert plan.capped[1] > 2
+    one = source.properties[0]
+    at, band = one.cells[1], one.bands["dose"][one.cells[0]]
+    for zone in plan.zones:
+        assert (band[shapely.contains_xy(zone.shape, *at.T)] == zone.gross_mm).all()
+    assert set(band.tolist()) == {zone.gross_mm for zone in plan.zones}
+    assert (rasterio.open(folder / "map.tif").units[-1], MM.depth) == ("mm", "mm")
     assert sum(zone.area_m2 for zone in plan.zones) == pytest.approx(source.boundary.area, rel=1e-3)
     about, _, _, values = pyogrio.raw.read(paths[1])
     columns = dict(zip(about["fields"], values, strict=True))
@@ -132,3 +169,18 @@ def test_a_run_is_exported_as_its_zones(make_run, tmp_path):
     rings = [source.frame.to_local(ring[:, 1], ring[:, 0]) for ring in (border.outline, *border.no_go)]
     found = shapely.Polygon(rings[0], rings[1:])
     assert found.symmetric_difference(source.boundary).area < 0.01, "the task can be the border of the next survey"
+    out = tmp_path / "deep"
+    asked = [word for name in ("dose", "zones", "sheet") for word in ("--to", name)]
+    result = CliRunner().invoke(
+        main, ["export", str(folder), *asked, "--root-depth", "500", "--out", str(out), "--json"]
+    )
+    answer = json.loads(result.stdout)
+    assert (result.exit_code, answer["written"]) == (1, [str(out / "zones.zip")])
+    (error,) = answer["errors"]
+    for name in ("dose", "sheet"):
+        assert f"{name}: the dose is for roots of 300 mm, not 500 mm -> set root_depth_mm" in error["message"]
+    settings = ExportSettings(root_depth_mm=500)
+    with pytest.raises(InputError) as refused:
+        export_run(folder, ["dose", "isoxml"], tmp_path / "none", settings, refused=[])
+    assert len(refused.value.mistakes) == 2
+    assert not list((tmp_path / "none").iterdir())

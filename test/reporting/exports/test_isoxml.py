@@ -217,7 +217,7 @@ def test_bad_input_is_named(changes, message):
 
 def test_the_archive_is_as_terminals_take_it(tmp_path, monkeypatch):
     source, plan = irrigated()
-    monkeypatch.setattr(isoxml, "irrigation_plan", lambda run: plan)
+    monkeypatch.setattr(isoxml, "irrigation_plan", lambda *_: plan)
     (path,) = isoxml.write_isoxml(source, tmp_path, ExportSettings())
     before = path.read_bytes()
     assert zipfile.ZipFile(path).namelist() == ["TASKDATA/TASKDATA.XML", "TASKDATA/GRD00001.bin"]

@@ -200,3 +200,18 @@ def test_peat_needs_its_organic_matter(known):
     found = general_calibration(Site.model_validate(keys), DRY_DIPPOLDISWALDE)
     assert (found is not None) == ("organic_carbon" in known)
     assert found is None or found[1].organic_water > 0.15
+
+
+def test_the_error_of_organic_water_grows_with_it():
+    """Uniform factors of 1.4 to 2.5 from carbon to matter (Pribyl 2010), drawn."""
+    sds = []
+    for carbon in (0.0, 0.02, 0.45):
+        soil = {"bulk_density_gcm3": 0.3, "organic_carbon": carbon}
+        sds.append(general.soil_of(Site(soil=soil))[0].bound_water_sd)
+        drawn = 0.556 * carbon * np.random.default_rng(1).uniform(1.4, 2.5, 20_000)
+        assert sds[-1] == pytest.approx(np.hypot(0.01, drawn.std()), rel=0.02)
+    assert sds[0] == 0.01
+    assert sds[1] < 0.011  # as before in a mineral soil
+    assert sds[2] > 0.07
+    known = Site(soil={**soil, "bound_water_sd": 0.03})
+    assert general.soil_of(known)[0].bound_water_sd == 0.03
