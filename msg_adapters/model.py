@@ -42,12 +42,14 @@ class Model:
         ``None`` in models of earlier versions
     :param changing: the drift of the mean rate that the map allows for, up to ``stamp_s``, with the samples by
         place and time that the map is made of; ``None`` without a drift
+    :param dose_basis: see :meth:`soilmoist_ros.pipeline.FieldSurvey.dose_basis`
     """
 
     fit: VariogramFit | None
     stamp_s: float
     cell_m: float | None = None
     changing: Changing | None = None
+    dose_basis: Mapping[str, Any] | None = None
 
 
 def model_to_message(model: Model) -> String:
@@ -96,6 +98,7 @@ def _plain(model: Model) -> dict[str, Any]:
         "local_rate": None if fit.local_rate is None else _plain_rate(fit.local_rate),
         "local": None if fit.local is None else _plain_local(fit, fit.local),
         **_plain_drift(model.changing),
+        **({} if model.dose_basis is None else {"dose_basis": model.dose_basis}),
     }
 
 
@@ -166,7 +169,7 @@ def _model(content: Mapping[str, Any]) -> Model:
         _local_rate(stationary, content.get("local_rate")),
         local,
     )
-    return Model(fit, stamp_s, cell_m, _changing(content.get("drift"), stamp_s))
+    return Model(fit, stamp_s, cell_m, _changing(content.get("drift"), stamp_s), content.get("dose_basis"))
 
 
 def _changing(content: Mapping[str, Any] | None, stamp_s: float) -> Changing | None:

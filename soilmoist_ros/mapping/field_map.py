@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import sys
 import threading
+from bisect import insort
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -133,6 +134,7 @@ class MapState:
         as they were when that was last due; ``None`` for ``fit_samples``
     :param given_change: how the mean rate of ``timed`` changed, if that was found elsewhere: used instead, and
         ``timed`` as it is
+    :param air: medians of the pressure and the humidity factor of its records, NaN before the first [-]
     """
 
     records: int = 0
@@ -146,6 +148,7 @@ class MapState:
     model_samples: Samples | None = None
     began_s: float = 0.0
     given_change: Change | None = None
+    air: tuple[float, float] = (math.nan, math.nan)
 
     @cached_property
     def without_footprint(self) -> MapState:
@@ -226,6 +229,8 @@ class FieldMap:
         self._takes_times = self._finds_drift or knowledge.reference is not None
         self._raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
         self._computing = threading.Lock()
+        self.curve_of: Callable[[MapState], MoistureCurve | None] | None = None
+        """Calibration that follows from the records of a state, instead of that of the settings."""
         self.reset()
 
     def __repr__(self) -> str:
@@ -238,6 +243,7 @@ class FieldMap:
         self._merger = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m)
         self._timed = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m, WINDOW_S)
         self._paths = DrivenPaths()
+        self._factors: tuple[list[float], list[float]] = ([], [])  # of pressure and humidity, rising
         self._expected = ExpectedCounts(self.merge_radius_m)
         self._recent_fit: tuple[int, Variogram] | None = None
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
@@ -274,6 +280,8 @@ class FieldMap:
 
     def _merge(self, record: CountRecord, spread: Array) -> None:
         self._merger.add_record(record, spread)
+        for factors, factor in zip(self._factors, (record.f_pressure, record.f_humidity), strict=True):
+            insort(factors, factor)
         if self._takes_times:
             self._timed.add_record(record, spread)
         timed, samples, earlier = self._timed_samples, self._merger.samples, self.state
@@ -299,6 +307,7 @@ class FieldMap:
             fit_timed=fit_timed,
             model_samples=model,
             began_s=earlier.began_s or record.stamp_s,
+            air=(_middle(self._factors[0]), _middle(self._factors[1])),
         )
 
     @property
@@ -352,8 +361,17 @@ class FieldMap:
                 self._timed.add_record(record, spread)
             timed = self._timed_samples
         fit_timed = None if timed is None else (timed, samples, end_s)
+        factors = (sorted(one.f_pressure for one in records), sorted(one.f_humidity for one in records))
+        self._factors = factors
         self.state = MapState(
-            len(records), end_s, samples, samples, timed=timed, fit_timed=fit_timed, began_s=began_s
+            len(records),
+            end_s,
+            samples,
+            samples,
+            timed=timed,
+            fit_timed=fit_timed,
+            began_s=began_s,
+            air=(_middle(factors[0]), _middle(factors[1])),
         )
 
     def _unexpected(self, records: Sequence[CountRecord]) -> dict[int, CountRecord]:
@@ -476,12 +494,13 @@ class FieldMap:
         timed = state.mapped_timed
         changing = None if timed is None else Changing(timed, self._change(state, fit), state.stamp_s)
         most = sys.maxsize if settings.for_planning else settings.max_exact_samples
+        curve = settings.curve if self.curve_of is None else self.curve_of(state)
         with self._computing:
             return make_soil_map(
                 state.samples,
                 self.grid if grid is None else grid,
                 fit,
-                settings.curve,
+                curve,
                 settings.keep_nugget,
                 progress,
                 most,
@@ -617,6 +636,13 @@ def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
     There a fortieth of the extent keeps the samples of a day's drive to some hundreds.
     """
     return max(footprint_radius_m / 4, grid.extent_m / 40)
+
+
+def _middle(rising: Sequence[float]) -> float:
+    """Median of values in order; NaN of none."""
+    if not rising:
+        return math.nan
+    return (rising[(len(rising) - 1) // 2] + rising[len(rising) // 2]) / 2
 
 
 def _has_grown(fitted: Samples, samples: Samples, earlier: int = 0, growth: float | None = None) -> bool:

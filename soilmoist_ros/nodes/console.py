@@ -8,6 +8,7 @@ import math
 import socket
 import sys
 import threading
+import time
 from collections.abc import Sequence
 from concurrent.futures import Future
 from functools import partial
@@ -28,9 +29,11 @@ from msg_adapters import (
     diagnostics_from_message,
     health_from_status,
     mission_from_message,
+    model_from_message,
     path_to_places,
     samples_from_message,
     soil_map_from_message,
+    to_seconds,
 )
 from soilmoist_ros.console import (
     LOOPBACK,
@@ -55,8 +58,8 @@ from soilmoist_ros.console import (
     visit_view,
 )
 from soilmoist_ros.exploration import TRIGGERS, OperatorRequest, Reply, ReplyCode, Verb, parse_topological_map
-from soilmoist_ros.foundation import Health, InputError, Level, foreign_text, resource
-from soilmoist_ros.mapping import load_field
+from soilmoist_ros.foundation import Batches, Health, InputError, Level, foreign_text, resource
+from soilmoist_ros.mapping import Field, load_field
 from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import CONSOLE as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
@@ -70,6 +73,10 @@ STALE_S: Final = 30.0
 SHOW_S: Final = 1.0
 REPEAT_S: Final = 0.5
 """Time between two messages of a pressed stop [s]; a planner takes silence of 2 s for a release."""
+DOSE_PAUSE_S: Final = 10.0
+"""Shortest time from one dose to the next [s]."""
+DOSE_SHARE: Final = 20
+"""The pause is at least this multiple of the time that a dose takes."""
 
 
 class Console(Node):
@@ -81,12 +88,12 @@ class Console(Node):
         start = resource("fields", values.text("field"))
         self._field, self._start = load_field(start), start
         self._chosen: dict[str, str] = {}
-        self._board = Board()
+        self._board, self._faults = Board(), Faults(self)
         self._picture: MapLayers | None = None
         self._cells: dict[str, NDArray[Any]] = {}
+        self._dose = _DoseLine(self._board, self._faults)
         self._health: dict[str, tuple[Health, float]] = {}
         self._visits = VisitHistory(self._board)
-        self._faults = Faults(self)
         robots = [name.strip("/") for name in values.texts("robots")] or [""]
         self._history = {robot: RobotHistory(self._board, robot) for robot in robots}
         self._board.put("robots", robots)
@@ -123,6 +130,7 @@ class Console(Node):
     def close(self) -> None:
         """End the server."""
         self._server.close()
+        self._dose.close()
 
     def _subscribe(self, robots: list[str], map_topic: str) -> None:
         def hear(kind: Any, topic: str, take: Any, profile: Any, robot: str | None = None) -> None:
@@ -138,6 +146,7 @@ class Console(Node):
         hear(PointCloud2, "soil_map", self._on_map, LATCHED)
         hear(PointCloud2, "change", self._on_change, LATCHED)
         hear(PointCloud2, "samples", self._on_samples, LATCHED)
+        hear(String, "model", self._on_model, LATCHED)
         hear(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
         if map_topic:
             hear(String, map_topic, self._on_graph, LATCHED)
@@ -199,6 +208,7 @@ class Console(Node):
         self._cells["map"] = soil_map_from_message(message)
         self._show_map()
         self._board.hear("map")
+        self._dose.put(self._field, map=(self._cells["map"], to_seconds(message.header.stamp)))
 
     def _on_change(self, message: PointCloud2) -> None:
         self._cells["change"] = change_from_message(message)
@@ -211,7 +221,12 @@ class Console(Node):
         self._board.put("map", self._picture.about)
 
     def _on_samples(self, message: PointCloud2) -> None:
-        self._board.put("samples", sample_views(samples_from_message(message)))
+        samples = samples_from_message(message)
+        self._board.put("samples", sample_views(samples))
+        self._dose.put(self._field, samples=(samples, to_seconds(message.header.stamp)))
+
+    def _on_model(self, message: String) -> None:
+        self._dose.put(self._field, model=message)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now_s = self._board.now_s()
@@ -253,6 +268,50 @@ class Console(Node):
             self.get_logger().warning(
                 f"no address for a further operator, the terminal cannot be written: {reason}"
             )
+
+
+# The dose, which is computed from what a mapper has published ----------------------------------------------------
+
+
+class _DoseLine:
+    """Writes the section ``dose``: computed in a thread, of the newest map only, with pauses."""
+
+    def __init__(self, board: Board, faults: Faults) -> None:
+        self._board, self._faults = board, faults
+        self._heard: dict[str, Any] = {}
+        self._closing = False
+        self._maps: Batches[dict[str, Any]] = Batches(self._compute, "dose")
+
+    def put(self, field: Field, **heard: Any) -> None:
+        """Take a message; never waits."""
+        self._heard = {**self._heard, "field": field, **heard}
+        if len(self._heard) == 4:  # field, model, samples and map
+            self._maps.put(self._heard)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closing = True
+        self._maps.close()
+
+    def _compute(self, heard: Sequence[dict[str, Any]]) -> None:
+        began_s, last = time.monotonic(), heard[-1]
+        cells, stamp_s = last["map"]
+        samples, samples_s = last["samples"]
+        try:
+            model, dose = model_from_message(last["model"]), ""
+            if model.fit is not None and model.dose_basis is not None:
+                if self._closing or max(abs(one - model.stamp_s) for one in (stamp_s, samples_s)) > 1e-3:
+                    return  # a part of the map is still to come
+                from soilmoist_ros.console import live_dose  # slow to import, and the page comes first
+
+                dose = live_dose(last["field"], model.cell_m, cells, samples, model.fit, model.dose_basis, stamp_s)
+        except (ValueError, TypeError, LookupError, InputError) as error:
+            self._faults.ignore("the map for a dose", error)
+            dose = ""
+        self._board.put("dose", dose)
+        until_s = time.monotonic() + max(DOSE_PAUSE_S, DOSE_SHARE * (time.monotonic() - began_s))
+        while time.monotonic() < until_s and not self._closing:
+            time.sleep(0.1)
 
 
 # Commands from the operator's page to the planners, and the emergency stop --------------------------------------

@@ -254,7 +254,8 @@ class Mapper(Node):
         fit, changing = (None, None) if soil_map is None else (soil_map.fit, state.changing(soil_map))
         samples = state.samples if soil_map is None or soil_map.deconvolved_m else state.samples.without_footprint
         self._samples.publish(samples_to_message(samples, stamp_s, frame))
-        self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing)))
+        basis = self._survey.dose_basis(state)
+        self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing, basis)))
         self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))
         self._uncertainty.publish(uncertainty_to_message(grid, soil_map, stamp_s, frame))
         self._publish_summary(state, soil_map)
@@ -294,7 +295,7 @@ class Mapper(Node):
     def _report(self) -> None:
         now_s = ros_now_s(self)
         with self._guard:
-            parts = [map_health(self._online, self._worker, now_s)]
+            parts = [map_health(self._online, self._worker, now_s), *self._survey.health(self._online.state)]
         parts += [*self._change.health, *self._exchange.health]
         lost = f"{self._arrived.lost} messages with counts came too fast" if self._arrived.lost else ""
         faults = {"records": self._sources.problem, "field": self._refused, "messages": lost}

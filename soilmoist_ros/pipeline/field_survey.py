@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from soilmoist_ros.foundation import InputError, LocalFrame, __version__, resource, shown_path
+from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, __version__, resource, shown_path
 from soilmoist_ros.mapping import (
     Covariates,
     CovariateSource,
@@ -25,6 +25,7 @@ from soilmoist_ros.mapping import (
     FieldMapSettings,
     Knowledge,
     MappingSettings,
+    MapState,
     Skip,
     Snapshot,
     SoilMap,
@@ -38,7 +39,16 @@ from soilmoist_ros.pipeline.earlier_runs import (
     run_change,
     with_corrections,
 )
-from soilmoist_ros.pipeline.run import CalibrationInfo, CorrectionRow, EarlierRun, InputFile, LossRow, MapRun, Note
+from soilmoist_ros.pipeline.run import (
+    CalibrationInfo,
+    CorrectionRow,
+    EarlierRun,
+    InputFile,
+    LossRow,
+    MapRun,
+    Note,
+    NoteCode,
+)
 from soilmoist_ros.sensing import (
     Consequence,
     CorrectionSettings,
@@ -46,14 +56,18 @@ from soilmoist_ros.sensing import (
     Footprint,
     IntensityCorrection,
     Kind,
+    MoistureCurve,
     NeutronMonitor,
     SensedSoil,
     Site,
+    SurveyAir,
+    general_calibration,
     intensity_source,
     load_site,
     read_data,
     reason_text,
     sensed_soil,
+    why_no_soil,
 )
 
 if TYPE_CHECKING:
@@ -62,6 +76,7 @@ if TYPE_CHECKING:
 
 MAX_BEYOND_AREA_DEG = 6.0
 """Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
+_SNOW = "counts have no air temperature, so nothing says if snow lay, which would count as soil water"
 
 
 @dataclass(frozen=True)
@@ -78,6 +93,49 @@ class FieldSurvey:
     files: tuple[tuple[str, Path], ...] = ()
     simulated: bool = False
     earlier: tuple[EarlierRun, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.map.curve_of = self._curve if lacks_n0(self.site) else None
+
+    def calibrated(self, state: MapState) -> Site:
+        """The site; without N0 with the general calibration at the field's centre, by the median air pressure of
+        the records of a state. So it depends on the records alone, and is the same on the robot and in a replay.
+        """
+        corrected = self.site.corrections.pressure is not None
+        hpa = self.site.corrections_parameters.pressure_hpa(state.air[0]) if corrected else math.nan
+        return with_general_calibration(self.site, SurveyAir(*self.field.centre, hpa))
+
+    def _curve(self, state: MapState) -> MoistureCurve | None:
+        return self.calibrated(state).curve
+
+    def health(self, state: MapState) -> list[Health]:
+        """Health of a general calibration, with all that it assumes; empty for a site with its own N0."""
+        if not lacks_n0(self.site):
+            return []
+        try:
+            found = self.calibrated(state).calibration if state.records else None
+        except ValueError as error:  # of an impossible air pressure
+            return [Health("calibration", Level.ERROR, f"the general calibration fails: {error}")]
+        if found is None:
+            return [Health("calibration", Level.OK, "general, waits for the air pressure of the first record")]
+        assumed = ", ".join(part.name for part in found.parts if part.origin == "default range")
+        sd = (found.n0_sd_cps or 0.0) / found.n0_cps
+        text = f"{found.note}; N0 {found.n0_cps:g} counts/s +- {sd:.1%}; default ranges, not measured: {assumed}"
+        values = {
+            str(part.name): f"{part.value:.4g} {part.unit} +- {part.sd:.2g}, {part.origin}" for part in found.parts
+        }
+        return [Health("calibration", Level.OK, f"{text}; {_SNOW}", values)]
+
+    def dose_basis(self, state: MapState) -> dict[str, Any] | None:
+        """Basis of a dose besides the map, as JSON: site with its calibration, air of the records, and whether
+        they are simulated or there are earlier surveys; ``None`` where the site has nothing on irrigation.
+        """
+        if "irrigation" not in self.site.model_fields_set or not state.records:
+            return None
+        site = self.calibrated(state).model_dump(
+            mode="json", exclude_defaults=True, exclude={"calibration": {"parts"}}
+        )
+        return {"site": site, "air": state.air, "simulated": self.simulated, "earlier": bool(self.earlier)}
 
     def with_reference_error(self, error: Drift) -> FieldSurvey:
         """A copy without records, for records that a reference sensor corrects."""
@@ -97,7 +155,7 @@ class FieldSurvey:
         return make_run(
             soil_map,
             snapshot.track,
-            self.site,
+            self.calibrated(snapshot.state),
             self.field.frame,
             field_name=self.field.name,
             settings=settings_of(self.map, soil_map, self.map.merge_radius_m),
@@ -106,6 +164,7 @@ class FieldSurvey:
             simulated=self.simulated,
             covariates=self.map.knowledge.covariates,
             earlier=self.earlier,
+            notes=[Note(NoteCode.GENERAL_CALIBRATION, f"{_SNOW.capitalize()}.")] if lacks_n0(self.site) else (),
         )
 
 
@@ -154,14 +213,40 @@ def open_survey(
     files = [("field", field_path), *([("site", site_path)] if site_path else [])]
     radius_m = the_site.footprint_radius_m
     grid = the_field.grid(values["cell_m"] or None, radius_m)
-    settings = field_map_settings(
-        {**values, "merge_radius_m": values["merge_radius_m"] or None}, the_site, margin_m=radius_m
-    )
+    later = the_site.corrections.pressure is not None  # each corrected record has a pressure
+    opened = with_general_calibration(the_site, SurveyAir(*the_field.centre), later)
+    values["merge_radius_m"] = values["merge_radius_m"] or None
+    settings = field_map_settings(values, opened, margin_m=radius_m)
     target = EarlierTarget(the_field.frame, grid, settings, property_name, not property_name, simulated)
     sources = (*the_field.covariates, *map(CovariateSource.parse, covariates))
     files += [("covariate", path) for path in dict.fromkeys(one.path for one in sources)]
     the_map, runs = open_map(target, earlier, sources)
     return FieldSurvey(the_field, the_site, the_map, tuple(files), simulated, runs)
+
+
+def lacks_n0(site: Site) -> bool:
+    """True if a site has no N0, knows its sensor, and does not ask for the rate alone."""
+    asked_off = "calibration" in site.model_fields_set
+    return site.calibration is None and not asked_off and site.sensor_sensitivity is not None
+
+
+def with_general_calibration(site: Site, air: SurveyAir, later: bool = False) -> Site:
+    """Site with the general calibration, where :func:`lacks_n0`.
+
+    :param later: whether the air pressure may still come: until then the site stays as it is
+    :raises InputError: if nothing says the air pressure, to which N0 is scaled, or the organic matter of peat
+    """
+    if not lacks_n0(site):
+        return site
+    if why := why_no_soil(site):
+        raise InputError(why, "add it to 'soil', or 'calibration: null' for the rate alone")
+    found = general_calibration(site, air)
+    if found is not None:
+        return site.model_copy(update=dict(zip(("calibration", "soil"), found, strict=True)))
+    if later:
+        return site
+    message = "the general calibration needs the air pressure, and neither the log nor the site file has it"
+    raise InputError(message, "give 'altitude_m' in 'location', or 'calibration: null' for the rate alone")
 
 
 def field_map_settings(values: Mapping[str, Any], site: Site, **more: Any) -> FieldMapSettings:
@@ -327,9 +412,12 @@ def _sensed_soil(soil_map: SoilMap, track: Sequence[CountRecord], site: Site) ->
         return None
     f_pressure = float(np.mean([record.f_pressure for record in track]))
     f_humidity = float(np.mean([record.f_humidity for record in track]))
-    pressure_hpa = used.reference_pressure_hpa + math.log(f_pressure) / used.beta_per_hpa
     air = Footprint(
-        0.0, used.humidity_gm3(f_humidity), pressure_hpa, site.vegetation_height_m, site.footprint_radius_m
+        0.0,
+        used.humidity_gm3(f_humidity),
+        used.pressure_hpa(f_pressure),
+        site.vegetation_height_m,
+        site.footprint_radius_m,
     )
     vwc = soil_map.vwc[soil_map.grid.mask]
     return sensed_soil(vwc, curve.bulk_density_gcm3, curve.lattice_water + curve.organic_water, air)

@@ -38,6 +38,7 @@ from soilmoist_ros.pipeline.field_survey import (
     open_map,
     require_crs,
     settings_of,
+    with_general_calibration,
 )
 from soilmoist_ros.pipeline.file_facts import far_from_site, looks_swapped, position_notes
 from soilmoist_ros.pipeline.logs import (
@@ -65,11 +66,9 @@ from soilmoist_ros.sensing import (
     SurveyAir,
     SurveyRecords,
     Track,
-    general_calibration,
     load_site,
     process_logs,
     utc_text,
-    why_no_soil,
 )
 
 REFERENCE_KNOTS = 25
@@ -230,7 +229,8 @@ def _read_files(paths: Sequence[Path], settings: MapSettings, progress: Progress
     track, problems = read_track(settings.nmea, others, settings.fix_topic, log_times(part), settings.gnss_shift_s)
     places = log_positions(part, track, site)
     source = position_source(part, settings.nmea, site, field_file)
-    site = with_general_calibration(site, part, places)
+    if len(places):
+        site = with_general_calibration(site, survey_air(part, places))
     return _Logs(site, site_file, field, field_file, covariates, logs, skipped, track, problems, places, source)
 
 
@@ -257,28 +257,15 @@ def with_sensor(site: Site, sensor: str | float | None, site_file: Path | None) 
     return site.model_copy(update={"sensor_sensitivity": sensor})
 
 
-def with_general_calibration(site: Site, logs: Sequence[LogFile], places: NDArray[np.float64]) -> Site:
-    """Site with the general calibration, where it has no N0, knows its sensor and does not ask for the rate alone.
+def survey_air(logs: Sequence[LogFile], places: NDArray[np.float64]) -> SurveyAir:
+    """Median place and air of logs.
 
     :param places: latitude and longitude of the records, shape (n, 2) [deg]
-    :raises InputError: if nothing says the air pressure, to which N0 is scaled, or the organic matter of peat
     """
-    asked_off = site.calibration is None and "calibration" in site.model_fields_set
-    if site.calibration is not None or asked_off or site.sensor_sensitivity is None or not len(places):
-        return site
-    if why := why_no_soil(site):
-        raise InputError(why, "add it to 'soil', or 'calibration: null' for the rate alone")
     records = [record for log in logs for record in log.records]
-    pressure, temperature = (
-        _median([getattr(record, name) for record in records]) for name in ("pressure_hpa", "temperature_degc")
-    )
-    latitude, longitude = np.median(places, axis=0).tolist()
-    found = general_calibration(site, SurveyAir(latitude, longitude, pressure, temperature))
-    if found is None:
-        message = "the general calibration needs the air pressure, and neither the log nor the site file has it"
-        raise InputError(message, "give 'altitude_m' in 'location', or 'calibration: null' for the rate alone")
-    calibration, soil = found
-    return site.model_copy(update={"calibration": calibration, "soil": soil})
+    names = "pressure_hpa", "temperature_degc"
+    air = (_median([getattr(record, name) for record in records]) for name in names)
+    return SurveyAir(*np.median(places, axis=0).tolist(), *air)
 
 
 def _median(values: Sequence[float]) -> float:

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.frame import render_page as render_page
     from soilmoist_ros.reporting.page.frame import strategy_text as strategy_text
     from soilmoist_ros.reporting.page.frame import strategy_traits as strategy_traits
+    from soilmoist_ros.reporting.page.irrigation import dose_sentence as dose_sentence
     from soilmoist_ros.reporting.page.irrigation import irrigation as irrigation
     from soilmoist_ros.reporting.page.report import change_summary as change_summary
     from soilmoist_ros.reporting.page.report import dated as dated
@@ -96,7 +97,7 @@ _open, __dir__, __all__ = open_door(
         "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",
         "outputs": "mission_run write_failed write_mission write_outputs",
         "page.frame": "dwell_text length number plain render_page strategy_text strategy_traits",
-        "page.irrigation": "irrigation",
+        "page.irrigation": "dose_sentence irrigation",
         "page.report": "change_summary dated relations",
         "page.statistics": "covariate_importance mean_moisture truth_score",
         "page.wording": "notes",

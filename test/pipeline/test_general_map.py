@@ -13,7 +13,8 @@ from click.testing import CliRunner
 
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.pipeline.log_map import with_general_calibration, with_sensor
+from soilmoist_ros.pipeline.field_survey import with_general_calibration
+from soilmoist_ros.pipeline.log_map import survey_air, with_sensor
 from soilmoist_ros.reporting.certainty import calibration_state
 from soilmoist_ros.sensing import Calibration, Site, load_site, read_log
 
@@ -35,11 +36,11 @@ def without(site, **keys):
 
 def test_a_site_with_n0_or_without_a_known_sensor_stays_as_it_is(logs):
     for site in (STATION, without(STATION), without(STATION, sensor_sensitivity=1, calibration=None)):
-        assert with_general_calibration(site, logs, PLACE) is site
+        assert with_general_calibration(site, survey_air(logs, PLACE)) is site
 
 
 def test_a_known_sensor_gives_a_calibration_with_parts(logs):
-    site = with_general_calibration(without(STATION, sensor_sensitivity=0.83), logs, PLACE)
+    site = with_general_calibration(without(STATION, sensor_sensitivity=0.83), survey_air(logs, PLACE))
     assert site.calibration.method == "general"
     assert site.soil.bulk_density_gcm3 == STATION.soil.bulk_density_gcm3
     assert site.calibration.n0_cps == pytest.approx(STATION.calibration.n0_cps, rel=0.03)
@@ -50,13 +51,13 @@ def test_without_a_pressure_the_message_says_what_to_give(logs):
     records = tuple(replace(record, pressure_hpa=math.nan) for record in logs[0].records)
     nowhere = Site.model_validate({"sensor_sensitivity": 1, "corrections": {"pressure": None}})
     with pytest.raises(InputError, match="'altitude_m' in 'location'"):
-        with_general_calibration(nowhere, [replace(logs[0], records=records)], PLACE)
+        with_general_calibration(nowhere, survey_air([replace(logs[0], records=records)], PLACE))
 
 
 def test_of_peat_without_its_organic_matter_no_moisture_is_claimed(logs):
     peat = without(STATION, sensor_sensitivity=1, soil={"bulk_density_gcm3": 0.2})
     with pytest.raises(InputError, match="organic soil: give organic_carbon"):
-        with_general_calibration(peat, logs, PLACE)
+        with_general_calibration(peat, survey_air(logs, PLACE))
 
 
 def test_a_calibrated_site_refuses_another_sensor():

@@ -379,6 +379,8 @@ function renderFrame() {
   if (!robots.includes(robot) && robots.length) robot = robots[0];
   showRobot(robot);
   setText("field", sections.field?.name ?? "Survey");
+  $("dose").hidden = !sections.dose || tab !== "survey";
+  setText("dose", sections.dose ?? "");
   const only = sections.watch_only ?? "";
   for (const id of ["stop", "health-part", "who-part"]) $(id).hidden = Boolean(only);
   $("watch-only").hidden = !only;

@@ -395,6 +395,14 @@ def _where(run: MapRun, chosen: NDArray[np.bool_]) -> str:
 # The dose of the field, in words ---------------------------------------------------------------------------------
 
 
+def dose_sentence(run: MapRun) -> str:
+    """The dose of a run, how sure it is and what would make it surer; without a dose, what is missing."""
+    found = field_dose(run)
+    if isinstance(found, FieldDose):
+        return next(_on_dose(run, found))
+    return f"No dose: {found.missing}; {found.remedy}."
+
+
 def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
     """The dose, how sure it is and what would make it surer; then what it rests on."""
     whole_m2 = float(field_polygon(run.soil_map).area)

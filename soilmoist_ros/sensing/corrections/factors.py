@@ -65,6 +65,10 @@ class Corrections:
         _require_positive("pressure_hpa", pressure_hpa)
         return math.exp(self.beta_per_hpa * (pressure_hpa - self.reference_pressure_hpa))
 
+    def pressure_hpa(self, f_pressure: float) -> float:
+        """Air pressure of a factor [hPa]."""
+        return self.reference_pressure_hpa + math.log(f_pressure) / self.beta_per_hpa
+
     def f_humidity(self, temperature_degc: float, relative_humidity: float) -> float:
         """``1 + c (Q - Q0)`` with the absolute humidity Q of the air, or one over the response to Q [-]."""
         humidity = absolute_humidity_gm3(temperature_degc, relative_humidity)
