@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -72,6 +73,7 @@ RECENT_GROWTH = 1.3
 """Growth of the number of samples up to which a variogram is good enough to judge single records."""
 RECENT = 30
 """Number of last records by which the stream of records is judged."""
+_MEDIANS = attrgetter("f_pressure", "f_humidity", "x_m", "y_m")
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ class MapState:
         as they were when that was last due; ``None`` for ``fit_samples``
     :param given_change: how the mean rate of ``timed`` changed, if that was found elsewhere: used instead, and
         ``timed`` as it is
-    :param air: medians of the pressure and the humidity factor of its records, NaN before the first [-]
+    :param medians: of the pressure factor, the humidity factor, x and y of its records; NaN before the first
     """
 
     records: int = 0
@@ -148,7 +150,7 @@ class MapState:
     model_samples: Samples | None = None
     began_s: float = 0.0
     given_change: Change | None = None
-    air: tuple[float, float] = (math.nan, math.nan)
+    medians: tuple[float, ...] = (math.nan,) * 4
 
     @cached_property
     def without_footprint(self) -> MapState:
@@ -243,7 +245,7 @@ class FieldMap:
         self._merger = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m)
         self._timed = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m, WINDOW_S)
         self._paths = DrivenPaths()
-        self._factors: tuple[list[float], list[float]] = ([], [])  # of pressure and humidity, rising
+        self._rising: tuple[list[float], ...] = ([], [], [], [])  # values of :data:`_MEDIANS`
         self._expected = ExpectedCounts(self.merge_radius_m)
         self._recent_fit: tuple[int, Variogram] | None = None
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
@@ -280,8 +282,8 @@ class FieldMap:
 
     def _merge(self, record: CountRecord, spread: Array) -> None:
         self._merger.add_record(record, spread)
-        for factors, factor in zip(self._factors, (record.f_pressure, record.f_humidity), strict=True):
-            insort(factors, factor)
+        for rising, value in zip(self._rising, _MEDIANS(record), strict=True):
+            insort(rising, value)
         if self._takes_times:
             self._timed.add_record(record, spread)
         timed, samples, earlier = self._timed_samples, self._merger.samples, self.state
@@ -307,7 +309,7 @@ class FieldMap:
             fit_timed=fit_timed,
             model_samples=model,
             began_s=earlier.began_s or record.stamp_s,
-            air=(_middle(self._factors[0]), _middle(self._factors[1])),
+            medians=tuple(map(_middle, self._rising)),
         )
 
     @property
@@ -361,8 +363,9 @@ class FieldMap:
                 self._timed.add_record(record, spread)
             timed = self._timed_samples
         fit_timed = None if timed is None else (timed, samples, end_s)
-        factors = (sorted(one.f_pressure for one in records), sorted(one.f_humidity for one in records))
-        self._factors = factors
+        self._rising = (
+            tuple(sorted(values) for values in zip(*map(_MEDIANS, records), strict=True)) or self._rising
+        )
         self.state = MapState(
             len(records),
             end_s,
@@ -371,7 +374,7 @@ class FieldMap:
             timed=timed,
             fit_timed=fit_timed,
             began_s=began_s,
-            air=(_middle(factors[0]), _middle(factors[1])),
+            medians=tuple(map(_middle, self._rising)),
         )
 
     def _unexpected(self, records: Sequence[CountRecord]) -> dict[int, CountRecord]:

@@ -98,12 +98,15 @@ class FieldSurvey:
         self.map.curve_of = self._curve if lacks_n0(self.site) else None
 
     def calibrated(self, state: MapState) -> Site:
-        """The site; without N0 with the general calibration at the field's centre, by the median air pressure of
-        the records of a state. So it depends on the records alone, and is the same on the robot and in a replay.
+        """The site; without N0 with the general calibration by median place and air pressure of a state's records.
+
+        So it depends on the records alone, and is the same on the robot, in a replay and of a log.
         """
+        f_pressure, _, x_m, y_m = state.medians
         corrected = self.site.corrections.pressure is not None
-        hpa = self.site.corrections_parameters.pressure_hpa(state.air[0]) if corrected else math.nan
-        return with_general_calibration(self.site, SurveyAir(*self.field.centre, hpa))
+        hpa = self.site.corrections_parameters.pressure_hpa(f_pressure) if corrected else math.nan
+        latitude, longitude = self.field.frame.to_geographic([[x_m, y_m]])[0].tolist()
+        return with_general_calibration(self.site, SurveyAir(latitude, longitude, hpa))
 
     def _curve(self, state: MapState) -> MoistureCurve | None:
         return self.calibrated(state).curve
@@ -135,7 +138,7 @@ class FieldSurvey:
         site = self.calibrated(state).model_dump(
             mode="json", exclude_defaults=True, exclude={"calibration": {"parts"}}
         )
-        return {"site": site, "air": state.air, "simulated": self.simulated, "earlier": bool(self.earlier)}
+        return {"site": site, "air": state.medians[:2], "simulated": self.simulated, "earlier": bool(self.earlier)}
 
     def with_reference_error(self, error: Drift) -> FieldSurvey:
         """A copy without records, for records that a reference sensor corrects."""

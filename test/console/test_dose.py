@@ -30,21 +30,16 @@ SITE = {
 GENERAL = {key: value for key, value in SITE.items() if key != "calibration"} | {"sensor_sensitivity": 60.0}
 
 
-@pytest.fixture
-def survey_of(tmp_path):
-    """Opens a survey of a field that is dry in the west, and adds its records."""
-
-    def make(site):
-        for name, content in (("field", FIELD), ("site", site)):
-            (tmp_path / f"{name}.json").write_text(json.dumps(content))
-        survey, rng = open_survey(str(tmp_path / "field.json"), str(tmp_path / "site.json")), np.random.default_rng(1)
-        for number, (x, y) in enumerate((x, y) for x in range(5, 120, 12) for y in range(5, 80, 12)):
-            counts = int(rng.poisson(600 * (28 - x / 40)))
-            factors = {"f_pressure": 0.9 + number / 1e4, "f_humidity": 1.03}
-            survey.map.add(CountRecord(1.78e9 + 10 * number, x, y, 0.0, counts, 600.0, 600.0, **factors))
-        return survey
-
-    return make
+def meadow(folder, site):
+    """A survey of a field that is dry in the west, with its records; its files are in the folder."""
+    for name, content in (("field", FIELD), ("site", site)):
+        (folder / f"{name}.json").write_text(json.dumps(content))
+    survey, rng = open_survey(str(folder / "field.json"), str(folder / "site.json")), np.random.default_rng(1)
+    for number, (x, y) in enumerate((x, y) for x in range(5, 120, 12) for y in range(5, 80, 12)):
+        counts = int(rng.poisson(600 * (28 - x / 40)))
+        factors = {"f_pressure": 0.9 + number / 1e4, "f_humidity": 1.03}
+        survey.map.add(CountRecord(1.78e9 + 600 * number, x, y, 0.0, counts, 600.0, 600.0, **factors))
+    return survey
 
 
 def said(survey, **changes):
@@ -57,8 +52,8 @@ def said(survey, **changes):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("site", [SITE, GENERAL])
-def test_the_page_says_what_the_report_says(survey_of, site):
-    survey = survey_of(site)
+def test_the_page_says_what_the_report_says(tmp_path, site):
+    survey = meadow(tmp_path, site)
     run = survey.run(survey.map.snapshot())
     of_report = irrigation(run)
     if site is SITE:
@@ -72,8 +67,8 @@ def test_the_page_says_what_the_report_says(survey_of, site):
         assert said(survey) == f"No dose: {of_report.dose.missing}; {of_report.dose.remedy}."
 
 
-def test_without_irrigation_or_another_field_nothing_is_said(survey_of):
-    survey = survey_of({key: value for key, value in SITE.items() if key != "irrigation"})
+def test_without_irrigation_or_another_field_nothing_is_said(tmp_path):
+    survey = meadow(tmp_path, {key: value for key, value in SITE.items() if key != "irrigation"})
     assert survey.dose_basis(survey.map.state) is None
     basis = {"site": {"irrigation": {}}, "air": [1.0, 1.0], "simulated": False, "earlier": False}
     state = survey.map.state

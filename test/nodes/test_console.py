@@ -19,16 +19,19 @@ from browser import PHONE, chromium, slide
 from playwright.sync_api import expect
 from rcl_interfaces.msg import Log
 from ros_system import NodeProcess
-from sensor_msgs.msg import BatteryState
+from sensor_msgs.msg import BatteryState, PointCloud2
 from std_msgs.msg import String
 from test_commands import Commanded
 from virtual_navigation import START_S, STOPS, VirtualNavigation, World
 
+from console.test_dose import SITE, meadow
+from msg_adapters.counts import counts_to_messages
 from msg_adapters.environment import battery_to_message
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.nodes.topics import LATCHED, SENSOR
+from soilmoist_ros.nodes.topics import LATCHED, RECORDS, SENSOR
 from soilmoist_ros.nodes.topics import VISITS as ROSOUT
+from soilmoist_ros.reporting import irrigation
 
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 LIMIT_MS = 30_000
@@ -149,3 +152,24 @@ def test_the_token_is_not_published_and_a_map_of_elsewhere_is_named(ros, tmp_pat
     assert any(one.msg == "console: http://robot.example/" for one in said)
     assert not any(token in one.msg for one in said), "whoever may look could read it in a recording"
     assert process.stop() == 0
+
+
+def test_the_page_leads_with_the_dose_of_the_newest_map(ros, tmp_path, browser):
+    survey = meadow(tmp_path, SITE)
+    files = {name: str(tmp_path / f"{name}.json") for name in ("field", "site")}
+    ros.start("mapper", params={**files, "use_sim_time": True, "save_dir": str(tmp_path / "saved")})
+    (tmp_path / "field.yaml").write_text((tmp_path / "field.json").read_text())
+    seen = Page(ros, tmp_path, browser)
+    counts = ros.node.create_publisher(PointCloud2, "counts", RECORDS)
+    ros.wait_for(counts.get_subscription_count, message="the mapper")
+    expect(seen.page.locator("#dose")).to_be_hidden()
+    for message in counts_to_messages(survey.map.track):
+        counts.publish(message)
+    run = survey.run(survey.map.snapshot())
+    seen.shows("dose", irrigation(run).steps[0])
+    seen.page.screenshot(path=str(tmp_path / "dose.png"))
+    inside = "e => e.getBoundingClientRect().right <= innerWidth && document.body.scrollWidth <= innerWidth"
+    assert seen.page.locator("#dose").evaluate(inside)
+    seen.page.get_by_role("button", name="Results").click()
+    expect(seen.page.locator("#dose")).to_be_hidden()
+    assert seen.errors == []

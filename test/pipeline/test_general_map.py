@@ -13,8 +13,11 @@ from click.testing import CliRunner
 
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping.soil_map import make_bands
+from soilmoist_ros.pipeline import ReplaySettings, map_logs, open_survey, replay_bag
 from soilmoist_ros.pipeline.field_survey import with_general_calibration
-from soilmoist_ros.pipeline.log_map import survey_air, with_sensor
+from soilmoist_ros.pipeline.log_map import MapSettings, survey_air, with_sensor
+from soilmoist_ros.recording import read_parameters
 from soilmoist_ros.reporting.certainty import calibration_state
 from soilmoist_ros.sensing import Calibration, Site, load_site, read_log
 
@@ -100,3 +103,56 @@ def test_an_unknown_sensor_is_refused_with_the_known_ones(sensor, tmp_path):
     found = CliRunner().invoke(main, ["map", str(LOG), "--sensor", sensor, "--out", str(tmp_path / "out")])
     assert found.exit_code != 0
     assert "CRS-1000 (0.45)" in found.output
+
+
+@pytest.mark.slow
+def test_the_robot_a_replay_and_a_log_have_one_calibration(tmp_path):
+    """The roving record as a log, and its records one by one as a mapper gets them."""
+    log = Path("examples/rover_gypsum_transect_2018-05-01.KSU")
+    site = without(load_site("gypsum_transect"), sensor_sensitivity=10.0)
+    field = {"name": "roads", "datum": {"latitude_deg": 38.7, "longitude_deg": -97.45}, "cell_m": 1000}
+    files = {"site": site.model_dump(mode="json", exclude={"calibration"}), "field": field}
+    field["polygon"] = [[-9000, -9000], [9000, -9000], [9000, 9000], [-9000, 9000]]
+    for name, content in files.items():
+        (tmp_path / f"{name}.yaml").write_text(json.dumps(content))
+    names = {name: str(tmp_path / f"{name}.yaml") for name in files}
+    of_log = map_logs([log], MapSettings(logger="hydroinnova_rover", merge_radius_m=40.0, **names))
+    live = open_survey(**names, merge_radius_m=40.0)
+    assert live.map.settings.curve is None
+    assert "waits for the air pressure" in live.health(live.map.state)[0].message
+    for record in of_log.track:
+        live.map.add(record)
+    run = live.run(live.map.snapshot())
+    assert run.calibration.n0_cps == pytest.approx(of_log.calibration.n0_cps, rel=1e-4)
+    for part, same in zip(run.calibration.parts, of_log.calibration.parts, strict=True):
+        assert (part.name, part.origin, part.unit) == (same.name, same.origin, same.unit)
+        assert (part.value, part.sd) == pytest.approx((same.value, same.sd), rel=1e-4)
+    as_of_log = make_bands(run.soil_map.rate, run.soil_map.variance, of_log.soil_map.curve)
+    for name, band in run.soil_map.bands._asdict().items():
+        np.testing.assert_allclose(band, getattr(as_of_log, name), rtol=1e-3, err_msg=name)
+    health = live.health(live.map.state)[0]
+    assert "default ranges, not measured: intensity, biomass" in health.message
+    assert health.values["pressure"].endswith("hPa +- 1.5, measured")
+
+
+@pytest.mark.slow
+def test_a_replay_with_a_known_sensor_is_the_map_of_a_mapper(tmp_path):
+    bag, site = Path("test/golden/drive_and_stop"), tmp_path / "site.yaml"
+    site.write_text('{"sensor_sensitivity": 9, "soil": {"bulk_density_gcm3": 1.4}}')
+    had = read_parameters(bag / "configuration", "mapper")
+    replayed = replay_bag(bag, ReplaySettings(site=str(site))).run
+    live = open_survey(had.pop("field"), str(site), recorded=had)
+    for record in replayed.track:
+        live.map.add(record)
+    run = live.run(live.map.snapshot())
+    assert replayed.calibration.method == "general"
+    assert run.calibration == replayed.calibration
+    assert np.isfinite(run.soil_map.vwc_p95[run.soil_map.grid.mask]).all()
+    assert run.soil_map.bands.vwc.tobytes() == replayed.soil_map.bands.vwc.tobytes()
+
+
+def test_a_mapper_that_will_never_know_the_pressure_says_so_at_its_start(tmp_path):
+    site = tmp_path / "site.yaml"
+    site.write_text('{"sensor_sensitivity": 1, "corrections": {"pressure": null}}')
+    with pytest.raises(InputError, match="'altitude_m' in 'location'"):
+        open_survey("example", str(site))
