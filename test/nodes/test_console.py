@@ -167,6 +167,7 @@ def test_the_page_leads_with_the_dose_of_the_newest_map(ros, tmp_path, browser):
         counts.publish(message)
     run = survey.run(survey.map.snapshot())
     seen.shows("dose", irrigation(run).steps[0])
+    seen.page.evaluate("scrollTo(0, 0)")
     seen.page.screenshot(path=str(tmp_path / "dose.png"))
     inside = "e => e.getBoundingClientRect().right <= innerWidth && document.body.scrollWidth <= innerWidth"
     assert seen.page.locator("#dose").evaluate(inside)
