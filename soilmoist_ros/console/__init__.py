@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.console.board import Board as Board
     from soilmoist_ros.console.board import RobotHistory as RobotHistory
     from soilmoist_ros.console.board import VisitHistory as VisitHistory
-    from soilmoist_ros.console.dose import live_dose as live_dose
     from soilmoist_ros.console.map_layers import MapLayers as MapLayers
+    from soilmoist_ros.console.map_layers import live_dose as live_dose
     from soilmoist_ros.console.plan_routes import SurveyFiles as SurveyFiles
     from soilmoist_ros.console.plan_work import Walk as Walk
     from soilmoist_ros.console.server import ConsoleServer as ConsoleServer
@@ -37,8 +37,7 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "board": "Board RobotHistory VisitHistory",
-        "dose": "live_dose",
-        "map_layers": "MapLayers",
+        "map_layers": "MapLayers live_dose",
         "plan_routes": "SurveyFiles",
         "plan_work": "Walk",
         "server": "ConsoleServer Steering",

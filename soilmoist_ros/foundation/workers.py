@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import re
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -159,7 +160,8 @@ class Batches(Generic[Item]):
     """A thread that handles items in the order of their arrival, all that wait at once.
 
     What ``handle`` raises is logged, and the thread continues. After ``idle_s`` without items it is called with an
-    empty batch. Items beyond ``max_items`` that wait are counted in ``lost``.
+    empty batch. Items beyond ``max_items`` that wait are counted in ``lost``. With ``rest_s`` [s], the thread
+    rests at least this long after each batch, and 20 times as long as the batch took, until it is closed.
     """
 
     def __init__(
@@ -168,11 +170,13 @@ class Batches(Generic[Item]):
         name: str,
         idle_s: float | None = None,
         max_items: int = 20_000,
+        rest_s: float = 0.0,
     ) -> None:
         self.lost = 0
         self._handle = handle
         self._idle_s = idle_s
         self._max_items = max_items
+        self._rest_s = rest_s
         self._items: list[Item] = []
         self._handling = False
         self._closing = False
@@ -203,6 +207,7 @@ class Batches(Generic[Item]):
 
     def _run(self) -> None:
         while (batch := self._wait()) is not None:
+            began_s = time.monotonic()
             try:
                 self._handle(batch)
             except Exception:  # one bad item must not end the work of a mission
@@ -210,6 +215,9 @@ class Batches(Generic[Item]):
             with self._wake:
                 self._handling = False
                 self._wake.notify_all()
+                if self._rest_s:
+                    rest_s = max(self._rest_s, 20 * (time.monotonic() - began_s))
+                    self._wake.wait_for(lambda: self._closing, rest_s)
 
     def _wait(self) -> list[Item] | None:
         """The items that wait, or none after :attr:`_idle_s`; ``None`` at the end."""

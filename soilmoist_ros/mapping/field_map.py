@@ -363,18 +363,8 @@ class FieldMap:
                 self._timed.add_record(record, spread)
             timed = self._timed_samples
         fit_timed = None if timed is None else (timed, samples, end_s)
-        self._rising = (
-            tuple(sorted(values) for values in zip(*map(_MEDIANS, records), strict=True)) or self._rising
-        )
         self.state = MapState(
-            len(records),
-            end_s,
-            samples,
-            samples,
-            timed=timed,
-            fit_timed=fit_timed,
-            began_s=began_s,
-            medians=tuple(map(_middle, self._rising)),
+            len(records), end_s, samples, samples, timed=timed, fit_timed=fit_timed, began_s=began_s
         )
 
     def _unexpected(self, records: Sequence[CountRecord]) -> dict[int, CountRecord]:
@@ -642,9 +632,7 @@ def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
 
 
 def _middle(rising: Sequence[float]) -> float:
-    """Median of values in order; NaN of none."""
-    if not rising:
-        return math.nan
+    """Median of values in order."""
     return (rising[(len(rising) - 1) // 2] + rising[len(rising) // 2]) / 2
 
 

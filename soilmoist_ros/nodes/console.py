@@ -8,7 +8,6 @@ import math
 import socket
 import sys
 import threading
-import time
 from collections.abc import Sequence
 from concurrent.futures import Future
 from functools import partial
@@ -50,6 +49,7 @@ from soilmoist_ros.console import (
     field_view,
     health_view,
     invitation,
+    live_dose,
     mission_view,
     node_views,
     place_views,
@@ -59,7 +59,7 @@ from soilmoist_ros.console import (
 )
 from soilmoist_ros.exploration import TRIGGERS, OperatorRequest, Reply, ReplyCode, Verb, parse_topological_map
 from soilmoist_ros.foundation import Batches, Health, InputError, Level, foreign_text, resource
-from soilmoist_ros.mapping import Field, load_field
+from soilmoist_ros.mapping import load_field
 from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import CONSOLE as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
@@ -75,8 +75,6 @@ REPEAT_S: Final = 0.5
 """Time between two messages of a pressed stop [s]; a planner takes silence of 2 s for a release."""
 DOSE_PAUSE_S: Final = 10.0
 """Shortest time from one dose to the next [s]."""
-DOSE_SHARE: Final = 20
-"""The pause is at least this multiple of the time that a dose takes."""
 
 
 class Console(Node):
@@ -91,7 +89,8 @@ class Console(Node):
         self._board, self._faults = Board(), Faults(self)
         self._picture: MapLayers | None = None
         self._cells: dict[str, NDArray[Any]] = {}
-        self._dose = _DoseLine(self._board, self._faults)
+        self._dose_parts: dict[str, Any] = {}
+        self._doses: Batches[dict[str, Any]] = Batches(self._show_dose, "dose", rest_s=DOSE_PAUSE_S)
         self._health: dict[str, tuple[Health, float]] = {}
         self._visits = VisitHistory(self._board)
         robots = [name.strip("/") for name in values.texts("robots")] or [""]
@@ -130,7 +129,7 @@ class Console(Node):
     def close(self) -> None:
         """End the server."""
         self._server.close()
-        self._dose.close()
+        self._doses.close()
 
     def _subscribe(self, robots: list[str], map_topic: str) -> None:
         def hear(kind: Any, topic: str, take: Any, profile: Any, robot: str | None = None) -> None:
@@ -146,7 +145,7 @@ class Console(Node):
         hear(PointCloud2, "soil_map", self._on_map, LATCHED)
         hear(PointCloud2, "change", self._on_change, LATCHED)
         hear(PointCloud2, "samples", self._on_samples, LATCHED)
-        hear(String, "model", self._on_model, LATCHED)
+        hear(String, "model", lambda message: self._hear_dose(model=message), LATCHED)
         hear(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
         if map_topic:
             hear(String, map_topic, self._on_graph, LATCHED)
@@ -208,7 +207,7 @@ class Console(Node):
         self._cells["map"] = soil_map_from_message(message)
         self._show_map()
         self._board.hear("map")
-        self._dose.put(self._field, map=(self._cells["map"], to_seconds(message.header.stamp)))
+        self._hear_dose(map=(self._cells["map"], to_seconds(message.header.stamp)))
 
     def _on_change(self, message: PointCloud2) -> None:
         self._cells["change"] = change_from_message(message)
@@ -223,10 +222,27 @@ class Console(Node):
     def _on_samples(self, message: PointCloud2) -> None:
         samples = samples_from_message(message)
         self._board.put("samples", sample_views(samples))
-        self._dose.put(self._field, samples=(samples, to_seconds(message.header.stamp)))
+        self._hear_dose(samples=(samples, to_seconds(message.header.stamp)))
 
-    def _on_model(self, message: String) -> None:
-        self._dose.put(self._field, model=message)
+    def _hear_dose(self, **part: Any) -> None:
+        """Compute the dose soon, in a thread that rests between two doses."""
+        self._dose_parts = {**self._dose_parts, "field": self._field, **part}
+        if len(self._dose_parts) == 4:
+            self._doses.put(self._dose_parts)
+
+    def _show_dose(self, heard: Sequence[dict[str, Any]]) -> None:
+        (cells, stamp_s), (samples, samples_s) = heard[-1]["map"], heard[-1]["samples"]
+        try:
+            model, dose = model_from_message(heard[-1]["model"]), ""
+            if model.fit is not None and model.dose_basis is not None:
+                if max(abs(one - model.stamp_s) for one in (stamp_s, samples_s)) > 1e-3:
+                    return  # a part of the map is still to come
+                given = cells, samples, model.fit, model.dose_basis, stamp_s
+                dose = live_dose(heard[-1]["field"], model.cell_m, *given)
+        except (ValueError, TypeError, LookupError, InputError) as error:
+            self._faults.ignore("the map for a dose", error)
+            dose = ""
+        self._board.put("dose", dose)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now_s = self._board.now_s()
@@ -268,50 +284,6 @@ class Console(Node):
             self.get_logger().warning(
                 f"no address for a further operator, the terminal cannot be written: {reason}"
             )
-
-
-# The dose, which is computed from what a mapper has published ----------------------------------------------------
-
-
-class _DoseLine:
-    """Writes the section ``dose``: computed in a thread, of the newest map only, with pauses."""
-
-    def __init__(self, board: Board, faults: Faults) -> None:
-        self._board, self._faults = board, faults
-        self._heard: dict[str, Any] = {}
-        self._closing = False
-        self._maps: Batches[dict[str, Any]] = Batches(self._compute, "dose")
-
-    def put(self, field: Field, **heard: Any) -> None:
-        """Take a message; never waits."""
-        self._heard = {**self._heard, "field": field, **heard}
-        if len(self._heard) == 4:  # field, model, samples and map
-            self._maps.put(self._heard)
-
-    def close(self) -> None:
-        """End the thread."""
-        self._closing = True
-        self._maps.close()
-
-    def _compute(self, heard: Sequence[dict[str, Any]]) -> None:
-        began_s, last = time.monotonic(), heard[-1]
-        cells, stamp_s = last["map"]
-        samples, samples_s = last["samples"]
-        try:
-            model, dose = model_from_message(last["model"]), ""
-            if model.fit is not None and model.dose_basis is not None:
-                if self._closing or max(abs(one - model.stamp_s) for one in (stamp_s, samples_s)) > 1e-3:
-                    return  # a part of the map is still to come
-                from soilmoist_ros.console import live_dose  # slow to import, and the page comes first
-
-                dose = live_dose(last["field"], model.cell_m, cells, samples, model.fit, model.dose_basis, stamp_s)
-        except (ValueError, TypeError, LookupError, InputError) as error:
-            self._faults.ignore("the map for a dose", error)
-            dose = ""
-        self._board.put("dose", dose)
-        until_s = time.monotonic() + max(DOSE_PAUSE_S, DOSE_SHARE * (time.monotonic() - began_s))
-        while time.monotonic() < until_s and not self._closing:
-            time.sleep(0.1)
 
 
 # Commands from the operator's page to the planners, and the emergency stop --------------------------------------

@@ -66,8 +66,6 @@ _SLICE: Final = 500
 """Records that are added at a time, so that reports and services need not wait for a flood."""
 CHANGE_PAUSE_S: Final = 5.0
 """Shortest time from one change to the next [s]."""
-CHANGE_SHARE: Final = 20
-"""The pause is at least this multiple of the time that a change takes."""
 CHANGE_PART: Final = "change"
 _Queued = tuple[FieldSurvey, SoilMap | None, float]
 """A map, the field that it is of, and the end of its last record [s since 1970-01-01 UTC]."""
@@ -321,8 +319,7 @@ class ChangeOutput:
         self._survey, self._frame = survey, frame
         self._publisher = node.create_publisher(PointCloud2, "change", LATCHED)
         self._said = NO_CHANGE_YET
-        self._closing = False
-        self._maps: Batches[_Queued] = Batches(self._compute, CHANGE_PART)
+        self._maps: Batches[_Queued] = Batches(self._compute, CHANGE_PART, rest_s=CHANGE_PAUSE_S)
 
     @property
     def health(self) -> list[Health]:
@@ -342,12 +339,10 @@ class ChangeOutput:
 
     def close(self) -> None:
         """Publish the change of the last map, then end."""
-        self._closing = True
         self._maps.close()
 
     def _compute(self, maps: Sequence[_Queued]) -> None:
         survey, soil_map, stamp_s = maps[-1]
-        began_s = time.monotonic()
         found = None if soil_map is None else run_change(soil_map, stamp_s, survey.earlier)
         change = None if found is None else found.change
         if survey is not self._survey:  # the field was left while the map waited, or meanwhile
@@ -357,9 +352,6 @@ class ChangeOutput:
             self._said = Health(CHANGE_PART, Level.OK, change_summary(found))
         elif soil_map is not None:
             self._said = Health(CHANGE_PART, Level.OK, "not computed: the surveys have too many samples")
-        until_s = time.monotonic() + max(CHANGE_PAUSE_S, CHANGE_SHARE * (time.monotonic() - began_s))
-        while time.monotonic() < until_s and not self._closing:
-            time.sleep(0.1)
 
 
 # Exchange of records between the mappers of several robots, so that none misses any for good --------------------

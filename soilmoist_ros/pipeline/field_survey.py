@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -70,10 +70,6 @@ from soilmoist_ros.sensing import (
     why_no_soil,
 )
 
-if TYPE_CHECKING:
-    from soilmoist_ros.pipeline.run import MapRun
-
-
 MAX_BEYOND_AREA_DEG = 6.0
 """Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
 _SNOW = "counts have no air temperature, so nothing says if snow lay, which would count as soil water"
@@ -102,6 +98,8 @@ class FieldSurvey:
 
         So it depends on the records alone, and is the same on the robot, in a replay and of a log.
         """
+        if not lacks_n0(self.site):
+            return self.site
         f_pressure, _, x_m, y_m = state.medians
         corrected = self.site.corrections.pressure is not None
         hpa = self.site.corrections_parameters.pressure_hpa(f_pressure) if corrected else math.nan

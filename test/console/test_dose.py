@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The sentence of the dose that leads the page: console/dose.py."""
+"""The sentence of the dose that leads the page: live_dose() of console/map_layers.py."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import json
 import numpy as np
 import pytest
 
-from soilmoist_ros.console.dose import LATER, live_dose
+from soilmoist_ros.console.map_layers import LATER, live_dose
 from soilmoist_ros.mapping import map_cells
 from soilmoist_ros.pipeline import open_survey
 from soilmoist_ros.reporting import irrigation
