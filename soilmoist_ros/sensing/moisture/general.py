@@ -44,8 +44,10 @@ GENERAL_N0_CPS = 0.6905
 """N0 of the reference detector [counts/s]: 2486 counts/h, see the module."""
 RIGIDITY_GV = 2.893
 """Vertical cutoff rigidity of the reference place, Marquardt near Potsdam, by the table of this package [GV]."""
-GENERAL_SD, SCALING_SD = 0.051, 0.021
-"""Standard deviations of log N0: between sites, and of the scaling between places against the model PARMA."""
+GENERAL_SD = 0.051
+"""Standard deviation of log N0 between sites."""
+SCALING_SD = 0.021
+"""Standard deviation of log N0 by the scaling between places, against the model PARMA."""
 SCALED_HPA, SCALED_GV = (840.0, 1060.0), (1.5, 8.6)
 """Pressures and rigidities of the 75 sites; the scaling is twice as uncertain beyond."""
 JUNG_CPS, JUNG_SD = 161.8, 0.004
