@@ -76,8 +76,7 @@ def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     if left:
         most, rest = f"{units.dose(top)} {units.depth}", f"{left * units.per_mm:.{units.decimals}f} {units.depth}"
         alerts.append(f"{most} is the largest dose of the machine: about {rest} remain missing.")
-    if alerts:
-        figure.text(MARGIN, 0.876, " ".join(alerts), size=11 if len(alerts) == 1 else 8, color="#b00020")
+    figure.text(MARGIN, 0.889, "\n".join(alerts), size=9, color="#b00020", va="top")
     doses = zones_by_dose(plan.zones)
     colours = dict(zip(doses, _colours(list(doses)), strict=True))
     _map(figure.add_axes((MARGIN, 0.40, wide, 0.46)), source, plan, colours, units)
@@ -146,8 +145,8 @@ def _table(
         return area, f"{sum(zone.volume_m3 for zone in zones) * units.per_m3:,.0f}"
 
     for zones in list(doses.values())[-MAX_ROWS:]:
-        dose, sure = f"{rate(zones[0].gross_mm, unit):.4g}", f"{100 * zones_mean(zones, 'sure'):.0f} %"
-        rows.append((dose, *sums(zones), units.missing(zones), sure))
+        dose = f"{float(f'{rate(zones[0].gross_mm, unit):.4g}'):,g}"
+        rows.append((dose, *sums(zones), units.missing(zones), f"{100 * zones_mean(zones, 'sure'):.0f} %"))
     rows.append(("total", *sums([zone for zones in doses.values() for zone in zones]), "", ""))
     step = min(1.0, (MAX_ROWS / 2 + 2) / len(rows))
     for number, row in enumerate(rows):
