@@ -100,12 +100,15 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class RobotHistory:
-    """Writes the sections ``place``, ``trail``, ``start`` (where its mission began) and ``count`` of a robot."""
+    """Writes the sections ``place``, ``trail``, ``start`` (where its mission
+    began), ``ended`` (when, in seconds since 1970; ``None`` before) and ``count`` of a robot.
+    """
 
     def __init__(self, board: Board, robot: str) -> None:
         self._board, self._robot = board, robot
         self._trail: tuple[tuple[float, float], ...] = ()
         self._start: list[float] | None = None
+        self._ended = False
         self._heading_deg: float | None = None
         self._stop = ""
         self._counts: tuple[tuple[int, int], ...] = ()
@@ -129,6 +132,9 @@ class RobotHistory:
         if self._trail and (status.phase in RESTING or status.time_used_s < BEGUN_S):
             self._start = list(self._trail[-1])
             self._board.put(f"start/{self._robot}", self._start)
+        if self._ended is not (status.phase is Phase.FINISHED):
+            self._ended = not self._ended
+            self._board.put(f"ended/{self._robot}", round(time.time()) if self._ended else None)
         stop = status.target.name if status.target and status.phase is Phase.COUNTING else ""
         if stop != self._stop:
             self._stop, self._counts = stop, ()

@@ -27,6 +27,7 @@ _DRIER_TO_WETTER: Final = np.array(
 _CERTAIN_TO_NOT: Final = np.array(
     [(247, 244, 249), (221, 199, 226), (201, 148, 199), (206, 76, 152), (160, 20, 90), (90, 0, 60)], float
 )
+_BY_VOLUME: Final = "% by volume"
 _PALE_NOTE: Final = "Pale: may be chance"
 LATER: Final = "No dose here: with earlier surveys it is in the report of the run."
 
@@ -41,17 +42,22 @@ class PageLayer(NamedTuple):
     note: str = ""
 
     @property
+    def factor(self) -> float:
+        """Factor from the band to the unit."""
+        return 100.0 if self.unit == _BY_VOLUME else 1.0
+
+    @property
     def is_change(self) -> bool:
         """True if 0 is in the middle of the colours, and what may be chance is pale."""
         return self.key.startswith("change")
 
 
 LAYERS: Final = (
-    PageLayer("vwc", "Soil moisture", "m³/m³", DRY_TO_WET),
-    PageLayer("vwc_sd", "Uncertainty of the moisture", "m³/m³", _CERTAIN_TO_NOT),
+    PageLayer("vwc", "Soil moisture", _BY_VOLUME, DRY_TO_WET),
+    PageLayer("vwc_sd", "Uncertainty of the moisture", _BY_VOLUME, _CERTAIN_TO_NOT),
     PageLayer("rate", "Neutron rate", "counts/s", DRY_TO_WET[::-1]),
     PageLayer("rate_sd", "Uncertainty of the rate", "counts/s", _CERTAIN_TO_NOT),
-    PageLayer("change_vwc", "Change of moisture", "m³/m³", _DRIER_TO_WETTER, f"Brown: drier. {_PALE_NOTE}"),
+    PageLayer("change_vwc", "Change of moisture", _BY_VOLUME, _DRIER_TO_WETTER, f"Brown: drier. {_PALE_NOTE}"),
     PageLayer(
         "change_rate", "Change of the rate", "counts/s", _DRIER_TO_WETTER[::-1], f"Brown: drier. {_PALE_NOTE}"
     ),
@@ -63,9 +69,16 @@ class MapLayers:
 
     :param cells: fields x, y and the bands, shape (rows, columns), south first, NaN outside the field
     :param change: fields of a change since an earlier survey in the same cells, if there is one
+    :param widest: limits of the colours so far, by layer, which are widened here; so a colour keeps its meaning
     """
 
-    def __init__(self, cells: NDArray[Any], version: int, change: NDArray[Any] | None = None) -> None:
+    def __init__(
+        self,
+        cells: NDArray[Any],
+        version: int,
+        change: NDArray[Any] | None = None,
+        widest: dict[str, tuple[float, float]] | None = None,
+    ) -> None:
         if change is not None and change.shape == cells.shape:
             cells = _joined(cells, change)
         inside = np.isfinite(cells["x"]) & np.isfinite(cells["y"])
@@ -82,6 +95,11 @@ class MapLayers:
         steps = max(self._cells.shape) - 1
         self._step_m = max(east - west, north - south) / steps if steps else 1.0
         half = self._step_m / 2
+        self._shown = {layer.key: self._limits(layer) for layer in LAYERS if self._has(layer)}
+        widest = {} if widest is None else widest
+        for key, (low, high) in self._shown.items():
+            before = widest.get(key, (low, high))
+            self._shown[key] = widest[key] = min(low, before[0]), max(high, before[1])
         self.extent = [round(edge, 3) for edge in (west - half, east + half, south - half, north + half)]
 
     @property
@@ -96,9 +114,9 @@ class MapLayers:
                     "key": layer.key,
                     "title": layer.title,
                     "unit": layer.unit,
-                    "limits": [float(f"{value:.3g}") for value in self._limits(layer)],
+                    "limits": [float(f"{layer.factor * value:.3g}") for value in self._shown[layer.key]],
                     "colours": ["#" + bytes(colour).hex() for colour in layer.colours.astype(np.uint8)],
-                    "mean": float(f"{np.nanmean(self._cells[layer.key]):.3g}"),
+                    "mean": float(f"{layer.factor * np.nanmean(self._cells[layer.key]):.3g}"),
                     "note": layer.note,
                 }
                 for layer in shown
@@ -111,7 +129,7 @@ class MapLayers:
             layer = next((one for one in LAYERS if one.key == key and self._has(one)), None)
             if layer is None:
                 raise KeyError(key)
-            low, high = self._limits(layer)
+            low, high = self._shown[key]
             values = np.asarray(self._cells[key], float)
             share = np.clip((values - low) / (high - low), 0, 1) if high > low else np.full(values.shape, 0.5)
             palette = between(layer.colours, np.linspace(0, 1, _COLOURS))

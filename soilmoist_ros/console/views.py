@@ -75,12 +75,12 @@ def battery_view(charge: float, voltage_v: float) -> dict[str, Any]:
 
 def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, Any]:
     """A mission by its status, and by further values of its message."""
-    stop, forecast = status.target, status.forecast
+    stop, forecast, over = status.target, status.forecast, status.phase is Phase.FINISHED
     return {
         "phase": str(status.phase),
         "headline": headline(status),
         "ready": status.phase is not Phase.IDLE or status.reason.endswith(READY),
-        "reason": status.reason,
+        "reason": f"{_ENDS[status.ended]}: {status.reason}" if over and status.ended else status.reason,
         "moving": status.phase in MOVING,
         "running": status.phase not in (Phase.IDLE, Phase.FINISHED),
         "paused": status.phase is Phase.PAUSED,
@@ -115,7 +115,8 @@ def headline(status: MissionStatus) -> str:
     if "{stop}" in text:
         return text.format(stop=status.target.name if status.target else "a stop")
     if status.phase is Phase.FINISHED and status.ended:
-        return f"{text}: {_ENDS[status.ended]}"
+        stops = f"{text}: {status.samples} stop{'s' * (status.samples != 1)}"
+        return f"{stops}, {status.forecast.now_text}" if status.forecast else stops
     if status.phase is Phase.CANCELLING and status.stop_requests > 1:
         return f"{text}: asked {status.stop_requests} times"
     return f"{text}: the robot needs you" if status.phase is Phase.PAUSED and status.needs_operator else text

@@ -88,6 +88,7 @@ class Console(Node):
         self._chosen: dict[str, str] = {}
         self._board, self._faults = Board(), Faults(self)
         self._picture: MapLayers | None = None
+        self._widest: dict[str, tuple[float, float]] = {}
         self._cells: dict[str, NDArray[Any]] = {}
         self._dose_parts: dict[str, Any] = {}
         self._doses: Batches[dict[str, Any]] = Batches(self._show_dose, "dose", rest_s=DOSE_PAUSE_S)
@@ -178,6 +179,7 @@ class Console(Node):
         except InputError as error:
             self._faults.ignore("the field of the planner", error)
             return
+        self._widest = {}  # another field has colours of its own
         self._board.put("field", field_view(self._field))
 
     def _on_battery(self, robot: str, message: BatteryState) -> None:
@@ -216,7 +218,7 @@ class Console(Node):
 
     def _show_map(self) -> None:
         version = 1 if self._picture is None else self._picture.version + 1
-        self._picture = MapLayers(self._cells["map"], version, self._cells.get("change"))
+        self._picture = MapLayers(self._cells["map"], version, self._cells.get("change"), self._widest)
         self._board.put("map", self._picture.about)
 
     def _on_samples(self, message: PointCloud2) -> None:

@@ -39,6 +39,18 @@ def test_a_picture_has_a_pixel_a_cell_with_north_up():
     assert imread(io.BytesIO(layers.png("vwc")), format="png")[2, 0, :3] == pytest.approx(dry_to_wet[0], abs=0.01)
 
 
+def test_limits_only_widen_and_moisture_is_in_percent_by_volume():
+    widest, wetter, narrow = {}, cells(), cells()
+    wetter["vwc"] += 0.2
+    narrow["vwc"] = narrow["vwc"] / 10 + 0.3
+    shown = [MapLayers(one, 1, None, widest).about["layers"][0] for one in (cells(), wetter, narrow)]
+    assert {one["unit"] for one in shown} == {"% by volume"}
+    low, high = zip(*(one["limits"] for one in shown), strict=True)
+    assert low[0] == low[1] == low[2] < 5
+    assert 35 < high[0] < high[1] == high[2]
+    assert MapLayers(narrow, 1).about["layers"][0]["limits"][0] > 29
+
+
 def test_it_says_which_layers_there_are():
     about = MapLayers(cells(moisture=False), 7).about
     assert [layer["key"] for layer in about["layers"]] == ["rate", "rate_sd"]

@@ -152,16 +152,15 @@ def test_a_walk_a_strategy_and_earlier_runs_are_in_the_plan_that_is_started(brow
     shows(page, "plan-strategy-about", "Evenly spread stops")
     page.locator("#plan-dwell").select_option("ami")
     page.locator("#plan-dwell-by").fill("2.5")
-    page.get_by_text("End early, home, rows").click()
+    page.get_by_text("End early, rows").click()
     page.locator("#plan-good").fill("3")
-    page.locator("#plan-home").fill("n00")
     assert barriers(page) == ""
     slide(page, "Slide to start with this plan")
     expect(page.locator("#draft-about")).to_contain_text("The next mission explores this field", timeout=LIMIT_MS)
     start = wait_for(lambda: [one for one in served.robots.requests if one.verb == "start"])
     (change,) = (one for one in served.robots.requests if one.verb == "change")
     assert (change.who, start[0].who) == ("Ada", "Ada")
-    assert (change.strategy, change.dwell, change.until_sd, change.home) == ("lattice", "ami:2.5%", 0.03, "n00")
+    assert (change.strategy, change.dwell, change.until_sd, change.home) == ("lattice", "ami:2.5%", 0.03, "")
     assert change.hours == 0.0, "the planner has them"
     assert change.until_gain is None
     assert change.covariates == (str(tmp_path / "covariates" / "height.tif"),)

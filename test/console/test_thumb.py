@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import gzip
+import time
 
 import pytest
 from browser import DESK, PHONE, Link, slide, tap
@@ -65,18 +66,13 @@ def test_alarms_are_in_sight_everywhere_and_nothing_is_well_without_a_link(brows
         assert everywhere(page, "alarm") == []
 
 
-def test_a_refusal_is_in_sight_where_the_thumb_is(browser, served):  # noqa: F811
+def test_a_refusal_is_in_sight_and_what_cannot_work_is_disabled_and_says_why(browser, served):  # noqa: F811
     page = opened(browser, served, PHONE)
     slide(page, "Slide to start")
     shows(page, "notice", "Not done: not now")
     assert everywhere(page, "notice") == []
-
-
-def test_what_cannot_work_is_disabled_and_says_why(browser, served):  # noqa: F811
-    page = opened(browser, served, PHONE)
-    served.board.put(
-        "mission/r1", IDLE | {"headline": "Not ready yet", "reason": "waiting for a fix", "ready": False}
-    )
+    page.get_by_role("button", name="Survey", exact=True).click()
+    served.board.put("mission/r1", IDLE | {"reason": "waiting for a fix", "ready": False})
     shows(page, "actions", "Slide to start: waiting for a fix")
     expect(page.locator("#actions [data-slide='Slide to start'] input")).to_be_disabled()
     served.board.put("mission/r1", UNDER_WAY | {"stop": None, "phase": "planning"})
@@ -86,9 +82,6 @@ def test_what_cannot_work_is_disabled_and_says_why(browser, served):  # noqa: F8
     tap(page, -4.0, 20.0)
     shows(page, "place-actions", "measure here: outside the field")
     assert page.locator("#place-actions .slide:not(.off), #place-actions button:enabled").count() == 0
-    served.board.put("mission/r1", IDLE)
-    tap(page, 20.0, 20.0)
-    shows(page, "place-actions", "measure here: no mission is under way")
     assert barriers(page) == ""
 
 
@@ -146,3 +139,59 @@ def test_the_map_stays_in_view_while_corners_are_tapped(browser, served):  # noq
 def test_the_first_view_is_small():
     files = [path for path in module.PAGE.iterdir() if path.suffix in module._KINDS]
     assert sum(len(gzip.compress(path.read_bytes(), 9)) for path in files) <= 60_000
+
+
+def test_the_end_leads_to_the_report_and_nothing_is_red(browser, served, tmp_path):  # noqa: F811
+    over = {"phase": "finished", "running": False, "moving": False, "reason": "the time is up: as planned"}
+    served.board.put("mission/r1", UNDER_WAY | over | {"headline": "Finished: 51 stops, ±2.8 % of the rate"})
+    served.board.put("ended/r1", round(time.time()))
+    with Link(served.port) as link:
+        page = opened(browser, type("Linked", (), {"port": link.port, "board": served.board}), PHONE)
+        shows(page, "headline", "Finished: 51 stops, ±2.8 % of the rate")
+        expect(page.get_by_role("button", name="No report yet: go to the results")).to_be_visible()
+        (tmp_path / "run").mkdir()
+        (tmp_path / "run" / "summary.json").write_text("{}")
+        (tmp_path / "run" / "report.html").write_text("<h1>Map</h1>")
+        with page.expect_popup() as popup:
+            page.get_by_role("link", name="Open the report (run)").click()
+        expect(popup.value.locator("h1")).to_have_text("Map", timeout=LIMIT_MS)
+        assert barriers(page) == ""
+        link.lose()
+        shows(page, "alarm", "The connection has ended, after the mission.")
+        shows(page, "link", "finished")
+        assert (
+            page.locator("#link[data-kind=lost], .alarm:not(.calm), [data-kind=old], [data-kind=danger]").count()
+            == 0
+        )
+
+
+def test_one_forecast_lists_of_sentences_and_a_release_that_is_told(browser, served):  # noqa: F811
+    served.board.put("mission/r1", UNDER_WAY)
+    page = opened(browser, served, PHONE)
+    forecast = page.locator("#forecast").inner_text()
+    assert "±2.8 % (2.3 to 3.4)" in forecast
+    page.get_by_text("Change the mission").click()
+    lists = {
+        name: page.locator(f"#set-{name} option").all_inner_texts() for name in ("dwell", "strategy", "target")
+    }
+    assert (lists["dwell"][0], lists["target"][0]) == ("as it is: as long as it pays", "as it is: neutron rate")
+    assert all(" " in one for one in (*lists["dwell"], *lists["target"]))
+    assert len(lists["strategy"]) > 3
+    page.get_by_role("button", name="Plan", exact=True).click()
+    expect(page.locator("#plan-forecast")).to_have_text(forecast)
+    served.board.put("mission/r1", UNDER_WAY | {"emergency": True})
+    shows(page, "stop", "STOP is pressed")
+    served.board.put("mission/r1", UNDER_WAY | {"paused": True})
+    shows(page, "notice", "STOP is released. Nothing moves before somebody resumes.")
+
+
+def test_a_second_device_sees_who_steers_and_takes_over_from_each_tab(browser, served):  # noqa: F811
+    ada, bo = (opened(browser, served, PHONE) for _ in range(2))
+    ada.locator("#who").fill("Ada")
+    ada.keyboard.press("Tab")
+    slide(ada, "Slide to start")
+    for page, holder, tab in ((bo, "Ada", "Plan"), (ada, "Another device", "Results"), (bo, "Ada", "Survey")):
+        page.get_by_role("button", name=tab, exact=True).click()
+        shows(page, "steer", f"{holder} has the controls")
+        slide(page, "Slide to take over")
+        expect(page.locator("#steer")).to_be_hidden(timeout=LIMIT_MS)

@@ -13,7 +13,8 @@ import pytest
 
 from soilmoist_ros.console.board import MAX_TRAIL, MAX_VISITS, Board, RobotHistory, VisitHistory, changes
 from soilmoist_ros.console.views import headline, mission_view, node_views, place_views
-from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
+from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
 
 NAN = math.nan
@@ -36,6 +37,11 @@ def test_the_words_say_what_matters_most():
     assert headline(replace(STATUS, emergency=True)) == "Emergency stop"
     assert headline(replace(STATUS, emergency=True, stop_requests=1)) == "Emergency stop: asking the robot to stop"
     assert headline(replace(STATUS, phase=Phase.PAUSED, needs_operator=True)) == "Paused: the robot needs you"
+    over = replace(STATUS, phase=Phase.FINISHED, ended=MissionEnd.TIME_UP, samples=51, reason="as planned")
+    assert headline(over) == "Finished: 51 stops"
+    sure = Forecast(0.028, (), (), (), 0.02, 4.0, moisture=True)
+    assert headline(replace(over, forecast=sure)) == "Finished: 51 stops, ±2.8 % by volume"
+    assert mission_view(over, {})["reason"] == "the time is up: as planned"
     idle = replace(STATUS, phase=Phase.IDLE)
     for reason in ("waiting for start", "aborted by Ada; waiting for start"):
         assert headline(replace(idle, reason=reason)) == "Ready"

@@ -99,6 +99,7 @@ def test_an_imported_field_is_explored_and_a_stop_without_an_answer_is_said_loud
         assert "by Ada" in Path(planning.state.field).read_text()
         ros.wait_for(lambda: len(navigation.goals) > 0)
         assert {stop.name: stop.x_m for stop in STOPS}[navigation.goals[0]] <= 20.1
+        page.get_by_role("button", name="Plan", exact=True).click()  # a start leads to the survey
         seen.shows("plan-start", "A mission is under way")
         page.locator("#field-file").select_option("(start)")
         page.get_by_role("button", name="Change the mission to this plan").click()

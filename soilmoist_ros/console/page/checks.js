@@ -56,7 +56,7 @@ function heardChecks(robot) {
     return [name, worst.level, worst.message, remedy];
   });
   const heard = sections.heard?.[`mission/${robot}`];
-  if (heard === undefined || nowS() - heard > SILENT_S) rows.unshift(["Link to the robot", 2, "the planner is not heard", "start it, or check the network"]);
+  if (heard === undefined || nowS() - heard > SILENT_S) rows.unshift(["Link to the robot", sections[`mission/${robot}`]?.phase === "finished" ? 3 : 2, "the planner is not heard", "start it, or check the network"]);
   rows.push(["Battery", ...battery(robot)], ["Clock", ...clock()], ["Datum", ...datum(robot)]);
   return rows;
 }

@@ -15,6 +15,7 @@ const DWELLS = [
   ["fmi", "A fixed time", ["Time at each stop [s]", "60"]],
   ["ami", "Until the count is good enough", ["Error of a count [%]", "3"]],
 ];
+const TRY = "Try it on simulated fields";
 const DRIVES = [["free", "anywhere in the field"], ["lattice", "between the stops of a lattice"], ["rows", "along crop rows"]];
 let page = null, busy = false, found = null, files = null, runs = null, touched = new Set();
 const known = { earlier: null, covariates: null };  // names that are chosen; null: as they are
@@ -29,6 +30,12 @@ function dwellText() {
   return value("dwell") === "fmi" ? `fmi:${number("dwell-by")}` : `ami:${number("dwell-by")}%`;
 }
 
+// A rule as the planner writes it, as a sentence.
+export function dwellWords(text = "") {
+  const [kind, amount] = text.split(":");
+  return kind === "fmi" ? `${amount} s at each stop` : kind === "ami" ? `until a count is sure to ± ${+(parseFloat(amount) * (text.endsWith("%") ? 1 : 100)).toPrecision(3)} %` : "as long as it pays";
+}
+
 function stops() {
   const kind = value("drives");
   return kind === "free" ? undefined : { kind, spacing_m: number("spacing"), rows_m: number("rows"), heading_deg: number("heading") };
@@ -36,9 +43,8 @@ function stops() {
 
 // What is changed with "change": what differs from what the planner has.
 function changes() {
-  const now = settings(), good = ofMoisture() ? number("good") : number("good") / 100;
-  const all = { hours: number("hours"), strategy: value("strategy"), dwell: dwellText(), until_sd: good, until_gain: number("gain"), home: value("home") };
-  if (!all.home) delete all.home;
+  const now = settings(), good = number("good") / 100;
+  const all = { hours: number("hours"), strategy: value("strategy"), dwell: dwellText(), until_sd: good, until_gain: number("gain") };
   const same = (name, one) => (name === "dwell" ? sameDwell(one, now.dwell) : typeof one === "number" ? Math.abs(one - now[name]) < 1e-9 : one === now[name]);
   return Object.fromEntries(Object.entries(all).filter(([name, one]) => !same(name, one)));
 }
@@ -143,12 +149,10 @@ function makeForm() {
     ...choice("strategy", "How stops are chosen", []),
     ...choice("dwell", "How long to count at a stop", DWELLS.map(([key, text]) => [key, text])),
     part("plan-dwell-part", ...input("dwell-by", "", { step: "any", min: "0.1" })),
-    element("details", {}, element("summary", {}, "End early, home, rows"),
+    element("details", {}, element("summary", {}, "End early, rows"),
       part("plan-more",
         ...input("good", "", { step: "any", min: "0", placeholder: "never" }),
         ...input("gain", "End when ten more minutes improve the map by less than [%]", { step: "any", min: "0", placeholder: "never" }),
-        ...input("home", "Stop to drive to at the end", { type: "text", list: "plan-nodes", placeholder: "as it is", autocomplete: "off" }),
-        element("datalist", { id: "plan-nodes" }),
         ...choice("drives", "For the forecast, the robot drives", DRIVES),
         part("plan-drives-part",
           ...input("rows", "Distance between rows [m]", { step: "any", min: "0.2", value: "3" }),
@@ -157,7 +161,7 @@ function makeForm() {
           button("Download these stops for the navigation", travelMap)))),
     ...input("variation", "How much the field varies [% of the rate]", { step: "1", min: "1", max: "100", value: "12" }),
     ...input("wanted", "Wanted error of the map [% of the rate]", { step: "0.1", min: "0.1", value: "5" }),
-    element("button", { type: "submit", id: "plan-run", class: "primary" }, "Forecast"));
+    element("button", { type: "submit", id: "plan-run", class: "primary" }, TRY));
 }
 
 // The form begins with what the planner has; what an operator has typed stays.
@@ -166,7 +170,7 @@ function prefill() {
   fill("plan-strategy", sections.choices?.strategies ?? [], () => (sections.choices?.strategies ?? []).map(([key, label], index) => element("option", { value: key }, index ? label : `${label} (recommended)`)));
   if (now.hours === undefined) return;
   const [kind, amount] = now.dwell.split(":");
-  const given = { hours: now.hours, strategy: now.strategy, dwell: kind, good: (ofMoisture() ? now.until_sd : +(100 * now.until_sd).toPrecision(6)) || "", gain: now.until_gain || "", home: now.home };
+  const given = { hours: now.hours, strategy: now.strategy, dwell: kind, good: +(100 * now.until_sd).toPrecision(6) || "", gain: now.until_gain || "" };
   if (amount) given["dwell-by"] = kind === "ami" ? +(100 * amount).toPrecision(6) : amount;
   for (const [name, one] of Object.entries(given)) {
     const node = $(`plan-${name}`);
@@ -183,12 +187,11 @@ function renderForm() {
   $("plan-dwell-part").hidden = !dwell[2];
   if (dwell[2]) setText(document.querySelector("label[for=plan-dwell-by]"), dwell[2][0]);
   if (dwell[2] && !value("dwell-by")) $("plan-dwell-by").value = dwell[2][1];
-  setText(document.querySelector("label[for=plan-good]"), ofMoisture() ? "End when the map is as good as ± [m³/m³]" : "End when the map is as good as ± [%]");
+  setText(document.querySelector("label[for=plan-good]"), `End when the map is as good as ± [% ${ofMoisture() ? "by volume" : "of the rate"}]`);
   const drives = value("drives");
   $("plan-drives-part").hidden = drives === "free";
   for (const name of ["rows", "heading"]) for (const node of [$(`plan-${name}`), document.querySelector(`label[for=plan-${name}]`)]) node.hidden = drives !== "rows";
   setText("plan-drives-about", drives === "free" ? "On the field, the map of the navigation decides where the robot can stop." : "On the field, the map of the navigation decides: give it the file that you download here.");
-  fill("plan-nodes", sections.nodes ?? [], () => (sections.nodes ?? []).map(([name]) => element("option", { value: name })));
 }
 
 export function renderPlan() {
@@ -200,7 +203,7 @@ export function renderPlan() {
   renderKnown();
   renderForm();
   $("plan-run").disabled = busy || !may;
-  $("plan-run").textContent = busy ? "Simulating…" : may ? "Forecast" : "Forecast: only for who has the controls";
+  $("plan-run").textContent = busy ? "Simulating…" : may ? TRY : `${TRY}: only for who has the controls`;
   $("forecast-part").hidden = !found;
   if (found) showForecast();
   const running = now?.running ?? null;

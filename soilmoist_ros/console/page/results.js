@@ -18,6 +18,16 @@ export async function showRuns() {
   renderResults();
 }
 
+// Name and address of the report of a mission that ended at a time [s since 1970]; null if it is not made yet.
+export async function reportSince(endS) {
+  try {
+    const [run] = (await (await fetch("runs", { cache: "no-store" })).json()).runs;  // the latest; "changed" has minutes
+    return run?.report && Date.parse(run.changed) / 1000 + 60 >= endS ? [run.name, address(run.name, "report.html")] : null;
+  } catch {
+    return null;
+  }
+}
+
 async function make(what, runs, more = {}) {
   const answer = await request("make", { what, runs, ...more });
   page.notice(answer.error ?? answer.message, Boolean(answer.error) || !answer.started);
@@ -33,7 +43,7 @@ function card(run) {
   const facts = [
     run.field, run.simulated ? "simulated" : "", run.start ? run.start.replace("T", " ").replace(/:\d\dZ$/, " UTC") : `changed ${run.changed.replace("T", " ").replace("+00:00", " UTC")}`,
     run.duration_s ? duration(run.duration_s) : "", run.stops ? `${run.stops} stops` : "", run.distance_m ? metres(Math.round(run.distance_m)) : "",
-    run.vwc ? `mean moisture ${run.vwc.toFixed(3)} m³/m³` : "",
+    run.vwc ? `mean moisture ${(100 * run.vwc).toFixed(1)} % by volume` : "",
   ].filter(Boolean).join(" · ");
   const row = ([name, bytes]) => element("li", {}, element("a", { href: address(run.name, name), download: true }, name), ` ${size(bytes)}`);
   const files = run.files.filter(([name]) => name !== "report.html" && !name.startsWith("configuration/"));

@@ -4,26 +4,26 @@
 
 import { command, connect, connected, emergency, listen, lost, nowS, sections, takeControls, valuesAt } from "./link.js";
 import { draft, draw, fade, fit, load, mark, onPlace, showLayer, shownLayer, showRobot, zoom } from "./map.js";
-import { addCorner, drawingBar, know, renderPlan, showChoices, startPlan } from "./plan.js";
-import { renderResults, showRuns, startResults } from "./results.js";
+import { addCorner, drawingBar, dwellWords, know, renderPlan, showChoices, startPlan } from "./plan.js";
+import { renderResults, reportSince, showRuns, startResults } from "./results.js";
 import { $, button, duration, element, fill, metres, setText, slide } from "./widgets.js";
 
-const OLD_S = 10, GONE_S = 30, SNAP_M = 12, RETRY_MS = 1000;
+const OLD_S = 10, GONE_S = 30, SNAP_M = 12, RETRY_MS = 1000, LOOK_MS = 5000;
 const SETTINGS = [
   ["hours", "Time of the mission from its start [h]", { type: "number", step: "0.1", min: "0.1" }],
-  ["dwell", "Dwell: fmi:SECONDS, ami:THRESHOLD or optimal", { type: "text" }],
-  ["strategy", "Strategy, such as gcb", { type: "text" }],
-  ["target", "Which map is to be good: vwc or rate", { type: "text" }],
-  ["home", "Home: the node of the map where the robot drives at the end", { type: "text" }],
+  ["dwell", "How long to count at a stop"], ["strategy", "How stops are chosen"], ["target", "Which map is to be good"],
 ];
+const DWELLS = ["optimal", "fmi:30", "fmi:60", "fmi:120", "fmi:300", "ami:5%", "ami:3%", "ami:2%"];
+const TARGETS = [["vwc", "soil moisture"], ["rate", "neutron rate"]];
 const TABS = [["plan", "Plan"], ["survey", "Survey"], ["results", "Results"]];
-let tab = "survey", robot = "", place = null, picking = false, stopping = null, noticeTimer = 0, wasStale = "";
+let tab = "survey", robot = "", place = null, picking = false, stopping = null, noticeTimer = 0, wasStale = "", wasPressed = false, report = {}, lookedMs = 0;
 
 const mission = () => sections[`mission/${robot}`];
 const mayAsk = () => sections.viewer?.may_steer ?? false;  // has the controls, or may have them
 const taken = () => mayAsk() && Boolean(sections.viewer.holder) && !sections.viewer.holds;
 const maySteer = () => connected() && mayAsk() && !taken();
 const heardAgo = () => nowS() - (sections.heard?.[`mission/${robot}`] ?? -Infinity);
+const holder = () => (sections.viewer.holder === "console" ? "Another device" : sections.viewer.holder);
 const ended = () => mission()?.phase === "finished";
 const anyEmergency = () => (sections.robots ?? []).some((one) => sections[`mission/${one}`]?.emergency);
 
@@ -75,8 +75,7 @@ async function takeOver() {
 async function release() {
   stopping = null;
   const reply = await emergency("release");
-  if (reply.acknowledged) notice("STOP is released. Nothing moves before you resume.");
-  else notice(`STOP is still pressed: ${reply.error ?? "another button is pressed, or the planner does not answer"}`, true);
+  if (!reply.acknowledged) notice(`STOP is still pressed: ${reply.error ?? "another button is pressed, or the planner does not answer"}`, true);
 }
 
 // A place of the map ----------------------------------------------------------------------------------------------------
@@ -98,12 +97,14 @@ function octagon(radius) {
   return [...Array(8).keys()].map((n) => [place.x + radius * Math.cos((n + 0.5) * Math.PI / 4), place.y + radius * Math.sin((n + 0.5) * Math.PI / 4)]);
 }
 
+const percent = (share) => (100 * share).toFixed(1);
+
 function changeText(values) {
   const key = ["change_vwc", "change_rate"].find((one) => values[one] !== undefined);
   if (!key) return "";
-  const [digits, unit] = key === "change_vwc" ? [3, "m³/m³"] : [2, "counts/s"];
+  const [say, unit] = key === "change_vwc" ? [percent, "% by volume"] : [(rate) => rate.toFixed(2), "counts/s"];
   const sure = values.significant === 0 ? "may be chance" : "significant";
-  return `change ${values[key] < 0 ? "" : "+"}${values[key].toFixed(digits)} ± ${values[`${key}_sd`].toFixed(digits)} ${unit}, ${sure}`;
+  return `change ${values[key] < 0 ? "" : "+"}${say(values[key])} ± ${say(values[`${key}_sd`])} ${unit}, ${sure}`;
 }
 
 function placeText(values) {
@@ -111,8 +112,8 @@ function placeText(values) {
   if (values === null) return ["The console did not answer", ""];
   const change = changeText(values);
   if (values.vwc !== undefined) {
-    const range = values.vwc_p05 !== undefined ? `90 % between ${values.vwc_p05.toFixed(3)} and ${values.vwc_p95.toFixed(3)}` : "";
-    return [`${values.vwc.toFixed(3)} ± ${values.vwc_sd.toFixed(3)} m³/m³`, [range, `rate ${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`, change].filter(Boolean).join("; ")];
+    const range = values.vwc_p05 !== undefined ? `90 % between ${percent(values.vwc_p05)} and ${percent(values.vwc_p95)}` : "";
+    return [`${percent(values.vwc)} ± ${percent(values.vwc_sd)} % by volume`, [range, `rate ${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`, change].filter(Boolean).join("; ")];
   }
   if (values.rate !== undefined) return [`${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`, change];
   return ["No value here yet", ""];
@@ -199,7 +200,8 @@ function renderState() {
     $("progress").value = now.planned_dwell_s ? Math.min(1, now.dwell_s / now.planned_dwell_s) : 0;
     spark(sections[`count/${robot}`] ?? []);
   }
-  const shown = now && [now.running, now.paused, now.phase === "returning", now.emergency, sections.viewer, robot, heardAgo() > GONE_S, lost(), reasons(now)];
+  const shown = now && [now.running, now.paused, now.phase === "returning", now.emergency, sections.viewer, robot, heardAgo() > GONE_S, lost(), reasons(now), ended(), report];
+  if (ended()) lookForReport(sections[`ended/${robot}`]);
   fill("actions", shown, () => actions(now));
 }
 
@@ -211,12 +213,28 @@ function reasons(now) {
   };
 }
 
-function actions(now) {
+async function lookForReport(at) {
+  if (!at || report.at === at || performance.now() < lookedMs + LOOK_MS || lost()) return;
+  lookedMs = performance.now();
+  const found = await reportSince(at);
+  if (found) { report = { at, name: found[0], href: found[1] }; render(); }
+}
+
+// What is left to do after a mission.
+function afterwards() {
+  if (!ended()) return [];
+  if (!report.at || report.at !== sections[`ended/${robot}`]) return [button("No report yet: go to the results", () => showTab("results"))];
+  return [element("a", { class: "button", href: report.href, target: "_blank", rel: "noopener" }, `Open the report (${report.name})`)];
+}
+
+const actions = (now) => [...afterwards(), ...commands(now)];
+
+function commands(now) {
   if (!now || sections.watch_only) return [];
   if (lost()) return [element("p", {}, "No connection: nothing can be asked for. STOP is tried until it is acknowledged.")];
   const why = reasons(now);
   if (!mayAsk()) return [element("p", {}, "Read-only: open the address with the token that the console prints.")];
-  if (taken()) return [element("p", {}, `${sections.viewer.holder} has the controls. STOP works for everybody.`), slide("Slide to take over the controls", takeOver)];
+  if (taken()) return [element("p", {}, `${holder()} has the controls.`)];
   if (heardAgo() > GONE_S) return [element("p", {}, "The planner is not heard any more: it has ended, or the link to it is lost.")];
   if (now.emergency) return [slide("Slide to release STOP", release, "danger")];
   const end = slide("Slide to end the mission", () => ask("abort"), "danger");
@@ -242,10 +260,11 @@ function renderMission() {
   const now = mission();
   setText("used", duration(now?.used_s)); setText("left", duration(now?.left_s));
   setText("stops", String(now?.stops ?? "–")); setText("distance", metres(now?.distance_m));
-  setText("forecast", now?.forecast ? `Map: ${now.forecast}` : "No forecast yet.");
+  for (const id of ["forecast", "plan-forecast"]) setText(id, now?.forecast ? `Forecast of the map: ${now.forecast}` : "No forecast yet.");
   setText("ends", now?.running && now.left_s ? `Ends in ${duration(now.left_s)} of mission time at the latest, way home included.` : "");
   setText("last-command", now?.last_command ? `Last command: ${now.last_command}` : "");
   renderHome(now);
+  if (now?.settings?.dwell) renderChoices(now.settings);
   const ruled = sections[`ruled_out/${robot}`] ?? [];
   $("ruled-part").hidden = !ruled.length;
   fill("ruled", [ruled, maySteer()], () => ruled.map((polygon, index) => {
@@ -270,14 +289,24 @@ function renderHome(now) {
   const name = now?.settings?.home, begun = sections[`start/${robot}`];
   $("home-part").hidden = name === undefined;
   setText("home", name ? `The robot drives to ${name} at the end.` : "There is no home: the robot stays where the mission ends.");
-  fill("home-actions", [begun, maySteer(), sections.watch_only], () => (!maySteer() ? [] : [
-    button("Home is where it started", () => ask("change", { place: begun }), "", begun ? "" : "not seen by this page"),
+  fill("home-actions", [begun, maySteer(), now?.running], () => (!maySteer() ? [] : [
+    button(now?.running ? "Home is where it started" : "Home is where it stands", () => ask("change", { place: begun }), "", begun ? "" : "not seen by this page"),
     button("Tap home on the map", () => { picking = true; render(); }),
   ]));
 }
 
+// What may be chosen instead of the present settings, in words.
+function renderChoices(now) {
+  const strategies = (sections.choices?.strategies ?? []).map(([key, text]) => [key, text]);
+  const words = (list, key) => list.find(([one]) => one === key)?.[1] ?? key;
+  for (const [name, list] of [["dwell", DWELLS.map((key) => [key, dwellWords(key)])], ["strategy", strategies], ["target", TARGETS]]) {
+    const present = name === "dwell" ? dwellWords(now[name]) : words(list, now[name]);
+    fill(`set-${name}`, [present, list], () => [["", `as it is: ${present}`], ...list].map(([key, text]) => element("option", { value: key }, text)));
+  }
+}
+
 function settingsForm() {
-  const inputs = SETTINGS.map(([name, text, attributes]) => [name, text, element("input", { id: `set-${name}`, ...attributes })]);
+  const inputs = SETTINGS.map(([name, text, attributes]) => [name, text, element(attributes ? "input" : "select", { id: `set-${name}`, ...attributes })]);
   $("settings").append(...inputs.flatMap(([, text, input]) => [element("label", { for: input.id }, text), input]), element("button", { type: "submit", class: "primary" }, "Change"));
   $("settings").addEventListener("submit", async (event) => {
     event.preventDefault();
@@ -327,11 +356,11 @@ function renderHealth() {
   const row = (part) => element("li", { "data-level": part.level }, element("b", {}, `${part.name.replace(/^\//, "")}: `), part.message);
   fill("health", parts.filter((part) => part.level), () => parts.filter((part) => part.level).map(row));
   $("well-part").hidden = !well.length;
-  setText("well-about", stale() || lost() ? `Not known now; ${well.length} parts worked when last heard` : `${well.length === parts.length ? "All well: " : ""}${well.length} parts work`);
+  setText("well-about", stale() || lost() ? `Not known now; ${well.length} parts worked when last heard` : `${well.length === parts.length ? "All well: " : ""}${well.length} of ${parts.length} parts work`);
   fill("well", well, () => well.map(row));
 }
 
-const figure = (value, one) => value === null ? "–" : value.toFixed(one.unit === "m³/m³" ? 3 : 2).replace("-", "−");
+const figure = (value, one) => value === null ? "–" : value.toFixed(one.unit.startsWith("%") ? 1 : 2).replace("-", "−");
 
 function renderMap() {
   const about = sections.map;
@@ -374,6 +403,15 @@ async function onMap(at) {
   else await choose(at);
 }
 
+// Who steers, on each tab.
+function renderSteer() {
+  $("steer").hidden = !taken();
+  fill("steer", [sections.viewer, taken()], () => (!taken() ? [] : [
+    element("p", {}, `${holder()} has the controls. STOP works for everybody.`), slide("Slide to take over the controls", takeOver)]));
+  if (wasPressed && !anyEmergency() && !lost()) notice("STOP is released. Nothing moves before somebody resumes.", false, 20000);
+  wasPressed = lost() ? wasPressed : anyEmergency();
+}
+
 function renderFrame() {
   const robots = sections.robots ?? [];
   if (!robots.includes(robot) && robots.length) robot = robots[0];
@@ -414,7 +452,7 @@ function renderTabs() {
   }));
 }
 
-function render() { renderTabs(); renderFrame(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderMapbar(); renderPlace(); }
+function render() { renderTabs(); renderFrame(); renderSteer(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderMapbar(); renderPlace(); }
 
 $("stop").addEventListener("click", stop);
 $("place-close").addEventListener("click", leave);

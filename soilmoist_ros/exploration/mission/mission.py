@@ -428,7 +428,10 @@ class _Step:
     def emergency(self, event: events.EmergencyStop) -> None:
         """Stop at once and stay, whatever the mission is doing; a release only ends the reason."""
         others = tuple(other for other in self.state.emergency if other != event.source)
+        released = not event.active and self.state.emergency and not others and not self.state.alarms
         self.set(emergency=(*others, event.source) if event.active else others)
+        if released and self.state.phase is Phase.PAUSED and not self.state.held:
+            self.set(reason="the emergency stop is released; resume or abort")
         if not event.active:
             return
         reason = f"emergency stop{after_colon(event.source)}"

@@ -92,9 +92,14 @@ class Forecast:
         return "% by volume" if self.moisture else "% of the rate"
 
     @property
+    def now_text(self) -> str:
+        """Standard deviation now, as ``±2.4 % of the rate``."""
+        return f"±{hundredths(self.sd)} {self.unit}"
+
+    @property
     def text(self) -> str:
         """The forecast in words, as ``±2.4 % of the rate now, ±2.0 % (1.7 to 2.4) in 35 min``."""
-        text = f"±{hundredths(self.sd)} {self.unit} now"
+        text = f"{self.now_text} now"
         if self.times_s:
             text += f", {self.end_text} in {self.times_s[-1] / 60:.0f} min"
         return text if self.hidden is None else f"{text}; {self.uniform}"

@@ -294,6 +294,7 @@ def test_an_emergency_stop_holds_until_an_operator_resumes(phase):
     assert "button" in driver.answer.message
     driver.send(EmergencyStop, False, "button").send(Tick, after=600.0)
     assert driver.phase is Phase.PAUSED, "a release moves nothing"
+    assert "stop is released; resume" in driver.reason
     assert driver.count_of(GoTo) == goals
     assert driver.command("resume").answer.accepted
 
