@@ -222,7 +222,7 @@ class Team:
     def standing(self) -> Iterator[tuple[str, Place]]:
         """Places to keep away from: where a robot stands, or will stand, or a lost one may be.
 
-        A way that ended beside the stop to which another robot drives would keep both from their stops.
+        A way that ended next to the stop to which another robot drives would keep both from their stops.
         """
         for name, robot in self.robots.items():
             status, lost = robot.status, self.is_lost(robot)
