@@ -160,7 +160,10 @@ def _calibrate(options: SimpleNamespace, cores: Path, site: Path) -> None:
         of_air = sensing.SurveyAir(pressure_hpa=counted.pressure_hpa)
         prior = _general_of_run(run, known) if run is not None else _general(known, of_air)
         days = tuple(table.days) or dates
-        result = _combined(result, estimate, mean, rate, unit_curve, known, site, prior, options.earlier, days)
+        day_sd = sensing.DAY_SD if run is None else 0.0  # a map is of the day of its cores
+        result = _combined(
+            result, estimate, mean, rate, day_sd, unit_curve, known, site, prior, options.earlier, days
+        )
     elif options.earlier:
         raise click.UsageError("--earlier is not used with --cores-only")
     if options.dry_run:
@@ -172,7 +175,7 @@ def _calibrate(options: SimpleNamespace, cores: Path, site: Path) -> None:
 
 def _combined(
     alone: sensing.Calibration, cores: sensing.N0Estimate, mean: sensing.CoreMean, rate_cps: float,
-    unit_curve: sensing.MoistureCurve, known: sensing.Site, site: Path,
+    day_sd: float, unit_curve: sensing.MoistureCurve, known: sensing.Site, site: Path,
     general: tuple[sensing.Calibration | None, str], earlier: tuple[Path, ...], days: Sequence[str],
 ) -> sensing.Calibration:  # fmt: skip
     """The calibration by the cores together with the general and earlier ones; as it was where there is none."""
@@ -186,7 +189,7 @@ def _combined(
         warn(f"assumption the profile is within {sensing.PROFILE_SD:g} m3/m3 (1 sd) of its footprint's mean")
         rate_sd = cores.from_counting_cps / cores.n0_cps * rate_cps
         cores = sensing.estimate_n0(rate_cps, rate_sd, mean.vwc, sensing.PROFILE_SD, unit_curve)
-    sources = [sensing.N0Source("cores", cores.n0_cps, cores.n0_sd_cps / cores.n0_cps)]
+    sources = [sensing.N0Source("cores", cores.n0_cps, math.hypot(cores.n0_sd_cps / cores.n0_cps, day_sd))]
     if prior is not None:
         sd = (prior.n0_sd_cps or 0.0) / prior.n0_cps
         sources.append(sensing.N0Source("general", prior.n0_cps, sd, min(sensing.GENERAL_SD, sd)))

@@ -37,8 +37,9 @@ if TYPE_CHECKING:
     help="Site file: corrections, soil, calibration. Default: standard corrections.",
 )
 @click.option("--sensor", type=options.SensorType(), metavar="MODEL|NUMBER",
-              help="Sensor of a site without calibration: CRS-1000, CRS-1000B, CRS-2000, CRS-2000B, or its counts "
-              "per count of the reference detector. Gives moisture by the general calibration.")  # fmt: skip
+              help="Sensor of a site without calibration: CRS-1000, CRS-1000B, CRS-2000, CRS-2000B, LiFoil-2, "
+              "LiFoil-3, or its counts per count of the reference detector. Gives moisture by the general "
+              "calibration.")  # fmt: skip
 @click.option(
     "--field",
     type=options.Name("field"),

@@ -122,7 +122,7 @@ class SensorType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
             return value
         name = re.sub(r"[\s_-]", "", str(value).upper())
         for model in SENSITIVITIES:
-            if name == model.replace("-", ""):
+            if name == model.replace("-", "").upper():
                 return model
         try:
             number = float(value)

@@ -30,7 +30,6 @@ from soilmoist_ros.pipeline import is_illustrative
 from soilmoist_ros.reporting.exports.source import RunSource
 from soilmoist_ros.reporting.page.statistics import MAX_UNUSABLE
 from soilmoist_ros.sensing import (
-    GENERAL_SD,
     PROFILE_SD,
     Footprint,
     MoistureCurve,
@@ -43,6 +42,8 @@ from soilmoist_ros.sensing import (
 )
 
 Array = NDArray[np.float64]
+N0_SD = 0.055
+"""Standard deviation of log N0 where the run knows none: that of all sites of the general calibration."""
 DENSITY_SD_GCM3 = 0.12
 """Standard deviation of the bulk density, prior and of one profile, where the run knows none [g/cm^3]."""
 SHAPE_SHARE = 0.25
@@ -199,9 +200,9 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
         notes.append("the calibration is a guess: so are the moistures, and the level is less sure than said")
     known = curve.n0_sd_cps / curve.n0_cps
     if not known:
-        notes.append(f"the error of N0 is not known: {100 * GENERAL_SD:.1f} % is assumed, as between sites")
+        notes.append(f"the error of N0 is not known: {100 * N0_SD:.1f} % is assumed, as between sites")
     density_sd = curve.bulk_density_sd_gcm3 or DENSITY_SD_GCM3
-    model = LevelModel(covariance, (PROFILE_SD / per_level) ** 2, effect, known or GENERAL_SD, density_sd)
+    model = LevelModel(covariance, (PROFILE_SD / per_level) ** 2, effect, known or N0_SD, density_sd)
     reach = ((about.get("map") or {}).get("sensed") or {}).get("radius_r86_m") or {}
     radius = float(reach.get("mean") or SHIELDED_M)
     if not reach.get("mean"):

@@ -88,6 +88,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.footprint import Weighting as Weighting
     from soilmoist_ros.sensing.moisture.footprint import mean_of_cores as mean_of_cores
     from soilmoist_ros.sensing.moisture.footprint import sensed_soil as sensed_soil
+    from soilmoist_ros.sensing.moisture.general import DAY_SD as DAY_SD
     from soilmoist_ros.sensing.moisture.general import GENERAL_SD as GENERAL_SD
     from soilmoist_ros.sensing.moisture.general import SENSITIVITIES as SENSITIVITIES
     from soilmoist_ros.sensing.moisture.general import SurveyAir as SurveyAir
@@ -173,7 +174,7 @@ __getattr__, __dir__, __all__ = open_door(
         "moisture.cores": "SoilCore possible_days profiles_of read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
-        "moisture.general": "GENERAL_SD SENSITIVITIES SurveyAir general_calibration sensitivity_of why_no_soil",
+        "moisture.general": "DAY_SD GENERAL_SD SENSITIVITIES SurveyAir general_calibration sensitivity_of why_no_soil",
         "moisture.site": "Calibration Irrigation N0Estimate Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration write_site_values",
         "moisture.texture": "SoilTexture TEXTURES",
         "position.nmea": "parse_nmea",

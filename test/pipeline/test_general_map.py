@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``soilmoist map`` of a log whose site has no N0."""
 
+import csv
 import json
 import math
 from dataclasses import replace
@@ -86,16 +87,50 @@ def test_the_command_says_where_the_moisture_is_from(tmp_path):
     command = ["map", str(LOG), "--site", str(site), "--overwrite"]
     plain = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "rate")])
     assert "--sensor MODEL" in plain.output
-    found = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "moist"), "--sensor", "0.83"])
+    found = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "moist"), "--sensor", "lifoil2"])
     assert found.exit_code == 0, found.output
-    assert "counts/s +- 7%, general calibration after Heistermann" in found.output
+    assert "counts/s +- 9%, general calibration after Heistermann" in found.output
     about = json.loads((tmp_path / "moist" / "summary.json").read_text())
     assert about["calibration"]["method"] == "general"
-    assert {part["origin"] for part in about["calibration"]["parts"]} >= {"given", "measured", "default range"}
+    assert {part["origin"] for part in about["calibration"]["parts"]} >= {
+        "literature",
+        "measured",
+        "default range",
+    }
     assert "general_calibration" in about["warning_codes"]
     report = (tmp_path / "moist" / "report.html").read_text()
     assert "Default ranges, not measured: intensity, biomass, bulk density" in report
-    assert (tmp_path / "moist" / "moisture.csv").read_text().splitlines()[1].endswith("general")
+    rows = list(csv.DictReader((tmp_path / "moist" / "moisture.csv").read_text().splitlines()))
+    assert {row["calibrated"] for row in rows} == {"general"}
+    of_cores = [row for row in rows if row["begin_utc"].startswith("2021-10-22")]
+    assert len(of_cores) == 2
+    for row in of_cores:  # 56 soil cores of this day
+        assert float(row["vwc_p05"]) < 0.292 < float(row["vwc_p95"])
+
+
+DATA = Path(__file__).parents[1] / "data"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("record", "sensor", "place", "soil", "of_cores"),
+    [
+        ("SHC002_2015-07-04.csv", "CRS-2000B", (51.528, -1.468, 204), (1.1, 0.031, 0.046), 0.229),
+        ("FSC001_2014-11-17.csv", "CRS-1000", (53.319, 13.122, 66), (1.135, 0.002, 0.031), 0.122),
+    ],
+)
+def test_a_day_of_a_public_station_holds_its_cores(record, sensor, place, soil, of_cores, tmp_path):
+    keys = {
+        "location": dict(zip(("latitude_deg", "longitude_deg", "altitude_m"), place, strict=True)),
+        "soil": dict(zip(("bulk_density_gcm3", "lattice_water", "organic_carbon"), soil, strict=True)),
+    }
+    (tmp_path / "site.yaml").write_text(json.dumps(keys))
+    command = ["map", str(DATA / record), "--site", str(tmp_path / "site.yaml"), "--sensor", sensor]
+    found = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "out")])
+    assert found.exit_code == 0, found.output
+    rows = list(csv.DictReader((tmp_path / "out" / "moisture.csv").read_text().splitlines()))
+    for row in rows:
+        assert float(row["vwc_p05"]) < of_cores < float(row["vwc_p95"])
 
 
 @pytest.mark.parametrize("sensor", ["CRS-3000", "0", "-1", "nan", "101"])

@@ -20,9 +20,15 @@ from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 from soilmoist_ros.reporting import open_run, open_source, plan_cores, write_mission
-from soilmoist_ros.reporting.core_plan import SHEET_COLUMNS, LevelModel, choose_places, core_layers_cm, fit_level
+from soilmoist_ros.reporting.core_plan import (
+    N0_SD,
+    SHEET_COLUMNS,
+    LevelModel,
+    choose_places,
+    core_layers_cm,
+    fit_level,
+)
 from soilmoist_ros.sensing import (
-    GENERAL_SD,
     PROFILE_SD,
     CalibrationCurve,
     SurveyAir,
@@ -43,7 +49,7 @@ def per_level(curve, vwc):
 def model_of(curve, vwc, covariance):
     heavier = replace(curve, bulk_density_gcm3=curve.bulk_density_gcm3 + 1e-3)
     effect = np.log(curve.rate_cps(vwc) / heavier.rate_cps(vwc)) / 1e-3
-    return LevelModel(covariance, (PROFILE_SD / per_level(curve, vwc)) ** 2, effect, GENERAL_SD)
+    return LevelModel(covariance, (PROFILE_SD / per_level(curve, vwc)) ** 2, effect, N0_SD)
 
 
 # -- Design ----------------------------------------------------------------------------------------------------
@@ -57,7 +63,7 @@ def test_each_place_makes_the_level_surer_and_places_keep_their_distance(seed, c
     root = 0.02 * rng.standard_normal((30, 30)) / 5
     chosen, sd = choose_places(model_of(UNIT, vwc, root @ root.T + 1e-4 * np.eye(30)), xy, vwc, count, spacing_m)
     assert 1 <= len(chosen) <= count
-    assert all(np.diff([GENERAL_SD, *sd]) < 0)
+    assert all(np.diff([N0_SD, *sd]) < 0)
     distance = np.hypot(*np.moveaxis(xy[chosen][:, None] - xy[chosen], -1, 0)) + 1e9 * np.eye(len(chosen))
     assert distance.min() >= spacing_m
     if 1 < len(chosen) == count and spacing_m == 0:
@@ -73,7 +79,7 @@ def test_the_stated_error_is_that_of_the_regression():
     model = replace(model_of(UNIT, vwc, covariance), density_sd=1e-9)
     chosen, sd = choose_places(model, xy, vwc, 4, 0.0)
     of_core = covariance[np.ix_(chosen, chosen)] + np.diag(model.core_variance[chosen])
-    assert sd[-1] == pytest.approx((np.linalg.inv(of_core).sum() + GENERAL_SD**-2) ** -0.5)
+    assert sd[-1] == pytest.approx((np.linalg.inv(of_core).sum() + N0_SD**-2) ** -0.5)
 
 
 def test_layers_reach_as_deep_as_the_probe_sees():
@@ -104,10 +110,7 @@ def test_n0_from_exact_cores_is_exact_and_from_many_has_no_bias():
 def compare_designs(seed, count, cells=12, side_m=120.0):
     """Error of log N0 and the stated one by planned, random and gridded places of a field; the promised one."""
     rng = np.random.default_rng(seed)
-    true, prior = (
-        CalibrationCurve(2 * math.exp(GENERAL_SD * rng.standard_normal()), 1.4),
-        CalibrationCurve(2.0, 1.4),
-    )
+    true, prior = (CalibrationCurve(2 * math.exp(N0_SD * rng.standard_normal()), 1.4), CalibrationCurve(2.0, 1.4))
     axis = (np.arange(cells) + 0.5) * side_m / cells
     xy = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
     range_m = rng.uniform(20, 60)
@@ -138,7 +141,7 @@ def compare_designs(seed, count, cells=12, side_m=120.0):
         found = np.array(places)
         level, variance, *_ = fit_level(cores[found], mapped[found], covariance[np.ix_(found, found)], UNIT)
         errors += [level - math.log(true.n0_cps), math.sqrt(variance)]
-    return [*errors, (sd[-1] ** -2 - GENERAL_SD**-2) ** -0.5]
+    return [*errors, (sd[-1] ** -2 - N0_SD**-2) ** -0.5]
 
 
 @pytest.mark.slow
@@ -200,7 +203,7 @@ def test_the_filled_sheet_goes_back_into_the_command(folder, tmp_path):
     assert load_site(site).calibration.n0_cps == pytest.approx(n0_cps, rel=0.01)
     assert site.read_text().startswith("# kept")
     assert found["n0_sd_cps"] / n0_cps == pytest.approx(
-        (places[-1]["level_sd"] ** -2 - GENERAL_SD**-2) ** -0.5, rel=0.3
+        (places[-1]["level_sd"] ** -2 - N0_SD**-2) ** -0.5, rel=0.3
     )
     assert (
         "leave out --log"

@@ -21,7 +21,7 @@ import numpy as np
 from soilmoist_ros.foundation import InputError, LocalFrame, listing
 from soilmoist_ros.sensing.corrections.settings import Location
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.moisture.general import GENERAL_SD
+from soilmoist_ros.sensing.moisture.general import DAY_SD, GENERAL_SD
 from soilmoist_ros.sensing.moisture.site import Calibration, N0Estimate, Site, UncertaintyPart
 
 PROFILE_SD = 0.05
@@ -95,7 +95,7 @@ def earlier_source(
     """What an earlier calibration of the same sensor says of a site.
 
     At another site the scatter between sites (:data:`GENERAL_SD`) acts twice, once at each site. At the same
-    site it does not act: another day of cores is another sample of one N0.
+    site days scatter by :data:`DAY_SD`.
 
     :param before: site with the earlier calibration, ``path`` is its file; ``here``: the site to calibrate
     :param days: days of the present cores
@@ -124,7 +124,7 @@ def earlier_source(
         return N0Source("earlier", n0 * factor, math.hypot(sd / n0, GENERAL_SD, GENERAL_SD), GENERAL_SD)
     if days and found.date and set(days) & set(found.date.split(", ")):
         raise InputError(f"is of the same day, {found.date}: its cores would count twice", "leave it out", path)
-    return N0Source("earlier day", n0, sd / n0)
+    return N0Source("earlier day", n0, math.hypot(sd / n0, DAY_SD))
 
 
 def combined_calibration(

@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 WaterFraction = Annotated[float, Field(ge=0, lt=1)]
-SensorModel = Literal["CRS-1000", "CRS-1000B", "CRS-2000", "CRS-2000B"]
+SensorModel = Literal["CRS-1000", "CRS-1000B", "CRS-2000", "CRS-2000B", "LiFoil-2", "LiFoil-3"]
 """Sensor models whose sensitivity is published."""
 Crop = Literal[
     "bare", "grass", "alfalfa", "wheat", "barley", "rapeseed", "maize", "soybean", "sugar beet", "potato"
@@ -327,9 +327,10 @@ class Site(Section):
     """Crop, for the biomass in a general calibration where ``corrections.biomass`` is left out."""
     sensor_sensitivity: Annotated[float, Field(gt=0, le=100)] | SensorModel | None = None
     """Counts of the whole sensor in units of the reference detector of the general calibration, or the model:
-    CRS-1000, CRS-1000B, CRS-2000 or CRS-2000B. With it, a site without N0 has a general calibration."""
+    CRS-1000, CRS-1000B, CRS-2000, CRS-2000B, LiFoil-2 or LiFoil-3 (lithium foil, number of tubes). With it, a site
+    without N0 has a general calibration."""
     sensor_sensitivity_sd: NotNegative | None = None
-    """Standard deviation of the sensitivity; 3 % if left out, 4 % of a model."""
+    """Standard deviation of the sensitivity; 3 % if left out, 4 to 8 % of a model."""
     tube_shares: list[NotNegative] | None = None
     """Share of each tube in the rate of the whole sensor; estimated from the log if left out."""
     soil: Soil | None = None

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.sensing.moisture.combined import (
+    DAY_SD,
     GENERAL_SD,
     N0Source,
     combine_n0,
@@ -107,14 +108,14 @@ def site(n0_cps=1.0, place=HERE, **calibration):
 
 def test_another_day_here_and_another_site():
     again = earlier_source(site(n0_sd_cps=0.02, date="2025-04-01"), FILE, site(), ["2026-05-01"], None)
-    assert (again.n0_cps, again.sd, again.site_sd) == (1.0, 0.02, 0.0)
+    assert again == ("earlier day", 1.0, pytest.approx(math.hypot(0.02, DAY_SD)), 0.0)
     far = site(n0_sd_cps=0.02, place={**HERE, "latitude_deg": 51.0})
     there = earlier_source(far, FILE, site(), [], lambda: 1.2)
     assert there.n0_cps == pytest.approx(1.2)
     assert there.sd == pytest.approx(math.hypot(0.02, GENERAL_SD, GENERAL_SD))
     cores = UncertaintyPart(name="cores", value=1.2, unit="counts/s", sd=0.06, origin="measured", share=0.03)
     both = earlier_source(site(n0_sd_cps=0.02, method="combined", parts=[cores]), FILE, site(), [], None)
-    assert (both.n0_cps, both.sd) == (1.2, pytest.approx(0.05))  # without the prior that it has in it
+    assert (both.n0_cps, both.sd) == (1.2, pytest.approx(math.hypot(0.05, DAY_SD)))  # without its prior
 
 
 @pytest.mark.parametrize(
