@@ -50,9 +50,9 @@ GENERAL_N0_CPS = 0.6905
 RIGIDITY_GV = 2.893
 """Vertical cutoff rigidity of the reference place, Marquardt near Potsdam, by the table of this package [GV]."""
 GENERAL_SD = 0.036
-"""Standard deviation of log N0 of a day at a site. With :data:`SCALING_SD` an *effective* one, 0.042 = q / 1.645: q
-is the conformal 90 % quantile of the deviations (Vovk et al. 2005, Algorithmic learning in a random world) at the 49
-sites with other sensors than CRS-1000 and CRS-1000B, each site with one weight."""
+"""Standard deviation of log N0 of a day at a site. With :data:`SCALING_SD` an *effective* one, 0.042 = q / 1.645,
+where q is the conformal 90 % quantile (Vovk et al. 2005, Algorithmic learning in a random world) of the deviations
+at the 49 sites with other sensors than CRS-1000 and CRS-1000B, each site with one weight."""
 SCALING_SD = 0.021
 """Standard deviation of log N0 by the scaling between places, against the model PARMA."""
 DAY_SD = 0.028
