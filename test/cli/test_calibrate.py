@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from soilmoist_ros.cli.main import main
-from soilmoist_ros.sensing import GENERAL_SD, SurveyAir, general_calibration, load_site
+from soilmoist_ros.sensing import DAY_SD, GENERAL_SD, SurveyAir, general_calibration, load_site
 
 DRY = [(1, 0.2), (25, 0.18), (75, 0.17), (200, 0.18)]
 SITE = "location: {latitude_deg: 51.5, longitude_deg: -1.5, altitude_m: 190}\nfootprint_radius_m: 200\n"
@@ -240,7 +240,7 @@ def test_an_earlier_day_at_this_site_sharpens_and_the_same_day_is_refused(calibr
     alone, both = calibrate(later, counts=2500), calibrate(later, "--earlier", before, counts=2500)
     assert both["n0_cps"] == pytest.approx(alone["n0_cps"], rel=1e-4)
     of_day = alone["n0_sd_cps"] / alone["n0_cps"]
-    assert both["n0_sd_cps"] / both["n0_cps"] == pytest.approx((of_day**2 + 0.028**2) ** 0.5 / 2**0.5, rel=0.01)
+    assert both["n0_sd_cps"] / both["n0_cps"] == pytest.approx((of_day**2 + DAY_SD**2) ** 0.5 / 2**0.5, rel=0.01)
     (error,) = calibrate(later.replace("2026", "2025"), "--earlier", before)["errors"]
     assert "its cores would count twice" in error["message"]
 
@@ -260,7 +260,8 @@ def test_an_earlier_calibration_at_another_site_is_scaled_and_weighs_as_sites_di
     )
     assert here > 1.1 * away  # at one pressure; the cutoff rigidity is larger there
     n0_cps, sd = there.calibration.n0_cps * here / away, there.calibration.n0_sd_cps / there.calibration.n0_cps
-    precision = [(alone["n0_sd_cps"] / alone["n0_cps"]) ** -2, 1 / (sd**2 + 2 * GENERAL_SD**2)]
+    of_day = alone["n0_sd_cps"] / alone["n0_cps"]
+    precision = [1 / (of_day**2 + DAY_SD**2), 1 / (sd**2 + 2 * GENERAL_SD**2)]
     assert both["weight_of_cores"] == pytest.approx(precision[0] / sum(precision), rel=1e-3)
     expected = np.average(np.log([alone["n0_cps"], n0_cps]), weights=precision)
     assert np.log(both["n0_cps"]) == pytest.approx(expected, abs=1e-4)
