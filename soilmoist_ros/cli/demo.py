@@ -17,7 +17,7 @@ import click
 
 from soilmoist_ros.cli import options
 from soilmoist_ros.cli.answer import answering, echo, live_view, progress_bar, say, warn, wrote
-from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
+from soilmoist_ros.cli.mission_options import GroupedCommand, chosen_settings, mission_options
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation import InputError, install, is_installed
 
@@ -33,7 +33,7 @@ DEFAULTS = {"field": "farm", "hours": 1.0}
 """Settings of a demo that differ from those of a simulated mission; the hour lasts a minute."""
 
 
-@click.command("demo")
+@click.command("demo", cls=GroupedCommand)
 @mission_options(DEMO, DEFAULTS)
 @click.option("--time-factor", type=click.FloatRange(min=0.1, max=200), default=60.0, show_default=True,
               help="Simulated seconds per real second.")  # fmt: skip

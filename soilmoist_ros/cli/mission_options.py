@@ -18,6 +18,30 @@ if TYPE_CHECKING:
     from soilmoist_ros.simulation import MissionSettings
 
 Command = Callable[..., None]
+GROUPS: Mapping[str, str] = {
+    "Usual options": "field hours strategy live out",
+    "Mission": "dwell preset target robots properties until_sd until_gain travel graph speed_mps turn_s_per_rad "
+    "stop_overhead_s min_dwell_s learn_travel stop_cost_s metre_cost_s navigator autostart",
+    "Map": "model fit noise local drift_model map_from cell_m",
+    "Knowledge": "earlier covariates",
+    "Simulation": "seed time_factor scenario real_speed_mps cadence_s footprint_m position_sd_m weather drift "
+    "drift_hour series_every_s random_field earlier_surveys persistence survey_days pattern_days "
+    "covariate_correlation useless_covariates",
+    "Output": "figures console leave",
+}
+"""Names of the options below each heading of ``--help``, in their order; all others come last."""
+
+
+class GroupedCommand(click.Command):
+    """A command whose help shows its options below the headings of :data:`GROUPS`."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options of each group that the command has."""
+        options = {str(one.name): record for one in self.get_params(ctx) if (record := one.get_help_record(ctx))}
+        for title, names in GROUPS.items():
+            shown = [options.pop(name) for name in names.split() if name in options]
+            with formatter.section(title):
+                formatter.write_dl([*shown, *(options.values() if title == "Output" else ())])
 
 
 class _Value(click.ParamType):  # type: ignore[type-arg]

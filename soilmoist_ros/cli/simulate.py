@@ -24,7 +24,7 @@ from soilmoist_ros.cli.answer import (
     say,
     wrote,
 )
-from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
+from soilmoist_ros.cli.mission_options import GroupedCommand, chosen_settings, mission_options
 
 if TYPE_CHECKING:
     from soilmoist_ros.console import WatchedMission
@@ -35,7 +35,7 @@ TIME_FACTOR = 60.0
 """Simulated seconds per real second of a mission that is watched."""
 
 
-@click.command("simulate")
+@click.command("simulate", cls=GroupedCommand)
 @mission_options()
 @click.option("--live", is_flag=True,
               help="Show the mission in a browser as it runs; Ctrl-C ends it and keeps the results.")  # fmt: skip

@@ -3,6 +3,7 @@
 """The command as a user runs it: map.py, simulate.py, replay.py, demo.py, calibrate.py, mission_options.py ...."""
 
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import rasterio.warp
 from click.testing import CliRunner
 
 from soilmoist_ros.cli.main import COMMANDS, EXAMPLES, RENAMED, main
+from soilmoist_ros.cli.mission_options import GROUPS
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.simulation.mission.settings import SETTINGS
@@ -163,6 +165,20 @@ def test_the_help_lists_each_command_with_its_first_sentence(name):
     assert command.name == name
     assert " ".join(command.help.split("\n\n")[0].split()).startswith(COMMANDS[name])
     assert COMMANDS[name].split()[0] in run("--help").output
+
+
+@pytest.mark.parametrize("name", ["simulate", "demo"])
+def test_the_help_of_a_mission_groups_its_options(name):
+    text = run(name, "--help").output
+    assert re.findall(r"^([A-Z][a-z ]+):$", text, re.MULTILINE) == list(GROUPS)
+    usual = text.partition("Usual options:")[2].partition("Mission:")[0]
+    wanted = ["--field", "--hours", "--strategy", *["--live"] * (name == "simulate"), "--out"]
+    assert re.findall(r"^  (--\w+)", usual, re.MULTILINE) == wanted
+    command = main.get_command(click.Context(main), name)
+    shown = re.findall(r"^  (?:-\w, )?(--[\w-]+)", text, re.MULTILINE)
+    assert sorted(shown) == sorted(
+        next(opt for opt in one.opts if opt.startswith("--")) for one in command.get_params(click.Context(command))
+    ), "each option once"
 
 
 def test_an_unknown_command_suggests_the_nearest():
