@@ -26,9 +26,10 @@ from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spr
 from soilmoist_ros.exploration.planning.properties import Property, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
 from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
-from soilmoist_ros.exploration.strategies.strategy import Situation, Strategy
+from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
 from soilmoist_ros.exploration.travel.travel import RobotMotion, TravelModel
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import (
     Field,
     FieldGrid,
@@ -118,7 +119,7 @@ class Explorer:
         """Choose the next stop for a robot at a place [m]; the time of the answer is 0."""
         situation = self.situation(request, position_xy, others)
         strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
-        choice, forecast = strategy.choose(situation, self.rng), None
+        choice, forecast = self._checked(strategy.choose(situation, self.rng), strategy), None
         if self._forecasts:
             times_s = request.time_used_s, request.time_left_s
             forecast = self._forecaster.forecast(self.properties[0], *times_s, 1 + len(others))
@@ -131,6 +132,14 @@ class Explorer:
         stays = bool(request.staying) and choice.stop.name == request.staying
         travel_s = 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0])
         return Planned(0.0, request.plan_id, choice, travel_s, forecast=forecast, home_s=home_s)
+
+    def _checked(self, choice: Choice | None, strategy: Strategy) -> Choice | None:
+        """The choice of a strategy, which may be a plug-in's; an :class:`InputError` if it is none."""
+        if choice is None or (isinstance(choice, Choice) and getattr(choice.stop, "name", None) in self._numbers):
+            return choice
+        what = "a Choice of another stop" if isinstance(choice, Choice) else type(choice).__name__
+        message = f"strategy {type(strategy).__name__}: choose must return a Choice or None; it returned {what}"
+        raise InputError(message, "return Choice(stop, reason) with a stop of situation.candidates")
 
     def achieved(self) -> Forecast | None:
         """Standard deviation of the map now, ``None`` without a map."""

@@ -269,7 +269,11 @@ def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
         raise InputError(f"the dwell rule {text.strip()!r} has no number after '{name}:'", _EXAMPLES)
     if colon and not kind.needs_value:
         raise InputError(f"the dwell rule {text.strip()!r} must be '{name}' alone", _EXAMPLES)
-    return kind.read(number, longest_s)
+    rule = kind.read(number, longest_s)
+    if not callable(getattr(rule, "enough", None)):
+        what = f"read must return a DwellRule; it returned {type(rule).__name__}"
+        raise InputError(f"dwell rule {name!r}: {what}", "correct the plug-in")
+    return rule
 
 
 def dwell_rule(given: str | DwellRule, longest_s: float = MAX_DWELL_S) -> DwellRule:

@@ -130,7 +130,11 @@ def make_strategy(
     >>> make_strategy("gcb")
     CostBenefitTour(begun_s=None, ahead=())
     """
-    return strategy_kind(given).make(_preset(preset))
+    made = strategy_kind(given).make(_preset(preset))
+    if not callable(getattr(made, "choose", None)):
+        what = f"make must return an object with a method choose; it returned {type(made).__name__}"
+        raise InputError(f"strategy {given!r}: {what}", "correct the plug-in")
+    return made
 
 
 def warm_up(

@@ -97,6 +97,14 @@ EXPORTS: Registry[Export] = Registry("soilmoist_ros.exports", "export", BUILT_IN
 """Exports by name; another package adds one with an entry point ``soilmoist_ros.exports``."""
 
 
+def _written(name: str, paths: object) -> list[Path]:
+    """The paths that an export returned, which may be a plug-in's."""
+    if isinstance(paths, list | tuple) and all(isinstance(path, Path) and path.is_file() for path in paths):
+        return list(paths)
+    what = f"write must return a list of the paths written; it returned {paths!r}"
+    raise InputError(f"export {name!r}: {what}", "correct the plug-in")
+
+
 def export_run(
     run: Path | str,
     names: Iterable[str],
@@ -135,7 +143,7 @@ def export_run(
         paths, failed = list[Path](), list[InputError]()
         for name, kind in kinds.items():
             try:
-                paths += kind.write(source, workshop, chosen)
+                paths += _written(name, kind.write(source, workshop, chosen))
             except InputError as error:
                 failed.append(error)
                 if refused is None or len(failed) == len(kinds):

@@ -3,6 +3,7 @@
 """Plan requests wait for the map, but not for ever, and whatever goes wrong is an answer."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.strategies.strategy import Choice
+from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
@@ -110,6 +113,22 @@ def test_whatever_breaks_is_a_failed_plan(explorer, monkeypatch, error):
         failed = answer(make, PlanJob(request(7), PLACE, (FOLLOWED,)), True)
         assert failed.plan_id == 7
         assert "bad luck" in failed.reason
+
+
+@pytest.mark.parametrize(
+    ("returned", "what"),
+    [
+        (Stop("a", 1.0, 1.0), "Stop"),
+        ("a", "str"),
+        (Choice(Stop("nowhere", 1.0, 1.0), "why"), "a Choice of another stop"),
+        (Choice("a", "why"), "a Choice of another stop"),
+    ],
+)
+def test_a_strategy_that_returns_something_else_is_told_what_it_must_return(explorer, returned, what):
+    explorer.strategy = SimpleNamespace(choose=lambda situation, rng: returned)
+    failed = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True)
+    said = f"strategy SimpleNamespace: choose must return a Choice or None; it returned {what} -> return Choice("
+    assert failed.reason.startswith(said)
 
 
 def test_what_other_robots_are_about_is_held_until_they_tell_of_something_else(explorer):

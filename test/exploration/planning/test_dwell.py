@@ -7,8 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.planning.dwell import (
+    DWELL_RULES,
     MAX_DWELL_S,
     AdaptiveInterval,
+    DwellKind,
     FixedInterval,
     MarginalValue,
     Optimal,
@@ -34,6 +36,12 @@ def test_a_rule_reads_back_from_its_text(text, rule, plain):
     assert parse_dwell(text) == rule
     assert str(parse_dwell(text)) == plain
     assert parse_dwell(plain) == rule
+
+
+def test_a_rule_of_a_plug_in_must_be_one(monkeypatch):
+    monkeypatch.setitem(DWELL_RULES._objects(), "mine", DwellKind(lambda text, longest_s: 60.0, str, False))
+    with pytest.raises(InputError, match="dwell rule 'mine': read must return a DwellRule; it returned float"):
+        parse_dwell("mine")
 
 
 @pytest.mark.parametrize(

@@ -81,6 +81,11 @@ def test_the_presets_are_the_published_constants():
     assert some_cells == {"random", "lattice", "ivr", "gcb"}
 
 
+def test_a_kind_must_make_a_strategy():
+    with pytest.raises(InputError, match="make must return an object with a method choose; it returned int"):
+        make_strategy(StrategyKind(lambda preset: 1, "mine"))
+
+
 def test_unknown_names_are_answered_with_the_known_ones():
     with pytest.raises(InputError, match=r"'gredy' -> use one of: greedy, .*did you mean 'greedy'"):
         make_strategy("gredy")

@@ -134,5 +134,8 @@ def test_another_package_adds_an_export(exported, tmp_path, monkeypatch):
     monkeypatch.setitem(EXPORTS._objects(), "points", Export(write, "points", "a test", ".txt"))
     (path,) = export_run(exported.folder, ["points"], tmp_path)
     assert path.read_text() == "12"
+    monkeypatch.setitem(EXPORTS._objects(), "points", Export(lambda *_: "points.txt", "points", "a test", ".txt"))
+    with pytest.raises(InputError, match="write must return a list of the paths written; it returned"):
+        export_run(exported.folder, ["points"], tmp_path)
     with pytest.raises(TypeError, match="must be a"):
         registry._checked(write)
