@@ -443,3 +443,27 @@ def test_each_node_gets_its_enclave(monkeypatch, tmp_path):
     assert not any(action.ros_arguments for action in stand_in.start(ROBOT, monkeypatch, {"out": str(tmp_path)}))
     with pytest.raises(InputError, match="rehearse with one robot"):
         stand_in.start(SIMULATION, monkeypatch, {**given, "robots": "2"})
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "config" / "robots").glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_nodes_take_the_file_and_the_launch_line_of_each_robot(path, monkeypatch, seen):
+    lines = [line[1:].strip() for line in path.read_text().splitlines() if line.startswith("#   ")]
+    launch, package, file, *words = " ".join(lines).replace("\\", "").split()[1:]
+    assert (launch, package, file) == ("launch", "soilmoist_ros", ROBOT.name)
+    given = dict(word.split(":=", 1) for word in words) | {"params_file": str(path)}
+    nodes = by_name(stand_in.start(ROBOT, monkeypatch, given))
+    values = {name: seen(action) for name, action in nodes.items()}
+    blocks = yaml.safe_load(path.read_text())
+    for block, its in blocks.items():
+        said = its["ros__parameters"]
+        assert {name: values[block.removeprefix("/**/")][name] for name in said} == said, "and no argument differs"
+    planner, driver = values["planner"], values["sensor_driver"]
+    assert (planner["home"], planner["frame"], values["mapper"]["frame"]) == (
+        given["home"],
+        *2 * [driver["frame_id"]],
+    )
+    assert [planner[name] for name in ("antenna_x_m", "antenna_y_m")] == [
+        driver["antenna_x_m"],
+        driver["antenna_y_m"],
+    ]
+    assert not planner["autostart"]
