@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Progress of the installation (scripts/install)."""
+"""What installs: its progress (scripts/install), and that the help of a script installs nothing."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -39,3 +40,13 @@ def test_messages_of_pip_are_shown_when_it_fails():
     assert run.returncode == 1
     assert "No matching distribution found for no-such-package==1" in run.stderr
     assert "scripts/install: pip failed" in run.stderr
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("name", ["demo", "test", "docs", "install", "build_interfaces", "keystore", "fuzz"])
+def test_the_help_of_a_script_installs_nothing(name, tmp_path):
+    shutil.copytree(SCRIPT.parent, tmp_path / "scripts")
+    run = subprocess.run([tmp_path / "scripts" / name, "--help"], capture_output=True, text=True, cwd=tmp_path)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert f"usage: {'.venv/bin/python ' * (name in ('install', 'fuzz'))}scripts/{name}" in run.stdout
+    assert [path.name for path in tmp_path.iterdir()] == ["scripts"]

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The package for pip, colcon and ROS."""
 
+import os
 import re
 import shlex
 import shutil
@@ -150,6 +151,16 @@ def test_the_command_line_takes_the_commands_of_the_pages(page, arguments):
     if not rest or rest == ["--help"]:  # the command is only named
         return
     assert isinstance(command.make_context(name, rest), click.Context)
+
+
+def test_the_commands_of_the_readme_are_there_in_their_order():
+    lines = "".join(blocks("README.md", "sh")).replace("\\\n", " ").splitlines()
+    assert lines[0].startswith("python3 -m venv .venv && "), "what follows needs it"
+    for first in [shlex.split(line, comments=True)[0] for line in lines[1:]]:
+        known = first in ("ros2", ".venv/bin/soilmoist")
+        assert known or (first.startswith("scripts/") and os.access(ROOT / first, os.X_OK))
+    (film,) = re.findall(r"!\[[^\]]+\]\((docs/images/[^)]+)\)", PAGES["README.md"])
+    assert (ROOT / film).stat().st_size < 3e6
 
 
 def test_every_command_stands_on_a_page():
