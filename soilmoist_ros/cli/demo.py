@@ -17,7 +17,13 @@ import click
 
 from soilmoist_ros.cli import options
 from soilmoist_ros.cli.answer import answering, echo, live_view, progress_bar, say, warn, wrote
-from soilmoist_ros.cli.mission_options import GroupedCommand, chosen_settings, mission_options
+from soilmoist_ros.cli.mission_options import (
+    GroupedCommand,
+    chosen_settings,
+    irrigation_of,
+    irrigation_option,
+    mission_options,
+)
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation import InputError, install, is_installed
 
@@ -49,6 +55,7 @@ DEFAULTS = {"field": "farm", "hours": 1.0}
 @click.option("--exit", "leave", is_flag=True, help="End with the mission, also on a terminal.")
 @options.earlier_option()
 @options.covariate_option()
+@irrigation_option
 @options.output_options("Folder for the run; made if missing.")
 @answering
 def command(
@@ -63,6 +70,7 @@ def command(
     leave: bool,
     earlier: tuple[Path, ...],
     covariates: tuple[str, ...],
+    site: str | None,
 ) -> None:
     """Run the whole ROS system on a simulated field: all nodes as processes, with a live view.
 
@@ -96,7 +104,17 @@ def command(
         warn(f"console: not served, aiohttp is not installed -> {install('console')}")
     port = free_port(PORT) if console else 0
     settings = DemoSettings(
-        out, mission, time_factor, navigator, scenario, autostart, True, earlier, sources, console_port=port
+        out,
+        mission,
+        time_factor,
+        navigator,
+        scenario,
+        autostart,
+        True,
+        earlier,
+        sources,
+        port,
+        irrigation_of(site),
     )
     address = f"console    http://127.0.0.1:{port}/"
     replay = None

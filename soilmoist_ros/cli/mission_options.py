@@ -15,6 +15,7 @@ from soilmoist_ros.cli.options import Name
 from soilmoist_ros.simulation import PRESETS, SETTINGS, Setting
 
 if TYPE_CHECKING:
+    from soilmoist_ros.sensing import Irrigation
     from soilmoist_ros.simulation import MissionSettings
 
 Command = Callable[..., None]
@@ -113,6 +114,20 @@ def _default(setting: Setting) -> str:
     if setting.kind is bool:
         return f"Default: {'yes' if setting.default else 'no'}."
     return "" if setting.default is None else f"Default: {setting.default}."
+
+
+irrigation_option = click.option(
+    "--site", type=Name("site"),
+    help="Site file with irrigation keys; only these are used: the simulated sensor has a calibration of its own. "
+    "Default: loam, roots to 300 mm, depletion 0.5, efficiency 0.8.",
+)  # fmt: skip
+
+
+def irrigation_of(site: str | None) -> Irrigation | None:
+    """The irrigation keys of a site file; ``None`` without one."""
+    from soilmoist_ros.sensing import load_site
+
+    return None if site is None else load_site(site).irrigation
 
 
 def chosen_settings(choices: dict[str, Any]) -> MissionSettings:

@@ -118,7 +118,7 @@ def print_replay(replay: Replay) -> None:
             f"{last.samples} stops: {mission.ended}"
         )
         if math.isfinite(last.vwc_rmse):
-            say(f"moisture   RMSE {100 * last.vwc_rmse:.2f} % by volume")
+            say(f"moisture   RMSE {100 * last.vwc_rmse:.2f} % by volume with the true N0")
     for run, comparison in zip(replay.run.properties, replay.comparisons, strict=True):
         say(f"property   {run.name}, {len(run.track)} records merged into {len(run.soil_map.samples)} samples")
         print_losses(run)

@@ -24,7 +24,13 @@ from soilmoist_ros.cli.answer import (
     say,
     wrote,
 )
-from soilmoist_ros.cli.mission_options import GroupedCommand, chosen_settings, mission_options
+from soilmoist_ros.cli.mission_options import (
+    GroupedCommand,
+    chosen_settings,
+    irrigation_of,
+    irrigation_option,
+    mission_options,
+)
 
 if TYPE_CHECKING:
     from soilmoist_ros.console import WatchedMission
@@ -43,6 +49,7 @@ TIME_FACTOR = 60.0
               help="Simulated seconds per real second, with --live. Default: 60.")  # fmt: skip
 @options.earlier_option(" Not for a series of simulated surveys: --earlier-surveys.")
 @options.covariate_option()
+@irrigation_option
 @options.figures_option
 @options.output_options()
 @answering
@@ -54,6 +61,7 @@ def command(
     time_factor: float | None,
     earlier: tuple[Path, ...],
     covariates: tuple[str, ...],
+    site: str | None,
     choices: dict[str, Any],
 ) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
@@ -70,7 +78,7 @@ def command(
     from soilmoist_ros.reporting import mission_run, run_figures, write_figures, write_mission
     from soilmoist_ros.simulation import simulate_mission
 
-    sources = list(map(CovariateSource.parse, covariates))
+    sources, irrigation = list(map(CovariateSource.parse, covariates)), irrigation_of(site)
     with ExitStack() as stack:
         page = stack.enter_context(_live(settings, time_factor or TIME_FACTOR, out)) if live else None
         watch = None if page is None else page.show
@@ -81,7 +89,7 @@ def command(
                 settings, lambda share: progress("exploring", share), True, surveys, sources, watch
             )
             progress("writing the results", 1.0)
-            run = None if result.soil_map is None else mission_run(result, earlier=runs)
+            run = None if result.soil_map is None else mission_run(result, earlier=runs, irrigation=irrigation)
             written = write_mission(out, result, run=run)
             written += write_figures(out, () if run is None else run_figures(run), figures)
         _print_summary(settings, result, run)
@@ -134,7 +142,7 @@ def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun
         say("map        no map: the mission ended before the first map update; report.html says what to do")
         return
     say(f"rate       {rate_error(last.mse, last.coverage95)}")
-    rmse = f"RMSE {100 * last.vwc_rmse:.2f} % by volume"
+    rmse = f"RMSE {100 * last.vwc_rmse:.2f} % by volume with the true N0"
     say(f"moisture   {rmse if run.soil_map.curve else 'not mapped: the field has no calibration'}")
     for mapped, errors in zip(result.properties[1:], last.errors[1:], strict=True):
         say(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")

@@ -19,6 +19,7 @@ from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopbac
 from soilmoist_ros.pipeline import ReplaySettings
 from soilmoist_ros.recording import CONFIGURATION, write_parameters
 from soilmoist_ros.reporting import LiveMap, LiveMission
+from soilmoist_ros.sensing import Irrigation
 from soilmoist_ros.simulation import (
     MissionSettings,
     SurrogateField,
@@ -43,6 +44,7 @@ class DemoSettings:
     :param autostart: whether the missions start as soon as they can
     :param exit_when_finished: whether the planners end with their missions
     :param console_port: port of the operator's page on this machine; 0 for no page
+    :param irrigation: irrigation keys of the site instead of the default ones
     """
 
     out: Path
@@ -55,6 +57,7 @@ class DemoSettings:
     earlier: tuple[Path, ...] = ()
     covariates: tuple[CovariateSource, ...] = ()
     console_port: int = 0
+    irrigation: Irrigation | None = None
 
 
 def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
@@ -62,7 +65,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     mission, configuration = settings.mission, out / CONFIGURATION
     files = {name: str(configuration / f"{name}.yaml") for name in ("field", "site")}
     write_field_file(field, Path(files["field"]))
-    write_site_file(field, Path(files["site"]))
+    write_site_file(field, Path(files["site"]), irrigation=settings.irrigation)
 
     def of_mission(*names: str) -> dict[str, object]:
         return {name: value for name in names if (value := getattr(mission, name)) is not None}

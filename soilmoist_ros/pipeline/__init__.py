@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline.field_survey import FieldSurvey as FieldSurvey
     from soilmoist_ros.pipeline.field_survey import make_run as make_run
     from soilmoist_ros.pipeline.field_survey import open_survey as open_survey
+    from soilmoist_ros.pipeline.field_survey import site_facts as site_facts
     from soilmoist_ros.pipeline.file_facts import FileFinding as FileFinding
     from soilmoist_ros.pipeline.file_facts import contradictions as contradictions
     from soilmoist_ros.pipeline.file_facts import field_findings as field_findings
@@ -70,7 +71,7 @@ __getattr__, __dir__, __all__ = open_door(
     {
         "bag_map": "Replay ReplaySettings replay_bag",
         "earlier_runs": "EARLIER EarlierTarget MAX_AHEAD_S earlier_doubts find_runs mean_rate mission_earlier read_earlier_runs read_run run_change simulated_runs",
-        "field_survey": "FieldSurvey make_run open_survey",
+        "field_survey": "FieldSurvey make_run open_survey site_facts",
         "file_facts": "FileFinding contradictions field_findings graph_findings log_findings logger_findings position_findings site_findings truth_findings",
         "log_map": "MapSettings map_logs",
         "logs": "log_positions log_times position_source read_logs read_track reading_of skipped_text",

@@ -407,7 +407,7 @@ def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun])
 
 def mission_earlier(settings: MissionSettings, paths: Sequence[Path]) -> Mapping[str, tuple[EarlierRun, ...]]:
     """Finished runs as earlier surveys of each property of a simulated mission; see :func:`read_earlier_runs`."""
-    from soilmoist_ros.simulation import mission_fields, mission_properties
+    from soilmoist_ros.simulation import mission_fields, mission_properties, simulated_site
 
     if not paths:
         return {}
@@ -415,7 +415,7 @@ def mission_earlier(settings: MissionSettings, paths: Sequence[Path]) -> Mapping
     grid = fields[0].field.grid(settings.cell_m)
     found = {}
     for number, (one, wanted) in enumerate(zip(fields, mission_properties(settings), strict=True)):
-        curve = None if number else one.curve
+        curve = None if number else simulated_site(one).curve  # as in the summaries of runs
         choices = FieldMapSettings(fit=settings.fit, curve=curve, footprint_radius_m=settings.footprint_m)
         found[wanted.name] = read_earlier_runs(
             paths, EarlierTarget(one.frame, grid, choices, wanted.name, number == 0, True)

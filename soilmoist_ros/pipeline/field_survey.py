@@ -341,14 +341,13 @@ def make_run(
         logger_format=logger_format,
         corrections=rows,
         losses=losses,
-        calibration=_calibration(site),
         simulated=simulated,
         notes=notes,
         version=__version__,
         settings=settings,
         footprint_radius_m=site.footprint_radius_m,
         quarantined=[record for record in records if record.quarantine],
-        irrigation=site.irrigation,
+        **site_facts(site),
         time_zone=site.time_zone or "",
         sensed=_sensed_soil(soil_map, track, site),
         earlier=earlier,
@@ -456,6 +455,11 @@ def _intensity_source(
 
 def _range(factors: Sequence[float]) -> tuple[float, float, float]:
     return float(np.mean(factors)), min(factors), max(factors)
+
+
+def site_facts(site: Site) -> dict[str, Any]:
+    """What a :class:`MapRun` has of its site: ``calibration`` and ``irrigation``."""
+    return {"calibration": _calibration(site), "irrigation": site.irrigation}
 
 
 def _calibration(site: Site) -> CalibrationInfo | None:

@@ -246,7 +246,7 @@ def level_parts(run: MapRun, curve: MoistureCurve, rate: float) -> tuple[float, 
     parts = [_told(part, scale * part.share * rate) for part in shares]
     rest = math.sqrt(max(of_n0**2 - (scale * summed) ** 2, 0.0))
     if rest > 1e-6 * total:
-        cores = known is not None and known.method == "cores" and not run.simulated
+        cores = known is not None and known.method == "cores"
         name = OTHER if shares else CORES if cores else N0
         parts.append(Part(name, curve.n0_cps, "counts/s", curve.n0_cps * rest / rate, "normal", "given", rest))
     water = curve.lattice_water + curve.organic_water
@@ -297,11 +297,11 @@ def _beyond(run: MapRun, rate: float) -> Iterator[Beyond]:
         if not part.share > 0 and part.name not in (DENSITY, WATER):
             yield Beyond(part.name, False, math.nan, "possible in this survey, and nothing is known of it")
     for name, key in ((DENSITY, "bulk_density_sd_gcm3"), (WATER, "bound_water_sd")):
-        if curve is not None and not getattr(curve, key) > 0:
+        if curve is not None and not (run.simulated or getattr(curve, key) > 0):  # simulated soil is exact
             yield Beyond(name, False, math.nan, f"no ± is given: {key}")
     if run.soil_map.deconvolved_m and not at_one_place(run):
         yield Beyond("footprint", True, math.nan, "de-convolved; its radius counts as known")
-    elif run.footprint_radius_m != 0 and not at_one_place(run):
+    elif run.support_text.startswith("mean") and not at_one_place(run):
         yield Beyond("footprint", False, math.nan, f"each value is a {run.support_text}")
 
 

@@ -16,7 +16,16 @@ import numpy as np
 from soilmoist_ros.exploration import property_name
 from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import FieldMap, FieldMapSettings
-from soilmoist_ros.pipeline import EARLIER, EarlierRun, FailedRun, LossRow, MapRun, run_change, simulated_runs
+from soilmoist_ros.pipeline import (
+    EARLIER,
+    EarlierRun,
+    FailedRun,
+    LossRow,
+    MapRun,
+    run_change,
+    simulated_runs,
+    site_facts,
+)
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
@@ -37,7 +46,8 @@ from soilmoist_ros.reporting.page.report import render_failed, write_report
 from soilmoist_ros.reporting.page.statistics import resolution_m
 from soilmoist_ros.reporting.run_summary import failed_summary, settings_summary, summary
 from soilmoist_ros.reporting.text_files import write_json, write_samples, write_series, write_visits
-from soilmoist_ros.simulation import MissionResult
+from soilmoist_ros.sensing import Irrigation
+from soilmoist_ros.simulation import MissionResult, simulated_site, surrogate_field
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -175,8 +185,8 @@ def write_mission(
     """
     created = created_utc or (run.created_utc if run else datetime.now(UTC))
     if result.soil_map is not None:
-        written = write_outputs(folder, run or mission_run(result, created), crs)
-        return [*written, *_write_series(folder, result, crs, created)]
+        run = run or mission_run(result, created)
+        return [*write_outputs(folder, run, crs), *_write_series(folder, result, run, crs)]
     return write_failed(folder, failed_mission(result, created))
 
 
@@ -203,12 +213,12 @@ def failed_mission(result: MissionResult, created_utc: datetime) -> FailedRun:
 
 
 def _write_series(
-    folder: Path, result: MissionResult, crs: CRS | str | int | None, created_utc: datetime
+    folder: Path, result: MissionResult, mission: MapRun, crs: CRS | str | int | None
 ) -> Iterator[Path]:
     """Write a run folder for each simulated earlier survey of the mission field; yields the folders."""
     mapped, settings = result.properties[0], result.settings
     assert mapped.soil_map is not None
-    grid, curve, name = mapped.soil_map.grid, mapped.soil_map.curve, property_name(settings.field_name)
+    grid, curve, name = mapped.soil_map.grid, mission.soil_map.curve, property_name(settings.field_name)
     choices = FieldMapSettings.chosen(settings, curve=curve, footprint_radius_m=settings.footprint_m)
     for back, survey in enumerate(mapped.series, 1):
         field_map = FieldMap(grid, choices)
@@ -218,7 +228,7 @@ def _write_series(
         run = MapRun(
             soil_map=soil_map,
             frame=result.frame,
-            created_utc=created_utc,
+            created_utc=mission.created_utc,
             track=survey.records,
             title=f"Simulated survey {survey.name}",
             field_name=result.field_title,
@@ -228,6 +238,8 @@ def _write_series(
             footprint_radius_m=settings.footprint_m,
             name=name,
             label=result.field_title or name,
+            calibration=mission.calibration,
+            irrigation=mission.irrigation,
         )
         home = folder / EARLIER / f"survey_{back}"
         write_outputs(home, run, crs)
@@ -238,19 +250,23 @@ def mission_run(
     result: MissionResult,
     created_utc: datetime | None = None,
     earlier: Mapping[str, Sequence[EarlierRun]] = _NO_RUNS,
+    irrigation: Irrigation | None = None,
 ) -> MapRun:
-    """A simulated mission as a mapping run.
+    """A simulated mission as a mapping run: its moistures have the calibration of :func:`simulated_site`.
 
     :param created_utc: creation time of its outputs; default now
     :param earlier: finished runs that informed the maps, by name of the property
+    :param irrigation: irrigation keys instead of those of the simulated site
     :raises ValueError: if the mission has no map
     """
     if result.soil_map is None:
         raise ValueError("the mission ended before its first map")
     settings = result.settings
     first, name = result.properties[0], property_name(settings.field_name)
+    site = simulated_site(surrogate_field(settings.field_name), irrigation=irrigation)
     run = MapRun(
-        soil_map=result.soil_map,
+        soil_map=replace(result.soil_map, curve=site.curve),
+        **site_facts(site),
         frame=result.frame,
         created_utc=created_utc or datetime.now(UTC),
         track=result.records,

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.simulation.fields.catalogue import surrogate_field as surrogate_field
     from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names as surrogate_field_names
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField as SurrogateField
+    from soilmoist_ros.simulation.fields.surrogate_field import simulated_site as simulated_site
     from soilmoist_ros.simulation.fields.surrogate_field import write_field_file as write_field_file
     from soilmoist_ros.simulation.fields.surrogate_field import write_site_file as write_site_file
     from soilmoist_ros.simulation.fields.surrogate_field import write_truth_file as write_truth_file
@@ -70,7 +71,7 @@ _open, __dir__, __all__ = open_door(
     __name__,
     {
         "fields.catalogue": "known_field surrogate_field surrogate_field_names",
-        "fields.surrogate_field": "SurrogateField write_field_file write_site_file write_truth_file",
+        "fields.surrogate_field": "SurrogateField simulated_site write_field_file write_site_file write_truth_file",
         "fields.truth_file": "has_truth load_surrogate",
         "mission.channel": "mission_fields mission_properties",
         "mission.efficiency": "mission_efficiency",

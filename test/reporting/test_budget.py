@@ -148,7 +148,9 @@ def test_parts_beyond_the_total_are_scaled(make_run, the_map):
 def test_calibration_without_parts_has_one_row(make_run):
     found = make_budget(make_run())
     assert [one.name for one in found.parts] == [COUNTING, MAPPING, CORES]
-    assert make_budget(make_run(simulated=True)).parts[-1].name == N0
+    assert make_budget(make_run(calibration=None)).parts[-1].name == N0
+    assert make_budget(make_run(simulated=True)).parts[-1].name == CORES
+    assert not [one for one in make_budget(make_run(simulated=True)).beyond if "no ± is given" in one.remark]
     assert make_budget(make_run(simulated=True)).text.startswith("In this simulation, the level")
 
 

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
-from soilmoist_ros.reporting import open_run, open_source, plan_cores, write_mission
+from soilmoist_ros.reporting import mission_run, open_run, open_source, plan_cores, write_mission
 from soilmoist_ros.reporting.core_plan import (
     N0_SD,
     SHEET_COLUMNS,
@@ -164,7 +164,10 @@ def test_planned_places_give_a_surer_level_than_random_ones_and_a_grid(count):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     found = tmp_path_factory.mktemp("mission")
-    write_mission(found, simulate_mission(MissionSettings(hours=0.5, cell_m=4.0, dwell="fmi:60", preset="paper")))
+    result = simulate_mission(MissionSettings(hours=0.5, cell_m=4.0, dwell="fmi:60", preset="paper"))
+    made = mission_run(result)
+    unknown = replace(made.soil_map, curve=replace(made.soil_map.curve, n0_sd_cps=0.0))
+    write_mission(found, result, run=replace(made, soil_map=unknown))
     return found
 
 

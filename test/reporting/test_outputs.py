@@ -191,7 +191,7 @@ def test_words(mission):
 @pytest.mark.parametrize("n0_cps", [6.3, 12.0, 30.0])
 def test_a_simulation_gives_no_advice_about_its_sensor(mission, n0_cps):
     """Missions with wrong moisture in part, in most, and in all of the field."""
-    run = mission_run(with_own(mission, soil_map=with_n0(mission.soil_map, n0_cps)), NOW)
+    run = dataclasses.replace(mission_run(mission, NOW), soil_map=with_n0(mission.soil_map, n0_cps))
     advice = re.compile("N0, the bulk|check N0|tubes", re.IGNORECASE)
     assert not advice.search(" ".join([*headline(run), *map(str, notes(run))]))
     real = dataclasses.replace(run, simulated=False)

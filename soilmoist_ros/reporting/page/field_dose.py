@@ -198,7 +198,7 @@ def _lacking(run: MapRun) -> NoDose | None:
         return NoDose("the sensor is not calibrated", cores)
     if not absolute(run):
         return NoDose("the calibration is a guess", cores)
-    if run.soil_map.curve is not None and not (run.simulated or run.soil_map.curve.n0_sd_cps > 0):
+    if run.soil_map.curve is not None and not run.soil_map.curve.n0_sd_cps > 0:
         return NoDose("the calibration states no ±", "give n0_sd_cps in the site file, or run soilmoist calibrate")
     if not is_usable(run.soil_map):
         return NoDose("the moisture is impossible on much of the area", "check N0, bulk density and tubes")

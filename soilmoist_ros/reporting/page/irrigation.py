@@ -266,11 +266,11 @@ def _level(run: MapRun) -> str:
             "Illustrative: the calibration is a guess. Trust where it is drier and wetter, but not the "
             "percentages and millimetres."
         )
+    source = f" ({run.calibration.source})" if run.calibration and run.calibration.source else ""
     if run.simulated:
-        return "Simulated: no real field was measured."
+        return f"Simulated{source}: no real field was measured."
     if not is_usable(run.soil_map):
         return "The count rate does not fit the calibration: do not use the percentages and millimetres."
-    source = f" ({run.calibration.source})" if run.calibration and run.calibration.source else ""
     if calibration_of(run) == "general":
         return (
             f"By the general calibration{source}: no soil core of this field. The level of the percentages and "

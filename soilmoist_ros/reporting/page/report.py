@@ -374,7 +374,8 @@ def _text(mission: MissionResult) -> str:
                 f"{number(end.mse_10s)} (counts/10 s)²"
             )
             if np.isfinite(end.vwc_rmse):
-                sentences[-1] += f", and a root mean squared error of {number(100 * end.vwc_rmse, 2)} % by volume"
+                moist = f"{number(100 * end.vwc_rmse, 2)} % by volume with the true N0"
+                sentences[-1] += f", and a root mean squared error of {moist}"
             sentences[-1] += f"; the truth lies in the 95 % interval on {percent(end.coverage95)} of the field"
     for index, mapped in enumerate(mission.properties[1:], start=1):
         planned = f"planned for with the weight {mapped.weight:g}" if mapped.weight else "not planned for"

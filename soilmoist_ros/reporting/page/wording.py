@@ -192,8 +192,9 @@ def headline(run: MapRun) -> list[str]:
 def _support(run: MapRun) -> str:
     """Support of each value and resolution of the map, in words."""
     size_m = statistics.resolution_m(run.soil_map, run.footprint_radius_m or 0.0)
-    of = "a " if run.support_text.startswith("mean") else "that of "
-    return f"Each value is {of}{run.support_text}. Structures below {size_m:.0f} m are not resolved."
+    mean = run.support_text.startswith("mean")
+    value = f"Each value is a {run.support_text}" if mean else f"The values are of {run.support_text}"
+    return f"{value}. Structures below {size_m:.0f} m are not resolved."
 
 
 def _headline_of_place(run: MapRun) -> list[str]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping import Field, FieldGrid, Variogram
-from soilmoist_ros.sensing import Calibration, MoistureCurve, Soil
+from soilmoist_ros.sensing import Calibration, Irrigation, MoistureCurve, Site, Soil
 
 Array = NDArray[np.float64]
+CORES_SD = 0.015
+"""Relative standard deviation of N0 by one day of soil cores: 18 profiles where the moisture of profiles has a
+standard deviation of 5 % by volume, at 20 % by volume and 1.4 g/cm^3."""
+IRRIGATION = {"texture": "loam", "root_depth_mm": 300.0, "depletion": 0.5, "efficiency": 0.8}
+"""Irrigation keys of a simulated site: assumptions, to be replaced by a site file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,19 +80,25 @@ def write_field_file(field: SurrogateField, path: Path) -> None:
     _write(path, _yaml(_outline(field)))
 
 
-def write_site_file(field: SurrogateField, path: Path, footprint_m: float = 0.0) -> None:
-    """Write a site file with the soil and the calibration of a surrogate field, if it has any.
+def simulated_site(field: SurrogateField, footprint_m: float = 0.0, irrigation: Irrigation | None = None) -> Site:
+    """Site of a surrogate field as a user would know it: soil, and N0 of one day of soil cores with its ±.
+
+    The error of N0 is a draw that depends on the name of the field alone: one sensor, calibrated once. The counts
+    come from the true curve of the field.
+
+    :param irrigation: irrigation keys instead of :data:`IRRIGATION`
+    """
+    return Site.model_validate(_site(field, footprint_m, irrigation))
+
+
+def write_site_file(
+    field: SurrogateField, path: Path, footprint_m: float = 0.0, irrigation: Irrigation | None = None
+) -> None:
+    """Write the site file of :func:`simulated_site`; without a curve the field has no soil and no calibration.
 
     :raises InputError: if it cannot be written
     """
-    about: dict[str, Any] = {"name": "simulated sensor"}
-    if footprint_m > 0:
-        about["footprint_radius_m"] = footprint_m
-    about["corrections"] = {"humidity": {"method": "linear"}}  # as the simulated weather acts on the counts
-    known = _calibration(field)
-    if known:
-        known["calibration"]["note"] = "the calibration that the simulation uses"
-    _write(path, _yaml(about | known))
+    _write(path, _yaml(_site(field, footprint_m, irrigation)))
 
 
 def write_truth_file(field: SurrogateField, grid: FieldGrid, path: Path) -> None:
@@ -116,6 +128,24 @@ def _outline(field: SurrogateField) -> dict[str, Any]:
         "covariates": [one.section for one in about.covariates],
     }
     return content | {key: value for key, value in more.items() if value}
+
+
+def _site(field: SurrogateField, footprint_m: float, irrigation: Irrigation | None) -> dict[str, Any]:
+    about: dict[str, Any] = {"name": "simulated sensor"}
+    if footprint_m > 0:
+        about["footprint_radius_m"] = footprint_m
+    about["corrections"] = {"humidity": {"method": "linear"}}  # as the simulated weather acts on the counts
+    known = _calibration(field)
+    if known:
+        true = known["calibration"]["n0_cps"]
+        error = CORES_SD * np.random.default_rng(zlib.crc32(field.name.encode())).normal()
+        known["calibration"] |= {
+            "n0_cps": float(f"{true * (1 + error):.4g}"),
+            "n0_sd_cps": float(f"{true * CORES_SD:.2g}"),
+            "note": f"one simulated day of soil cores; the true N0 is {true:g} counts/s",
+        }
+    keys = IRRIGATION if irrigation is None else irrigation.model_dump(exclude_none=True)
+    return about | known | {"irrigation": dict(keys)}
 
 
 def _calibration(field: SurrogateField) -> dict[str, dict[str, Any]]:

@@ -2,18 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that surrogate fields write: surrogate_field.py."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.site import load_site
+from soilmoist_ros.sensing.moisture.site import Irrigation, load_site
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.surrogate_field import (
+    CORES_SD,
     GridExtent,
     RateGrid,
     kriged_grid,
+    simulated_site,
     write_field_file,
     write_site_file,
     write_truth_file,
@@ -72,14 +76,38 @@ def test_the_truth_file_is_the_same_field_again(field, tmp_path):
     assert np.array_equal(load_field(tmp_path / "truth.yaml").polygon, field.polygon)
 
 
-def test_the_site_file_has_the_calibration_that_the_field_is_made_with(field, tmp_path):
+def test_the_site_file_has_a_calibration_of_one_core_day_with_its_deviation(field, tmp_path):
+    write_site_file(field, tmp_path / "site.yaml")
+    site, true = load_site(tmp_path / "site.yaml"), field.curve
+    assert site == simulated_site(field)
+    assert (site.irrigation.texture, site.irrigation.efficiency) == ("loam", 0.8)
+    if true is None:
+        assert site.curve is None
+        return
+    exact = replace(site.curve, n0_cps=true.n0_cps, n0_sd_cps=true.n0_sd_cps)
+    assert exact == true  # all but N0
+    assert 0 < abs(site.curve.n0_cps / true.n0_cps - 1) < 4 * CORES_SD
+    assert site.curve.n0_sd_cps == pytest.approx(CORES_SD * true.n0_cps, rel=0.05)
+    assert f"the true N0 is {true.n0_cps:g} counts/s" in site.calibration.note
+
+
+def test_the_site_file_has_the_corrections_and_the_irrigation_keys_of_the_user(field, tmp_path):
     write_site_file(field, tmp_path / "site.yaml")
     site = load_site(tmp_path / "site.yaml")
-    assert site.curve == field.curve
     assert site.humidity_method == "linear"  # as the simulated weather acts
     assert site.known_footprint_m == 0
-    write_site_file(field, tmp_path / "site.yaml", footprint_m=8.0)
+    own = Irrigation(texture="sand", root_depth_mm=500)
+    write_site_file(field, tmp_path / "site.yaml", footprint_m=8.0, irrigation=own)
     assert load_site(tmp_path / "site.yaml").known_footprint_m == 8
+    assert load_site(tmp_path / "site.yaml").irrigation == own
+
+
+def test_errors_of_simulated_core_days_are_those_that_they_state():
+    field = surrogate_field("half-wet")
+    known = [simulated_site(replace(field, name=str(number))).curve for number in range(400)]
+    errors = np.array([(one.n0_cps - field.curve.n0_cps) / one.n0_sd_cps for one in known])
+    assert np.mean(np.abs(errors) < 1.645) == pytest.approx(0.9, abs=0.05)
+    assert abs(errors.mean()) < 0.15
 
 
 def test_where_nothing_can_be_written_is_said(field, tmp_path):
