@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import duration
 from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, make_bands, possible_moisture
 from soilmoist_ros.pipeline import REFERENCE, MapRun
-from soilmoist_ros.reporting.certainty import absolute
+from soilmoist_ros.reporting.certainty import absolute, once_a_run
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
 from soilmoist_ros.sensing import MoistureCurve, UncertaintyPart, soil_limits
 
@@ -148,6 +148,7 @@ class Budget:
     text: str
 
 
+@once_a_run
 def make_budget(run: MapRun) -> Budget | None:
     """Uncertainty budget of the map of a run; ``None`` if no cell has a value."""
     soil_map, curve = run.soil_map, run.soil_map.curve

@@ -11,7 +11,10 @@ the expected share of wrong places is one minus the mean, also where errors of n
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,12 +24,27 @@ from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.sensing import MoistureCurve
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 CERTAIN = 0.8
 """Probability from which a place is certain, and expected share of its area from which a zone is."""
 CALIBRATION_TAG = "SOILMOIST_CALIBRATION"
 """Tag of GeoTIFFs with one of the words of :func:`calibration_state`."""
 ILLUSTRATIVE = "illustrative"
+
+
+def once_a_run(make: Callable[[MapRun], T]) -> Callable[[MapRun], T]:
+    """Decorator of a function of a run whose result is kept with the run, since report and summary want it."""
+
+    @wraps(make)
+    def found(run: MapRun) -> T:
+        known, name = vars(run), f"_{make.__name__}"
+        if name not in known:
+            known[name] = make(run)
+        result: T = known[name]
+        return result
+
+    return found
 
 
 def calibration_state(calibrated: bool, absolute: bool, simulated: bool, method: str = "cores") -> str:

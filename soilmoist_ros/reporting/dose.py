@@ -10,8 +10,9 @@ of this distribution, so the mean of the missing water is not the missing water 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,12 +26,13 @@ from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, dissolved, divided,
 from soilmoist_ros.sensing import Irrigation, MoistureCurve, soil_limits
 
 if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
     from shapely.geometry.base import BaseGeometry
 
 Array = NDArray[np.float64]
 _NODES = 40
 """Equally probable values of the rate, by which errors of the moisture are combined with the curve."""
+_LATTICE = (80, 16)
+"""Rates and standard deviations between which figures of more places are interpolated, to 0.001 and 0.01 mm."""
 MAX_BLOCKS = 4000
 """Number of blocks of a field; larger fields have blocks of several swaths."""
 TOLERANCE_M = 0.01
@@ -82,16 +84,19 @@ class Dose:
 
     def right(self, gross_mm: float, places: NDArray[np.intp] | slice = slice(None)) -> Array:
         """Probability that places, by default all, need the gross dose of a step and no other one."""
-        settings, one = self._spread.settings, self._spread
+        settings = self._spread.settings
         if not gross_mm > 0:
             return np.asarray(1 - self.needed[places])
-        one = replace(one, rate=one.rate[places], sd=one.sd[places])
         doses = settings.doses_mm
         index = int(np.argmin(np.abs(doses - gross_mm)))
         middles = np.concatenate([[-np.inf], (doses[1:] + doses[:-1]) / 2, [np.inf]])
         wet, dry = settings.full - middles[index : index + 2] * settings.efficiency / settings.root_depth_mm
-        below = [one.below(min(limit, settings.stress), settings.full_sd) for limit in (wet, dry)]
-        return np.maximum(below[0] - below[1], 0.0)
+
+        def figures(one: _Spread) -> list[Array]:
+            below = [one.below(min(limit, settings.stress), settings.full_sd) for limit in (wet, dry)]
+            return [np.maximum(below[0] - below[1], 0.0)]
+
+        return self._spread.figures(figures, places)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +113,7 @@ class _Spread:
     settings: DoseSettings
     table: tuple[Array, Array]
 
+    @cached_property
     def values(self) -> Array:
         """Equally probable moistures of each place, shape (:data:`_NODES`, n)."""
         from scipy.special import ndtri
@@ -123,6 +129,21 @@ class _Spread:
     def _shift(self) -> float:
         return self.settings.below_share * self.settings.below_shift
 
+    def figures(
+        self, make: Callable[[_Spread], list[Array]], places: NDArray[np.intp] | slice = slice(None)
+    ) -> list[Array]:
+        """Figures of places, by default all: of each place, or of many places interpolated on a lattice."""
+        from scipy.ndimage import map_coordinates
+
+        of_places = self.rate[places], self.sd[places]
+        if len(of_places[0]) <= math.prod(_LATTICE):
+            return make(replace(self, rate=of_places[0], sd=of_places[1]))
+        axes = [np.linspace(one.min(), one.max(), count) for one, count in zip(of_places, _LATTICE, strict=True)]
+        rate, sd = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+        at = [(one - axis[0]) / max(axis[1] - axis[0], 1e-12) for one, axis in zip(of_places, axes, strict=True)]
+        found = make(replace(self, rate=rate, sd=sd))
+        return [map_coordinates(one.reshape(_LATTICE), at, order=1, mode="nearest") for one in found]
+
     def below(self, limit: float, sd: float) -> Array:
         """Probability of a moisture below a limit, which is uncertain by a standard deviation, shape (n,)."""
         from scipy.special import ndtr
@@ -132,13 +153,13 @@ class _Spread:
         if sd == 0:
             edge = float(self.curve.rate_cps(max(limit - self._shift, 0.0)))
             return np.asarray(ndtr((self.rate - edge) / np.maximum(self.sd, 1e-12)), float)
-        return np.asarray(ndtr((limit - self.values()) / sd).mean(axis=0), float)
+        return np.asarray(ndtr((limit - self.values) / sd).mean(axis=0), float)
 
     def missing(self) -> Array:
         """Mean of the moisture missing to the target, shape (n,) [m^3/m^3]."""
         from scipy.special import ndtr
 
-        short, sd = self.settings.full - self.values(), self.settings.full_sd
+        short, sd = self.settings.full - self.values, self.settings.full_sd
         if sd == 0:
             return np.asarray(np.maximum(short, 0).mean(axis=0))
         z = short / sd
@@ -177,8 +198,8 @@ def find_dose(rate: Array, rate_sd: Array, curve: MoistureCurve, settings: DoseS
     spread = _Spread(rate, sd, curve, settings, (rates, possible_moisture(curve, rates)))
     depth = settings.root_depth_mm
     low, high = spread.quantiles()
-    needed = spread.below(settings.stress, settings.stress_sd)
-    return Dose(spread.missing() * depth, low * depth, high * depth, needed, spread)
+    needed, mean = spread.figures(lambda one: [one.below(settings.stress, settings.stress_sd), one.missing()])
+    return Dose(mean * depth, low * depth, high * depth, needed, spread)
 
 
 # Zones by the steps of a machine ---------------------------------------------------------------------------------
@@ -247,29 +268,40 @@ def zones_of_dose(
         away = np.abs(steps[1:] - dose.net_mm[chosen].mean() / settings.efficiency)
         return int(np.argmin(away)) + 1 if dose.needed[chosen].mean() >= 0.5 else 0
 
-    tree = cKDTree(xy)
     order = np.argsort(block, kind="stable")
     of_block = np.array([step(some) for some in np.split(order, np.cumsum(np.bincount(block))[:-1])])
-    number = of_block[block[tree.query(get_coordinates(point_on_surface(faces)))[1]]]
+    number = of_block[block[cKDTree(xy).query(get_coordinates(point_on_surface(faces)))[1]]]
     shapes, _ = workable(*dissolved(faces, number), smallest_m2, TOLERANCE_M, alike=True)
     # What has joined counts in the dose of its zone.
-    shapes, number = dissolved(shapes, np.array([step(_places(shape, xy, tree)) for shape in shapes]))
+    shapes, number = dissolved(shapes, np.array([step(_places(shape, xy)) for shape in shapes]))
     used, zones = sorted(set(number.tolist())), []
     for shape, index in zip(shapes, number.tolist(), strict=True):
-        own = _places(shape, xy, tree)
+        own = _places(shape, xy)
         means = [float(figure[own].mean()) for figure in (dose.net_mm, dose.p05_mm, dose.p95_mm, dose.needed)]
         means.append(float(dose.right(float(steps[index]), own).mean()))
         zones.append(DoseZone(shape, used.index(index) + 1, float(steps[index]), *means))
     return sorted(zones, key=lambda zone: (zone.number, -zone.area_m2))
 
 
-def _places(shape: BaseGeometry, xy: Array, tree: cKDTree) -> NDArray[np.intp]:
-    """Numbers of the places in a zone; of the nearest one if there is none."""
-    from shapely import contains_xy, get_coordinates, point_on_surface, prepare
+def _inside(shape: BaseGeometry, xy: Array) -> NDArray[np.intp]:
+    """Numbers of the places in a zone."""
+    from shapely import contains_xy, prepare
 
     prepare(shape)
-    own = np.flatnonzero(contains_xy(shape, xy[:, 0], xy[:, 1]))
-    return own if own.size else np.atleast_1d(tree.query(get_coordinates(point_on_surface(shape))[0])[1])
+    west, south, east, north = shape.bounds
+    x, y = xy.T
+    near = np.flatnonzero((x >= west) & (x <= east) & (y >= south) & (y <= north))
+    return np.asarray(near[contains_xy(shape, x[near], y[near])])
+
+
+def _places(shape: BaseGeometry, xy: Array) -> NDArray[np.intp]:
+    """Numbers of the places in a zone; of the nearest one if there is none."""
+    from shapely import get_coordinates, point_on_surface
+
+    own = _inside(shape, xy)
+    if own.size:
+        return own
+    return np.atleast_1d(np.hypot(*(xy - get_coordinates(point_on_surface(shape))).T).argmin())
 
 
 def swaths(boundary: BaseGeometry, settings: DoseSettings, cell_m: float) -> tuple[Array, Array, float]:
@@ -348,12 +380,11 @@ def sure_share(dose: Dose) -> float:
 
 def dose_at(zones: Sequence[DoseZone], xy: Array) -> Array:
     """Gross dose of places, shape (n,) [mm]; on a border that of the nearest zone."""
-    from shapely import STRtree, contains_xy, points, prepare
+    from shapely import STRtree, points
 
     found = np.full(len(xy), np.nan)
     for zone in zones:
-        prepare(zone.shape)
-        found[contains_xy(zone.shape, *xy.T)] = zone.gross_mm
+        found[_inside(zone.shape, xy)] = zone.gross_mm
     left = np.isnan(found)
     nearest = STRtree([zone.shape for zone in zones]).nearest(points(xy[left]))
     found[left] = np.array([zone.gross_mm for zone in zones])[nearest]

@@ -58,7 +58,7 @@ def _joined(
     """Faces of at least the smallest area: smaller ones join the neighbour with the longest common border, or the
     one of the nearest class.
     """
-    from shapely import area, union_all
+    from shapely import area, coverage_union_all
 
     areas = np.asarray(area(faces), float)
     borders = _borders(faces)
@@ -76,7 +76,7 @@ def _joined(
                     borders[into][other] = borders[other][into] = borders[into].get(other, 0.0) + length
             small = into
     kept = sorted(members)
-    return [union_all([faces[i] for i in members[one]]) for one in kept], number[kept]
+    return [coverage_union_all([faces[i] for i in members[one]]) for one in kept], number[kept]
 
 
 def _borders(faces: Sequence[BaseGeometry]) -> dict[int, dict[int, float]]:
@@ -85,23 +85,25 @@ def _borders(faces: Sequence[BaseGeometry]) -> dict[int, dict[int, float]]:
 
     lines = boundary(np.asarray(faces, object))
     one, other = STRtree(lines).query(lines, predicate="intersects")
+    once = one < other
+    one, other = one[once], other[once]
     shared = length(intersection(lines[one], lines[other]))
     found: dict[int, dict[int, float]] = {i: {} for i in range(len(faces))}
     for i, j, metres in zip(one.tolist(), other.tolist(), shared.tolist(), strict=True):
-        if i != j and metres > NODE_M:
-            found[i][j] = metres
+        if metres > NODE_M:
+            found[i][j] = found[j][i] = metres
     return found
 
 
 def dissolved(
     shapes: Sequence[BaseGeometry], number: NDArray[np.intp]
 ) -> tuple[list[BaseGeometry], NDArray[np.intp]]:
-    """Neighbours of one class become one polygon; each polygon is connected."""
-    from shapely import get_parts, union_all
+    """Neighbours of one class, with common corners, become one polygon; each polygon is connected."""
+    from shapely import coverage_union_all, get_parts
 
     found = [
         (part, one)
         for one in np.unique(number)
-        for part in get_parts(union_all([s for s, n in zip(shapes, number, strict=True) if n == one]))
+        for part in get_parts(coverage_union_all([s for s, n in zip(shapes, number, strict=True) if n == one]))
     ]
     return [part for part, _ in found], np.array([one for _, one in found])

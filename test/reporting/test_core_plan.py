@@ -167,7 +167,8 @@ def folder(tmp_path_factory):
     result = simulate_mission(MissionSettings(hours=0.5, cell_m=4.0, dwell="fmi:60", preset="paper"))
     made = mission_run(result)
     unknown = replace(made.soil_map, curve=replace(made.soil_map.curve, n0_sd_cps=0.0))
-    write_mission(found, result, run=replace(made, soil_map=unknown))
+    known = replace(made.calibration, n0_sd_cps=None)
+    write_mission(found, result, run=replace(made, soil_map=unknown, calibration=known))
     return found
 
 

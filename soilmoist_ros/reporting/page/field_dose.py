@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.reporting.certainty import CERTAIN, absolute
+from soilmoist_ros.reporting.certainty import CERTAIN, absolute, once_a_run
 from soilmoist_ros.reporting.dose import (
     Dose,
     DoseSettings,
@@ -159,16 +159,9 @@ class NoDose(NamedTuple):
         return {**self._asdict(), "settings": None}
 
 
+@once_a_run
 def field_dose(run: MapRun) -> FieldDose | NoDose:
-    """Dose of a run, or why there is none; kept with the run, since report, summary and answer want it."""
-    known = vars(run)
-    if "_field_dose" not in known:
-        known["_field_dose"] = _find(run)
-    found: FieldDose | NoDose = known["_field_dose"]
-    return found
-
-
-def _find(run: MapRun) -> FieldDose | NoDose:
+    """Dose of a run, or why there is none."""
     soil_map, curve = run.soil_map, run.soil_map.curve
     lacking = _lacking(run)
     if lacking is not None or curve is None:
@@ -323,8 +316,12 @@ class _Decision:
 
     def gain(self, variance: Array | None = None, leave_out: str = "") -> float:
         """Share of the places that becomes certain."""
-        after = self.sure(self.variance if variance is None else variance, leave_out)
-        return float((after - self.sure(self.variance)).mean())
+        return float(self.sure(self.variance if variance is None else variance, leave_out).mean()) - self.now
+
+    @cached_property
+    def now(self) -> float:
+        """Share of the places that is certain with what is known."""
+        return float(self.sure(self.variance).mean())
 
 
 def _counting(run: MapRun, soil_map: SoilMap, problem: _Decision, xy: Array, now: float) -> Remedy | None:

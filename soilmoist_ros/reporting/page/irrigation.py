@@ -19,6 +19,7 @@ from soilmoist_ros.reporting.certainty import (
     calibration_of,
     certainty,
     class_probability,
+    once_a_run,
 )
 from soilmoist_ros.reporting.dose import capped, zones_by_dose, zones_mean
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
@@ -136,6 +137,7 @@ class IrrigationAdvice:
         return float(self.sure[np.isfinite(self.number)].mean())
 
 
+@once_a_run
 def irrigation(run: MapRun) -> IrrigationAdvice:
     """Zones, water and advice of a map; of its count rate if there is no calibration."""
     soil_map, of_moisture = run.soil_map, _of_moisture(run)
