@@ -24,7 +24,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -43,34 +42,11 @@ from msg_adapters.point_cloud import (
 )
 from soilmoist_ros.foundation import LatLon, LocalFrame, other_datum
 from soilmoist_ros.mapping import Samples
-from soilmoist_ros.recording import REASON, REASONS, STAMP_OFFSET, count_records
+from soilmoist_ros.recording import COUNT_DATUM, COUNT_POINT, count_points, count_records
 from soilmoist_ros.recording import points as read_points
 from soilmoist_ros.sensing import CountRecord
 
-# Viewers read x, y and z only as 32-bit floats: 0.5 mm at 5 km from the datum. Exposures and factors enter the
-# statistics, so they keep 64 bits.
-_POINT: Final = np.dtype(
-    [
-        ("x", "<f4"),
-        ("y", "<f4"),
-        ("z", "<f4"),
-        ("raw_counts", "<u4"),
-        ("exposure_s", "<f8"),
-        ("effective_exposure_s", "<f8"),
-        ("corrected_rate", "<f8"),
-        ("f_pressure", "<f8"),
-        ("f_humidity", "<f8"),
-        ("f_intensity", "<f8"),
-    ]
-)
-_STAMPED: Final = np.dtype([*_POINT.descr, (STAMP_OFFSET, "<f8")])
-_QUARANTINED: Final = np.dtype([*_STAMPED.descr, (REASON, "<u4")])
-_DATUM: Final = ("datum_latitude_deg", "datum_longitude_deg")
-_PLACED: Final = np.dtype([*_STAMPED.descr, *((name, "<f8") for name in _DATUM)])
 _MANY: Final = 500
-_MAX_COUNTS: Final = 2**32 - 1
-NUMBERS: Final = {code: number for number, code in REASONS.items()}
-"""Number of each reason code in ``quarantined_counts``."""
 # Viewers read x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
 _SAMPLE: Final = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
@@ -90,21 +66,7 @@ def counts_to_message(
 
     :raises ValueError: without records
     """
-    if not records:
-        raise ValueError("a counts message needs at least one record")
-    stamp_s = to_seconds(to_time(records[-1].stamp_s))
-    names = [name for name in _STAMPED.names or () if name not in ("x", "y", "z", STAMP_OFFSET)]
-    rows = [
-        (one.x_m, one.y_m, one.z_m, *(getattr(one, name) for name in names), one.stamp_s - stamp_s)
-        for one in records
-    ]
-    points = np.array(rows, dtype=_STAMPED)
-    if datum is not None:
-        placed = np.zeros(len(points), _PLACED)
-        for name in _STAMPED.names or ():
-            placed[name] = points[name]
-        placed[_DATUM[0]], placed[_DATUM[1]] = datum
-        points = placed
+    points, stamp_s = count_points(records, datum)
     return points_to_message(points, stamp_s, frame_id)
 
 
@@ -123,9 +85,9 @@ def counts_to_messages(
 def require_plane(message: PointCloud2, frame: str, plane: LocalFrame) -> None:
     """Check that a message of counts names no other frame or datum; raises :class:`OtherFrameError`."""
     require_frame(message, frame)
-    if message.width * message.height and set(_DATUM) <= {field.name for field in message.fields}:
+    if message.width * message.height and set(COUNT_DATUM) <= {field.name for field in message.fields}:
         first = read_points(message).ravel()[0]
-        if fault := other_datum((float(first[_DATUM[0]]), float(first[_DATUM[1]])), plane):
+        if fault := other_datum((float(first[COUNT_DATUM[0]]), float(first[COUNT_DATUM[1]])), plane):
             raise OtherFrameError(fault)
 
 
@@ -136,13 +98,8 @@ def quarantined_to_message(records: Sequence[CountRecord], frame_id: str = FRAME
 
     :raises ValueError: without records
     """
-    writable = [replace(record, raw_counts=min(record.raw_counts, _MAX_COUNTS)) for record in records]
-    good = points_from_message(counts_to_message(writable, frame_id), _STAMPED).ravel()
-    points = np.zeros(len(records), _QUARANTINED)
-    for name in _STAMPED.names or ():
-        points[name] = good[name]
-    points[REASON] = [NUMBERS.get(record.quarantine, 0) for record in records]
-    return points_to_message(points, to_seconds(to_time(records[-1].stamp_s)), frame_id)
+    points, stamp_s = count_points(records, quarantined=True)
+    return points_to_message(points, stamp_s, frame_id)
 
 
 def counts_from_message(message: PointCloud2) -> list[CountRecord]:
@@ -152,7 +109,7 @@ def counts_from_message(message: PointCloud2) -> list[CountRecord]:
 
     :raises ValueError: if a field is missing or of another type, or the data are shorter than announced
     """
-    check_fields(message, _POINT)
+    check_fields(message, COUNT_POINT)
     return count_records(message)
 
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, Final
 
 import numpy as np
@@ -13,13 +12,12 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from soilmoist_ros.recording import points
+from soilmoist_ros.recording import points, stamp_parts
 
 FRAME: Final = "map"
 """East-north-up metres about the field's datum."""
 
 _DATATYPES: Final = {"<f4": PointField.FLOAT32, "<f8": PointField.FLOAT64, "<u4": PointField.UINT32}
-_LAST_SECOND = 2**31 - 1
 
 
 def points_to_message(table: NDArray[Any], stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
@@ -83,11 +81,8 @@ def to_time(stamp_s: float) -> Time:
 
     :param stamp_s: seconds since 1970 UTC; NaN if unknown
     """
-    if not (math.isfinite(stamp_s) and 0 <= stamp_s < _LAST_SECOND):
-        return Time()
-    second = math.floor(stamp_s)
-    nanosecond = round((stamp_s - second) * 1e9)  # only the fraction, so that to_seconds restores stamp_s
-    return Time(sec=second + nanosecond // 1_000_000_000, nanosec=nanosecond % 1_000_000_000)
+    second, nanosecond = stamp_parts(stamp_s)
+    return Time(sec=second, nanosec=nanosecond)
 
 
 def to_seconds(stamp: Time) -> float:

@@ -22,7 +22,6 @@ from soilmoist_msgs.msg import Visit as VisitMessage
 from soilmoist_msgs.srv import Command
 from std_msgs.msg import Header
 
-from msg_adapters.mission import status_level
 from msg_adapters.point_cloud import FRAME, to_time
 from soilmoist_ros.exploration import (
     Alarm,
@@ -35,6 +34,7 @@ from soilmoist_ros.exploration import (
     Response,
     Stop,
     Visit,
+    status_level,
 )
 from soilmoist_ros.foundation import foreign_text
 from soilmoist_ros.mapping import MapState, SoilMap

@@ -19,6 +19,7 @@ COMMANDS = {
     "map": "Map soil moisture from neutron LOGS.",
     "simulate": "Explore a surrogate field with a simulated robot, without ROS.",
     "demo": "Run the whole ROS system on a simulated field: all nodes as processes, with a live view.",
+    "guide": "Guide a person with a hand cart, quad or car through an adaptive survey, without ROS.",
     "watch": "Watch a running survey in a terminal, until Ctrl-C: state, numbers, and the map as it grows.",
     "campaign": "Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).",
     "replay": "Map the records of a BAG again: the folder of a run or bag, or an MCAP, db3 or ROS 1 .bag file.",
@@ -60,6 +61,12 @@ EXAMPLES = {
         "demo --out out/demo",
         "demo --field validation --hours 2 --robots 3 --out out/team",
         "demo --scenario bad_link --no-console --exit --out out/bad-link",
+    ),
+    "guide": (
+        "guide --field my_field.yaml --logger-uri tcp://192.168.1.20:4001 --gnss-uri serial:///dev/ttyACM0 "
+        "--hours 1.5 --out out/monday",
+        "guide --field my_field.yaml --site my_site.yaml --logger-uri serial:///dev/ttyUSB0?baud=9600 "
+        "--gnss-uri tcp://127.0.0.1:4002 --host 0.0.0.0 --out out/tuesday",
     ),
     "watch": (
         "watch --field my_field.yaml",

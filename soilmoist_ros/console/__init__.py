@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.console.board import Board as Board
     from soilmoist_ros.console.board import RobotHistory as RobotHistory
     from soilmoist_ros.console.board import VisitHistory as VisitHistory
+    from soilmoist_ros.console.guided_survey import GuidedSurvey as GuidedSurvey
+    from soilmoist_ros.console.guided_survey import GuideSettings as GuideSettings
     from soilmoist_ros.console.map_layers import MapLayers as MapLayers
     from soilmoist_ros.console.map_layers import live_dose as live_dose
     from soilmoist_ros.console.plan_routes import SurveyFiles as SurveyFiles
@@ -37,6 +39,7 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "board": "Board RobotHistory VisitHistory",
+        "guided_survey": "GuideSettings GuidedSurvey",
         "map_layers": "MapLayers live_dose",
         "plan_routes": "SurveyFiles",
         "plan_work": "Walk",

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration import READY, STRATEGIES, MissionEnd, MissionStatus, Phase, Visit
+from soilmoist_ros.exploration import GUIDED, READY, STRATEGIES, MissionEnd, MissionStatus, Phase, Visit
 from soilmoist_ros.foundation import Health, read_json
 from soilmoist_ros.mapping import Field, Samples
 from soilmoist_ros.simulation import PRESETS
@@ -100,6 +100,7 @@ def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, 
         "queue": list(status.queue),
         "forecast": forecast.text if forecast else values.get("forecast", ""),
         "last_command": values.get("last_command", ""),
+        "guided": float(values.get(GUIDED, 0.0)),
         "settings": _settings(values.get("settings", "")),
         "home_place": _home(values.get("home_place", "")),
     }

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.control.field_access import FieldAccess as FieldAccess
     from soilmoist_ros.exploration.control.field_access import cell_stops as cell_stops
     from soilmoist_ros.exploration.control.mission_control import DATUM as DATUM
+    from soilmoist_ros.exploration.control.mission_control import GUIDED as GUIDED
     from soilmoist_ros.exploration.control.mission_control import PLACE_TIME as PLACE_TIME
     from soilmoist_ros.exploration.control.mission_control import RECORD_STAMP as RECORD_STAMP
     from soilmoist_ros.exploration.control.mission_control import MissionControl as MissionControl
@@ -83,6 +84,9 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.types import OTHER_ROBOT as OTHER_ROBOT
     from soilmoist_ros.exploration.mission.types import PUBLISHED_MIN_LAST_DWELL_S as PUBLISHED_MIN_LAST_DWELL_S
     from soilmoist_ros.exploration.mission.types import READY as READY
+    from soilmoist_ros.exploration.mission.types import STATUS_COUNTS as STATUS_COUNTS
+    from soilmoist_ros.exploration.mission.types import STATUS_FLAGS as STATUS_FLAGS
+    from soilmoist_ros.exploration.mission.types import STATUS_FLOATS as STATUS_FLOATS
     from soilmoist_ros.exploration.mission.types import TRIGGERS as TRIGGERS
     from soilmoist_ros.exploration.mission.types import Alarm as Alarm
     from soilmoist_ros.exploration.mission.types import Changes as Changes
@@ -94,6 +98,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.types import Polygons as Polygons
     from soilmoist_ros.exploration.mission.types import Response as Response
     from soilmoist_ros.exploration.mission.types import Verb as Verb
+    from soilmoist_ros.exploration.mission.types import status_health as status_health
+    from soilmoist_ros.exploration.mission.types import status_level as status_level
     from soilmoist_ros.exploration.mission.visit import Visit as Visit
     from soilmoist_ros.exploration.mission.visit import VisitEnd as VisitEnd
     from soilmoist_ros.exploration.navigation.goal_client import ACTIVE as ACTIVE
@@ -109,6 +115,9 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.navigation.goal_client import progress as progress
     from soilmoist_ros.exploration.navigation.navigator import Ended as Ended
     from soilmoist_ros.exploration.navigation.navigator import Navigator as Navigator
+    from soilmoist_ros.exploration.navigation.person import PersonNavigator as PersonNavigator
+    from soilmoist_ros.exploration.navigation.person import person_rules as person_rules
+    from soilmoist_ros.exploration.navigation.person import person_watch as person_watch
     from soilmoist_ros.exploration.navigation.pose_client import CancelAll as CancelAll
     from soilmoist_ros.exploration.navigation.pose_client import PoseClient as PoseClient
     from soilmoist_ros.exploration.navigation.pose_client import PoseRequest as PoseRequest
@@ -167,7 +176,7 @@ __getattr__, __dir__, __all__ = open_door(
     {
         "control.explorer": "Explorer ExplorerSettings STREAMS_PER_ROBOT nominal_rate_cps planning_grid strategy_stream",
         "control.field_access": "AccessRules FieldAccess PAST_M cell_stops",
-        "control.mission_control": "DATUM MissionControl MissionSetup PLACE_TIME RECORD_STAMP",
+        "control.mission_control": "DATUM GUIDED MissionControl MissionSetup PLACE_TIME RECORD_STAMP",
         "control.mission_feed": "MissionClock boot_id",
         "control.operator_request": "OperatorRequest Reply ReplyCode",
         "control.team": "PendingMeasurement Team keep_apart_m pending_measurement",
@@ -181,10 +190,11 @@ __getattr__, __dir__, __all__ = open_door(
         "mission.journal": "EVENT MissionJournal interrupted_mission interrupted_records is_under_way",
         "mission.mission": "Mission",
         "mission.state": "state_from_json",
-        "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT OnSilence PUBLISHED_MIN_LAST_DWELL_S Phase Polygons READY Response TRIGGERS Verb",
+        "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT OnSilence PUBLISHED_MIN_LAST_DWELL_S Phase Polygons READY Response STATUS_COUNTS STATUS_FLAGS STATUS_FLOATS TRIGGERS Verb status_health status_level",
         "mission.visit": "Visit VisitEnd",
         "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure progress",
         "navigation.navigator": "Ended Navigator",
+        "navigation.person": "PersonNavigator person_rules person_watch",
         "navigation.pose_client": "CancelAll PoseClient PoseRequest RobotTrack SendPose drivers",
         "planning.dwell": "DWELL_RULES DwellRule Optimal dwell_rule parse_dwell",
         "planning.forecast": "Forecast forecast_from_text forecast_to_text hundredths",

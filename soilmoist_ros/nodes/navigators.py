@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Navigators: nodes of a topological map (GotoNode), Nav2 (NavigateToPose), and plain poses (goal_pose)."""
+"""Navigators: nodes of a topological map (GotoNode), Nav2 (NavigateToPose), plain poses (goal_pose), people."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from soilmoist_ros.exploration import (
     GoalClient,
     GoalLimits,
     Navigator,
+    PersonNavigator,
     PoseClient,
     PoseRequest,
     Response,
@@ -39,7 +40,7 @@ from soilmoist_ros.exploration import (
 from soilmoist_ros.foundation import InputError, foreign_text
 from soilmoist_ros.nodes.action_navigator import ActionNavigator, action_class
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.planner_parameters import failsafe_responses
+from soilmoist_ros.nodes.planner_parameters import PERSON, failsafe_responses
 from soilmoist_ros.nodes.topics import DEFAULT, ros_now_s
 
 GOTO_NODE: Final = "topological_navigation"
@@ -248,6 +249,8 @@ def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], Non
     frame = text("navigation_frame") or text("frame")
     response = failsafe_responses(values)[Cause.OTHER_CLIENT]
     yields = response not in (Response.IGNORE, Response.WARN)
+    if text("navigator") == PERSON:
+        return PersonNavigator(report)
     if text("navigator") == "goal_pose":
         poses = PoseClient(radius_m, SETTLE_S, speed_mps)
         return GoalPoseNavigator(node, text("action_name") or NAVIGATE_TO_POSE, poses, report, frame, yields)

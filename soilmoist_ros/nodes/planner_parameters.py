@@ -28,6 +28,8 @@ from soilmoist_ros.exploration import (
     keep_apart_m,
     make_strategy,
     parse_dwell,
+    person_rules,
+    person_watch,
 )
 from soilmoist_ros.foundation import InputError, did_you_mean, resource
 from soilmoist_ros.mapping import CovariateSource, Field, FieldMapSettings, Knowledge, load_field, read_covariates
@@ -36,6 +38,10 @@ from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.pipeline import EarlierTarget, read_earlier_runs
 from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, load_site
 
+PERSON: Final = "person"
+"""Navigator of a person: no navigation is needed, and nothing stops the person."""
+ANY_M: Final = 1e5
+"""Distance outside the field at which a person may start: any [m]."""
 _PLACE = PlaceLimits()
 _FASTER: Final = 2.0
 """Highest speed as a multiple of the robot's usual one, where it is not given."""
@@ -84,8 +90,9 @@ PARAMETERS: Final = (
     row("keepout_topic", "", "topic on which the fence is published as a keep-out mask for Nav2, with "
         "costmap_filter_info, if any"),
     row("navigator", "goto_node", "how goals are sent: to the nodes of a topological map (goto_node), to Nav2 "
-        "(navigate_to_pose), or as poses without any answer (goal_pose: a stop is then only a pose where the "
-        "robot is)", choices=("goto_node", "navigate_to_pose", "goal_pose")),
+        "(navigate_to_pose), as poses without any answer (goal_pose: a stop is then only a pose where the "
+        "robot is), or shown to a person with the sensor on the operator's page (person)",
+        choices=("goto_node", "navigate_to_pose", "goal_pose", PERSON)),
     row("action_name", "", "name of the navigation's action; empty for topological_navigation (goto_node) or "
         "navigate_to_pose"),
     row("action_type", "", "type of the navigation's action; empty for "
@@ -152,7 +159,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
         access=AccessRules(
             robot_radius_m=number("robot_radius_m"),
             outside=Outside(text("outside")),
-            entry_m=max(number("max_entry_m"), number("max_outside_m")),
+            entry_m=max(ANY_M * (text("navigator") == PERSON), number("max_entry_m"), number("max_outside_m")),
             by_name=text("navigator") == "goto_node",
         ),
     )
@@ -186,7 +193,7 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings) -> Mission
     """Rules of the mission."""
     number = parameters.number
     recommended = settings.preset == "recommended"
-    return MissionRules(
+    rules = MissionRules(
         budget_s=number("hours") * 3600,
         dwell=parse_dwell(parameters.text("dwell")),
         warm_up_stops=settings.warm_up_stops,
@@ -203,6 +210,7 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings) -> Mission
         until_sd=number("until_sd"),
         until_gain=number("until_gain"),
     )
+    return person_rules(rules) if parameters.text("navigator") == PERSON else rules
 
 
 def failsafe_responses(parameters: Parameters) -> dict[Cause, Response]:
@@ -235,4 +243,5 @@ def make_watch(parameters: Parameters) -> Watch:
         limits = WatchLimits(place=place, **values)
     except ValueError as error:
         raise InputError(str(error), "correct the parameters") from None
-    return Watch(limits, failsafe_responses(parameters))
+    is_person = parameters.text("navigator") == PERSON
+    return person_watch(limits) if is_person else Watch(limits, failsafe_responses(parameters))

@@ -15,7 +15,6 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from msg_adapters.counts import (
-    NUMBERS,
     counts_from_message,
     counts_to_message,
     line_from_message,
@@ -27,7 +26,7 @@ from msg_adapters.counts import (
 from msg_adapters.point_cloud import OtherFrameError, points_to_message, require_frame, to_seconds
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.mapping.samples import path_spread
-from soilmoist_ros.recording.bag.messages import UNKNOWN_REASON
+from soilmoist_ros.recording.bag.messages import NUMBERS, UNKNOWN_REASON
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord
 

@@ -452,7 +452,14 @@ function renderTabs() {
   }));
 }
 
-function render() { renderTabs(); renderFrame(); renderSteer(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderMapbar(); renderPlace(); }
+let guide = null;  // its part of the page comes with a person's survey only
+function renderGuide() {
+  if (!guide && !mission()?.guided) return;
+  guide ??= import("./guide.js");
+  guide.then((part) => part.renderGuide({ ask, maySteer, mayAsk, takeOver, mission, robot: () => robot }));
+}
+
+function render() { renderGuide(); renderTabs(); renderFrame(); renderSteer(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderMapbar(); renderPlace(); }
 
 $("stop").addEventListener("click", stop);
 $("place-close").addEventListener("click", leave);

@@ -47,7 +47,7 @@ from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator, in_
 from soilmoist_ros.exploration.navigation.pose_client import MAX_AGE_S
 from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop, inside_any
+from soilmoist_ros.exploration.travel.stop import Stop, Way, inside_any
 from soilmoist_ros.exploration.travel.travel import LearnedMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, PlaneMove, other_datum
@@ -61,6 +61,8 @@ PLACE_TIME = "place_s"  # value of the status: when the newest place has come [s
 PLACE_SHOWN_S = 2.0
 """In a mission the status shows places that are not older than this [s]; a simulated clock waits for that."""
 DATUM = "datum"  # value of the status: latitude and longitude of the datum of its places [deg]
+GUIDED = "guided_m"
+"""Value of the status for a mission by a person: distance at which one is at a stop [m]."""
 RECORD_STAMP = "record_stamp_s"
 """Value of the status: stamp of the newest record that has come, with or without a place [s]; -inf for none."""
 
@@ -353,7 +355,7 @@ class MissionControl:
         :param stamp_s: when it was measured [s], NaN if unknown
         """
         now_s = self._clock.now_s()
-        self._watching.expect(self._mission.state, now_s)
+        self._watching.expect(self._mission.state, now_s, self._mission.rules.by_person)
         if self._feed.fix(PlaceFix(now_s, *place, sd_m, stamp_s)):
             self._moved(now_s, self.watch.places.sd_m(sd_m))
             if self.under_way and now_s - self._shown_place_s >= PLACE_SHOWN_S:
@@ -570,6 +572,8 @@ class MissionControl:
             "last_command": self._last_command[0],
             "last_command_s": repr(self._last_command[1]),
         }
+        if self._mission.rules.by_person:
+            more[GUIDED] = repr(self._mission.rules.arrival_radius_m)
         self._outputs.show(status, ahead, more)
 
     def health(self) -> list[Health]:
@@ -644,21 +648,25 @@ class MissionControl:
 
     def _go(self, goal: events.GoTo) -> None:
         """Send a goal with its route; one that the fence refuses is never sent."""
+        place = self._feed.place
         try:
-            if self._access is None or self._feed.place is None:
+            if self._access is None or place is None:
                 raise InputError("where the robot is, or may go, is not known")
-            way = self._passing.way(self._access, self._feed.place, goal.stop)
+            way = self._passing.way(self._access, place, goal.stop)
         except InputError as refusal:
-            self._feed.give(events.GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True))
-        else:
-            self._learned.set_off(self._clock.now_s(), way.corners)
-            self.team.set_off()
-            self._watching.sent(way)
-            stop, way = self._reached(goal.stop), replace(way, nodes=tuple(map(self._reached, way.nodes)))
-            if self._frames is not None:
-                assert self._frames.move is not None, "no mission starts before it is known"
-                stop, way = in_frame(stop, way, self._frames.move)
-            self.navigator.go(goal.goal_id, stop, way)
+            if place is None or not self._mission.rules.by_person:
+                failed = events.GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True)
+                self._feed.give(failed)
+                return
+            way = Way(np.array([place, goal.stop.xy]))  # people find one, wherever they stand
+        self._learned.set_off(self._clock.now_s(), way.corners)
+        self.team.set_off()
+        self._watching.sent(way)
+        stop, way = self._reached(goal.stop), replace(way, nodes=tuple(map(self._reached, way.nodes)))
+        if self._frames is not None:
+            assert self._frames.move is not None, "no mission starts before it is known"
+            stop, way = in_frame(stop, way, self._frames.move)
+        self.navigator.go(goal.goal_id, stop, way)
 
     def _reached(self, stop: Stop) -> Stop:
         """The stop with the distance at which the mission takes the robot to be there, by the noise of now."""

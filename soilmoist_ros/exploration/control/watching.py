@@ -81,10 +81,13 @@ class Watching:
                 )
         self._watch.moved(around)
 
-    def expect(self, state: MissionState, now_s: float) -> None:
-        """Set the expected motion of the robot: without a goal it stands, in a mission and a while after it."""
+    def expect(self, state: MissionState, now_s: float, by_person: bool = False) -> None:
+        """Set the expected motion of the robot: without a goal it stands, in a mission and a while after it.
+
+        :param by_person: whether a person carries the sensor, who may do anything
+        """
         does = Expected.DRIVING if state.goal is not None else Expected.STANDING
-        known = state.under_way or now_s < self._watched_until_s
+        known = not by_person and (state.under_way or now_s < self._watched_until_s)
         self._watch.places.expect(does if known else Expected.ANYTHING, now_s)
 
     def stamped(self, records: Sequence[CountRecord], clock_s: float) -> list[CountRecord]:

@@ -16,6 +16,7 @@ What it holds to:
 * The time for the way home is kept back, judged from where the robot is.
 * What follows a cancellation waits until the robot is known to stand still.
 * A robot that is moved while it counts ends its visit, and waits for people: something else drives or pushes it.
+  A person with the sensor goes where they like: what they count is kept, and the next stop is chosen from there.
 * While paused the robot never moves, not even home when the time is used up.
 """
 
@@ -283,6 +284,9 @@ class _Step:
         if away_s is not None and self.now_s - away_s >= MOVED_S:
             reason = f"the robot was moved by {away_m:.1f} m while it counted at {stop.name}"
             self.leave_stop(VisitEnd.MOVED, reason)
+            if self.rules.by_person:
+                self.then(Todo.PLAN, f"{stop.name} was left")
+                return
             self.hold(Todo.PLAN, f"{reason}, and not by the planner; check the robot, then resume or abort")
         elif away_s != counting.away_s:
             self.recount(away_s=away_s)
@@ -374,7 +378,11 @@ class _Step:
         """The goal has ended at its stop, if the robot's own place agrees: count there, or finish at home."""
         stop, place = self.goal.stop, (event.x_m, event.y_m)
         self.set(goal=None)
-        if not self.rules.is_at(place, stop, self.noise_m):
+        if self.rules.by_person and self.state.phase is Phase.TRAVELLING:
+            self.stand_at(place, event.goal_id)
+        elif self.rules.by_person:
+            self.finish(self.state.ending)
+        elif not self.rules.is_at(place, stop, self.noise_m):
             away_m = math.dist(place, stop.xy)
             self.failed_on_way(f"reported as reached, but the robot is {away_m:.1f} m away from it")
         elif self.state.phase is Phase.RETURNING:
@@ -528,6 +536,12 @@ class _Step:
             return False, f"{stop.name} is in the queue already"
         if inside_any(self.state.ruled_out, stop.xy)[0]:
             return False, f"{stop.name} lies in an area that is ruled out"
+        if self.rules.by_person and self.state.phase is Phase.TRAVELLING and self.is_close_to(stop):
+            goal_id = self.goal.goal_id
+            self.do(events.CancelGoal(goal_id, f"{command.by} stands at {stop.name}"))
+            self.set(goal=None)
+            self.stand_at(self.place, goal_id)
+            return True, self.state.reason
         queued = QueuedStop(stop, command.by, "" if dwell_s is None else f"fmi:{dwell_s:g}")
         self.set(queue=(*queue, queued))
         self.plan_again(f"{stop.name} requested by {command.by}")
@@ -866,6 +880,18 @@ class _Step:
     def arrive(self, place: Place | None = None) -> None:
         now_s, sd_m = self.now_s, self.state.position_sd_m
         self.count(OpenVisit(*(place or self.place), arrived_s=now_s, since_s=now_s, heard_s=now_s, sd_m=sd_m))
+
+    def is_close_to(self, stop: Stop) -> bool:
+        """True if the fixes of a person who stands at a stop may be where they are."""
+        return math.dist(self.place, stop.xy) <= max(self.rules.arrival_radius_m, self.noise_m)
+
+    def stand_at(self, place: Place, goal_id: int) -> None:
+        """Measure where a person stands: at the target, or at a stop of their own choice."""
+        if not self.is_close_to(self.target.stop):
+            self.do(events.CancelGoal(goal_id, "the person stands elsewhere"))  # nothing is learned from this leg
+            name = f"x{place[0]:.1f}y{place[1]:.1f}"
+            self.set(target=Target(Stop(name, *place), "the person stands here", 0.0))
+        self.arrive(place)
 
     def count(self, counting: OpenVisit) -> None:
         self.set(counting=counting)

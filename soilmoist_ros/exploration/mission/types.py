@@ -4,14 +4,18 @@
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from datetime import UTC, datetime
 from enum import StrEnum
-from typing import Any
+from typing import Any, Final
 
 from soilmoist_ros.exploration.planning.dwell import DwellRule
-from soilmoist_ros.exploration.planning.forecast import Forecast
+from soilmoist_ros.exploration.planning.forecast import Forecast, forecast_to_text
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation import Health, Level
 
 Polygon = tuple[tuple[float, float], ...]
 Polygons = tuple[Polygon, ...]  # corners of areas: metres east and north of the field's datum
@@ -126,6 +130,8 @@ class MissionRules:
         [m^3/m^3], or of the rate as a share of its mean [-]; see :class:`Forecast`. 0: never
     :param until_gain: the mission ends when the standard deviation will fall by less than this in ten minutes [%],
         or when the counts show no differences within the field. 0: never
+    :param by_person: a person carries the sensor: who stands at another place than the target measures there, and
+        who leaves a stop ends its visit; neither is a failure
     :raises ValueError: if a value is out of its range
     """
 
@@ -156,6 +162,7 @@ class MissionRules:
     stays: bool = False
     until_sd: float = 0.0
     until_gain: float = 0.0
+    by_person: bool = False
 
     def __post_init__(self) -> None:
         above_zero = {
@@ -283,3 +290,69 @@ class MissionStatus:
     forecast_s: float | None = None  # time of the forecast [s]; ``None`` without one
     place: tuple[float, float] | None = None  # place of the robot [m]; ``None`` if it is unknown
     yields: bool = False  # whether it is paused until another robot is away
+
+
+# The status as values, for the topic ``mission`` of the planner and of recordings --------------------------------
+
+STATUS_FLOATS: Final = {"elapsed_dwell_s": "dwell_s"} | {
+    name: name
+    for name in ("planned_dwell_s", "progress", "time_used_s", "time_left_s", "distance_m", "counting_s")
+}
+STATUS_COUNTS: Final = ("samples", "raw_counts", "failures")
+STATUS_FLAGS: Final = ("needs_operator", "silent", "emergency")
+"""Values of the status as a state of health, and the fields of the status that they have."""
+
+
+def status_health(status: MissionStatus, more: Mapping[str, str] | None = None) -> Health:
+    """A status as a state of health with values, as the topic ``mission`` has it.
+
+    The level is an error if the mission waits for the operator although nobody paused it, if an emergency stop is
+    pressed, or if the robot does not stop. The level is a warning if the mission is paused, has failed since the
+    last visit, gets no records, or if the guard reports something.
+    """
+    target, end_s, forecast = status.target, status.estimated_end_s, status.forecast
+    values = {
+        "state": str(status.phase),
+        "reason": status.reason,
+        "target": target.name if target else "",
+        "target_x_m": _text(target.x_m if target else math.nan),
+        "target_y_m": _text(target.y_m if target else math.nan),
+        "ruled_out": json.dumps(list(status.blacklisted)),
+        "estimated_end": _calendar(end_s),
+        "estimated_end_s": _text(math.nan if end_s is None else end_s),
+        "stamp_s": _text(status.now_s),
+        "ended": str(status.ended or ""),
+        "alarms": json.dumps({alarm.cause: alarm.reason for alarm in status.alarms}),
+        "stop_requests": str(int(status.stop_requests)),
+        "queue": json.dumps(list(status.queue)),
+        "forecast": forecast.text if forecast else "",
+        "forecast_data": forecast_to_text(forecast),
+        "robot_x_m": _text(status.place[0] if status.place else math.nan),
+        "robot_y_m": _text(status.place[1] if status.place else math.nan),
+        **{key: _text(getattr(status, name)) for key, name in STATUS_FLOATS.items()},
+        **{name: str(int(getattr(status, name))) for name in STATUS_COUNTS},
+        **{name: str(bool(getattr(status, name))) for name in STATUS_FLAGS},
+        **(more or {}),
+    }
+    return Health("mission", status_level(status), f"{status.phase}: {status.reason}", values)
+
+
+def status_level(status: MissionStatus) -> Level:
+    """Severity of a status, see :func:`status_health`."""
+    if status.emergency or status.needs_operator:
+        return Level.ERROR
+    doubtful = status.phase is Phase.PAUSED or status.failures or status.silent or status.alarms
+    return Level.WARN if doubtful else Level.OK
+
+
+def _text(value: float) -> str:
+    return repr(float(value))
+
+
+def _calendar(time_s: float | None) -> str:
+    if time_s is None or not math.isfinite(time_s):
+        return ""
+    try:
+        return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="seconds")
+    except (OverflowError, ValueError, OSError):
+        return ""

@@ -1,0 +1,117 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``soilmoist guide``: tell a person with the sensor where to go next, without ROS."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from soilmoist_ros.cli import options
+from soilmoist_ros.cli.answer import answering, echo, progress_bar, say, wrote
+from soilmoist_ros.cli.mission_options import mission_options
+from soilmoist_ros.cli.replay import print_replay
+from soilmoist_ros.foundation import InputError, install, is_installed
+from soilmoist_ros.sensing import FORMAT_NAME
+
+GUIDE = (
+    *("strategy", "dwell", "hours", "target", "speed_mps", "stop_overhead_s", "min_dwell_s", "until_sd"),
+    *("until_gain", "seed", "preset", "model", "fit", "cell_m"),
+)
+"""Mission settings that are options of the command."""
+DEFAULTS = {"speed_mps": 1.2, "stop_overhead_s": 5.0}
+"""Settings of a person that differ from those of a robot."""
+
+
+@click.command("guide")
+@click.option("--field", type=options.Name("field"), required=True, help="Field file: boundary, no-go areas.")
+@click.option("--logger-uri", required=True, metavar="URI",
+              help="Neutron logger: tcp://HOST:PORT, udp://0.0.0.0:PORT or serial:///dev/ttyUSB0.")  # fmt: skip
+@click.option("--gnss-uri", required=True, metavar="URI", help="GNSS receiver that sends NMEA, like --logger-uri.")
+@click.option("--logger", type=options.Name("logger"), default=FORMAT_NAME, show_default=True,
+              help="Logger format: a shipped name or a YAML file.")  # fmt: skip
+@click.option("--site", type=options.Name("site"), default="",
+              help="Site file: corrections, soil, calibration. Default: a rate map.")  # fmt: skip
+@mission_options(GUIDE, DEFAULTS)
+@options.earlier_option()
+@options.covariate_option()
+@click.option("--host", default="127.0.0.1", show_default=True,
+              help="Address of the page; 0.0.0.0 for a phone in the network of the cart.")  # fmt: skip
+@click.option("--port", type=click.IntRange(0, 65535), default=None,
+              help="TCP port of the page. Default: 8050, or a free one.")  # fmt: skip
+@click.option("--autostart", is_flag=True, help="Start with the first position, instead of on the page.")
+@click.option("--exit", "leave", is_flag=True, help="End with the mission, also on a terminal.")
+@click.option("--out", type=options.FILE, required=True,
+              help="Folder of the survey; made if missing, continued if it has one.")  # fmt: skip
+@answering
+def command(
+    field: str,
+    logger_uri: str,
+    gnss_uri: str,
+    logger: str,
+    site: str,
+    choices: dict[str, Any],
+    earlier: tuple[Path, ...],
+    covariates: tuple[str, ...],
+    host: str,
+    port: int | None,
+    autostart: bool,
+    leave: bool,
+    out: Path,
+) -> None:
+    """Guide a person with a hand cart, quad or car through an adaptive survey, without ROS.
+
+    The page shows where to go next, and how long to stay. You may go elsewhere: all counts are mapped, and the
+    next stop is chosen from there. Ctrl-C ends the command; the same command continues the survey in --out, also
+    after a crash. Writes the outputs of replay, and the recording (bag/).
+    """
+    for extra, module in (("console", "aiohttp"), ("bags", "mcap"), ("bags", "rosbags")):
+        if not is_installed(module):
+            raise InputError(f"{module} is not installed, and a guided survey needs it", install(extra))
+    from soilmoist_ros.console import PORT, GuidedSurvey, GuideSettings, free_port
+    from soilmoist_ros.pipeline import replay_bag
+    from soilmoist_ros.reporting import write_outputs
+    from soilmoist_ros.simulation import MissionSettings
+
+    if not (out / "records").is_dir():
+        options.prepare_output(out, False)
+        if (out / "bag").exists():
+            raise InputError("has the recording of another run", "choose another folder", out)
+    settings = GuideSettings(
+        mission=MissionSettings(field=field, **choices),
+        logger_uri=logger_uri,
+        gnss_uri=gnss_uri,
+        logger_format=logger,
+        site=site,
+        earlier=earlier,
+        covariates=covariates,
+        host=host,
+        port=free_port(PORT) if port is None else port,
+        autostart=autostart,
+        out=out,
+    )
+    with GuidedSurvey(settings) as survey:
+        say(f"page       {survey.address}")
+        if survey.invitation:
+            echo(survey.invitation, err=True)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: survey.stop())
+        survey.run()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        with options.reported_failure(out), progress_bar() as progress:
+            replay = replay_bag(out / "bag", None, progress)
+            progress("writing the results", 1.0)
+            written = write_outputs(out, replay.run)
+        print_replay(replay)
+        wrote((*written, out / "bag"), out)
+        if survey.ended is None:
+            echo("interrupted: the same command continues the survey", err=True)
+            sys.exit(130)
+        survey.show_report(out / "report.html")
+        while not leave and sys.stdin.isatty() and sys.stdout.isatty():
+            say(f"page       {survey.address} stays until Ctrl-C")
+            signal.pause()

@@ -1,0 +1,507 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""An adaptive survey by a person, in one process without ROS: devices, map, mission, recording and page.
+
+The folder of a survey holds what a restart needs::
+
+    OUT/records/   each record, on the disk before anything uses it
+    OUT/journal/   the mission
+    OUT/bag/       the recording, which ``soilmoist replay OUT`` maps again
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import shutil
+import socket
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from soilmoist_ros.console.board import Board, RobotHistory, VisitHistory
+from soilmoist_ros.console.map_layers import MapLayers
+from soilmoist_ros.console.plan_routes import SurveyFiles
+from soilmoist_ros.console.plan_work import Walk
+from soilmoist_ros.console.server import ConsoleServer
+from soilmoist_ros.console.views import (
+    choices_view,
+    field_view,
+    health_view,
+    mission_view,
+    place_views,
+    sample_views,
+    visit_view,
+)
+from soilmoist_ros.console.visitors import LOOPBACK, Access, invitation, reachable
+from soilmoist_ros.exploration import (
+    AccessRules,
+    ExplorerSettings,
+    Finish,
+    MissionClock,
+    MissionControl,
+    MissionJournal,
+    MissionRules,
+    MissionSetup,
+    MissionStatus,
+    OperatorRequest,
+    PersonNavigator,
+    Reply,
+    Stop,
+    Verb,
+    Visit,
+    boot_id,
+    parse_dwell,
+    person_rules,
+    person_watch,
+    status_health,
+    warm_up,
+)
+from soilmoist_ros.foundation import Health, InputError
+from soilmoist_ros.mapping import FieldGrid, MappingSettings, MapState, MapWorker, SoilMap, map_cells, map_health
+from soilmoist_ros.pipeline import open_survey
+from soilmoist_ros.recording import (
+    CLOUD,
+    CONFIGURATION,
+    DRIVER,
+    FRAME,
+    BagReader,
+    BagRecorder,
+    MapRecords,
+    MapSources,
+    PlainTopics,
+    RecordLog,
+    RunConfiguration,
+    StoredMission,
+    count_records,
+    free_bytes,
+    next_bag,
+    record_key,
+    recorder_health,
+    recover_bag,
+)
+from soilmoist_ros.sensing import DOUBTS, Batch, CountRecord, Doubt, Driver, DriverSettings
+from soilmoist_ros.simulation import MissionSettings
+
+STEP_S: Final = 0.2
+SHOW_S: Final = 1.0
+ENTRY_M: Final = 1e5
+"""A person may stand any distance outside the field [m]."""
+PAGE: Final = "the page"
+LOW_DISK_BYTES: Final = 5e8
+_SAMPLE: Final = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
+)
+_MAPPED: Final = ("model", "fit", "noise", "local", "drift_model")
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuideSettings:
+    """Settings of a guided survey.
+
+    :param mission: strategy, dwell, hours and motion; its field is the field file
+    :param host: address that the page listens on
+    :param autostart: whether the mission starts with the first position, instead of a start on the page
+    """
+
+    mission: MissionSettings
+    logger_uri: str
+    gnss_uri: str
+    logger_format: str
+    out: Path
+    site: str = ""
+    earlier: Sequence[Path] = ()
+    covariates: Sequence[str] = ()
+    host: str = "127.0.0.1"
+    port: int = 0
+    autostart: bool = False
+
+    @property
+    def rules(self) -> MissionRules:
+        """Rules of the mission."""
+        mission = self.mission
+        rules = MissionRules(
+            budget_s=3600 * mission.hours,
+            dwell=parse_dwell(str(mission.dwell)),
+            warm_up_stops=warm_up(str(mission.strategy), mission.preset)[0],
+            min_dwell_s=mission.min_dwell_s or mission.cadence_s,
+            min_last_dwell_s=(mission.min_dwell_s or mission.cadence_s) + mission.cadence_s,
+            speed_mps=mission.speed_mps,
+            stop_overhead_s=mission.stop_overhead_s,
+            stays=mission.preset == "recommended",
+            until_sd=mission.until_sd,
+            until_gain=mission.until_gain,
+        )
+        return person_rules(rules)
+
+
+class GuidedSurvey:
+    """A survey that runs in :meth:`run`; a context.
+
+    :raises InputError: if a file or an address cannot be used, or another process works in the folder
+    """
+
+    def __init__(self, settings: GuideSettings) -> None:
+        self._settings, mission, out = settings, settings.mission, settings.out
+        mapping = {name: getattr(mission, name) for name in _MAPPED} | {"cell_m": mission.cell_m}
+        earlier = [str(path.expanduser().absolute()) for path in settings.earlier]
+        covariates = list(settings.covariates)
+        self._survey = survey = open_survey(
+            mission.field_name, settings.site, earlier=earlier, covariates=covariates, **mapping
+        )
+        self._plane, curve = survey.field.frame, survey.site.curve
+        if mission.target == "vwc" and curve is None:
+            raise InputError("the target is vwc, but there is no calibration", "give a calibrated site file")
+        self._driver = Driver(
+            DriverSettings(settings.logger_uri, settings.logger_format, settings.gnss_uri),
+            survey.site,
+            self._plane,
+            time.time(),
+        )
+        self.stopped = False
+        self.ended: Finish | None = None
+        """End of the mission; ``None`` while it is not over."""
+        self._wake = threading.Event()
+        self._asked: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
+        self._maps: deque[tuple[MapState, SoilMap | None]] = deque()
+        self._mapped: tuple[MapState, SoilMap] | None = None
+        self._picture: MapLayers | None = None
+        self._shown_s = -math.inf
+        self._stored = StoredMission(out / "journal", settings.rules, "auto", 0.0)
+        self._log = RecordLog(out / "records" / DRIVER, FRAME)
+        self._records = MapRecords(survey.map)
+        self._sources = MapSources(self._records, out / "records", FRAME)
+        self._bag = GuideBag(out, self._records.in_order, (self._plane.latitude_deg, self._plane.longitude_deg))
+        self._bag.configure(
+            {
+                "mapper": {
+                    "field": mission.field_name, "site": settings.site, "frame": FRAME, "earlier": earlier,
+                    "covariates": covariates, "simulated": False,
+                    **{name: value or 0.0 if name.endswith("_m") else value
+                       for name, value in MappingSettings(**mapping).values().items()},
+                },
+                "sensor_driver": {
+                    "field": mission.field_name, "site": settings.site, "logger_uri": settings.logger_uri,
+                    "logger_format": settings.logger_format, "gnss_uri": settings.gnss_uri,
+                },
+                "planner": {
+                    "field": mission.field_name, "strategy": str(mission.strategy), "dwell": str(mission.dwell),
+                    "hours": mission.hours, "seed": mission.seed, "target": mission.target, "graph": "free",
+                    "preset": mission.preset, "until_sd": mission.until_sd, "until_gain": mission.until_gain,
+                    "navigator": "person",
+                },
+            }
+        )  # fmt: skip
+        explorer = ExplorerSettings(
+            strategy=str(mission.strategy),
+            preset=mission.preset,
+            seed=mission.seed,
+            motion=mission.motion,
+            curve=curve if mission.target == "vwc" else None,
+            calibration=curve,
+            knowledge=survey.map.knowledge,
+            access=AccessRules(entry_m=ENTRY_M),
+        )
+        self.board = Board()
+        self._history, self._visits = RobotHistory(self.board, ""), VisitHistory(self.board)
+        self._control = MissionControl(
+            MissionSetup(field=survey.field, settings=explorer, rules=settings.rules),
+            partial(PersonNavigator, may_count=self._may_count),
+            self,
+            MissionJournal(self._stored.journal),
+            clock=MissionClock(time.time, time.monotonic, boot_id()),
+            watch=person_watch(),
+            mission=self._stored.mission,
+        )
+        self._autostart = settings.autostart and self._stored.starts
+        if self._stored.mission is not None:
+            self._control.take_up(self._stored.mission, self._stored.resumes)
+        self._control.fit(None, 0.0, cell_m=survey.map.grid.cell_m)
+        self._control.use_graph(None)
+        self._worker = MapWorker(survey.map.compute, self._on_map)
+        self._worker.submit(survey.map.state)
+        self._serve()
+
+    def _serve(self) -> None:
+        settings, runs = self._settings, self._settings.out.absolute().parent
+        walk = self._walk = Walk(self.board, "")
+        for name, value in (
+            ("robots", [""]), ("field", field_view(self._survey.field)), ("choices", choices_view()),
+            ("pressed", ""),
+        ):  # fmt: skip
+            self.board.put(name, value)
+        access = Access((socket.gethostname(), f"{socket.gethostname()}.local"))
+        files = SurveyFiles(runs, runs, runs)
+        self._server = ConsoleServer(self.board, self, access, lambda: self._picture, files, {"": walk})
+        port = self._server.start(settings.host, settings.port)
+        self.address = f"http://{reachable(settings.host)}:{port}/"
+        """Address of the page."""
+        self.invitation = "" if settings.host in LOOPBACK else invitation(self.address, access.token)
+        """Text for another device that is to steer; empty if the page is for this machine only."""
+
+    def __enter__(self) -> GuidedSurvey:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self._server.close()
+
+    # The loop ------------------------------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Guide until the mission ends or :meth:`stop` is called; then all is on the disk."""
+        self._driver.start(self._wake.set)
+        try:
+            while not self.stopped and self.ended is None:
+                self._wake.wait(STEP_S)
+                self._wake.clear()
+                self._step()
+        finally:
+            self._driver.stop()
+            self._control.close()
+            self._worker.close()
+            self._take_maps()
+            if self._mapped is not None:
+                self._bag.map(*self._mapped, self._survey.map.grid)
+            self._bag.close()
+            self._sources.close()
+            self._log.close()
+            self._stored.close()
+
+    def show_report(self, report: Path) -> None:
+        """Say on the page where the report is."""
+        self.board.put("report", str(report.absolute()))
+
+    def stop(self) -> None:
+        """End soon; signal handlers may call it."""
+        self.stopped = True
+
+    def _step(self) -> None:
+        now_s, control = time.time(), self._control
+        batch = self._driver.step(now_s)
+        self._take(batch)
+        if batch.more:
+            self._wake.set()
+        while self._asked:
+            call, said = self._asked.popleft()
+            try:
+                said.set_result(call())
+            except Exception as error:  # the page gets an answer
+                _log.exception("a request of the page failed")
+                said.set_exception(error)
+        self._take_maps()
+        control.hand_on()
+        control.tick()
+        control.check()
+        for doubt in control.doubts():
+            self._doubt(doubt)
+        if self._autostart and not control.missing():
+            self._autostart = not control.command(Verb.START).accepted
+        if time.monotonic() - self._shown_s >= SHOW_S:
+            self._shown_s = time.monotonic()
+            control.show()
+            parts = [*control.health(), *self._driver.health(now_s)]
+            parts += [map_health(self._survey.map, self._worker, now_s), self._bag.health()]
+            self.board.put("health", health_view(parts))
+
+    def _take(self, batch: Batch) -> None:
+        """Store what the devices have sent, then use it."""
+        for name, lines in (("/raw/logger", batch.logger_lines), ("/raw/gnss", batch.gnss_lines)):
+            for line in lines:
+                self._bag.put(*self._bag.topics.line(name, line))
+        for fix in batch.fixes:
+            self._bag.put(*self._bag.topics.fix(fix))
+            self._control.hear(fix)
+            position = fix.position
+            x_m, y_m = self._plane.to_local(position.latitude_deg, position.longitude_deg)[0].tolist()
+            self.board.hear("fix/")
+            if math.isfinite(x_m) and math.isfinite(y_m):
+                self._history.place(x_m, y_m, position.horizontal_sd_m)
+                self._walk.place(x_m, y_m, position.horizontal_sd_m)
+                self._control.fix((x_m, y_m), position.horizontal_sd_m, fix.stamp_s)
+        made = [self._bag.topics.counts(record, self._bag.datum) for record in batch.records]
+        records = [record for _, message in made for record in count_records(message)]
+        if not records:
+            return
+        try:
+            self._log.write(records)
+        except OSError as error:  # a disk that fails does not stop the survey
+            _log.error("records are not stored: %s", error.strerror or error)
+        for topic, message in made:
+            self._bag.put(topic, message)
+        self._sources.received(records)
+        self._worker.submit(self._survey.map.state)
+        self._control.records(records)
+
+    def _doubt(self, doubt: Doubt) -> None:
+        self._driver.doubts.take(doubt)
+        self._records.doubt(doubt)
+        self._bag.put(*self._bag.topics.text(f"/{DOUBTS}", doubt.to_text()))
+
+    def _on_map(self, state: MapState, soil_map: SoilMap | None) -> None:
+        self._maps.append((state, soil_map))
+        self._wake.set()
+
+    def _take_maps(self) -> None:
+        while self._maps:
+            state, soil_map = self._maps.popleft()
+            whole = soil_map is None or soil_map.deconvolved_m
+            samples = state.samples if whole else state.samples.without_footprint
+            self._control.samples(samples, state.stamp_s)
+            self.board.put("samples", sample_views(state.samples))
+            if soil_map is None:
+                continue
+            self._mapped = state, soil_map
+            self._control.fit(soil_map.fit, state.stamp_s, changing=state.changing(soil_map))
+            version = 1 if self._picture is None else self._picture.version + 1
+            self._picture = MapLayers(map_cells(self._survey.map.grid, soil_map), version)
+            self.board.put("map", self._picture.about)
+            self.board.hear("map")
+
+    def _may_count(self, place: tuple[float, float]) -> bool:
+        fence = self._control.fence
+        return fence is not None and bool(fence.contains([place])[0])
+
+    # What the mission asks for (Outputs) ---------------------------------------------------------------------
+
+    def now_s(self) -> float:
+        """Time on the clock that stamps the records [s]."""
+        return time.time()
+
+    def show(self, status: MissionStatus, ahead: tuple[Stop, ...], more: Mapping[str, str]) -> None:
+        """Show and record the mission."""
+        self.board.put("mission/", mission_view(status, more))
+        self.board.put("plan/", place_views(stop.xy for stop in ahead))
+        self._history.count(status)
+        self.board.hear("mission/")
+        self._bag.put(*self._bag.topics.health("/mission", status_health(status, more)))
+
+    def visit(self, visit: Visit) -> None:
+        """A stop is complete."""
+        self._visits.add(visit_view(visit, ""))
+        self._bag.put(*self._bag.topics.visit(visit))
+
+    def save(self, reason: str) -> None:
+        """Outputs are written at the end."""
+
+    def finish(self, finish: Finish) -> None:
+        """The mission has ended."""
+        self.ended = finish
+        self.board.put("report", "")
+
+    def wake(self) -> None:
+        """Plans are ready."""
+        self._wake.set()
+
+    # What the page asks for (Steering) -----------------------------------------------------------------------
+
+    def command(self, robot: str, request: OperatorRequest) -> Future[Reply]:
+        """Pass a request to the mission."""
+        return self._ask(partial(self._control.request, request))
+
+    def press(self, who: str) -> None:
+        """Pause: nothing but the person moves the sensor."""
+        self.board.put("pressed", who or "the operator")
+        self._ask(partial(self._control.emergency, True, PAGE))
+
+    def release(self, who: str) -> None:
+        """End the stop of anybody."""
+        self.board.put("pressed", "")
+        self._ask(partial(self._control.emergency, False, PAGE))
+
+    def _ask(self, call: Callable[[], Any]) -> Future[Any]:
+        said: Future[Any] = Future()
+        said.set_running_or_notify_cancel()
+        self._asked.append((call, said))
+        self._wake.set()
+        return said
+
+
+# The recording: bags in ``OUT/bag``, one for each process; the last one of a killed process is repaired ---------
+
+
+class GuideBag:
+    """Records messages, and repairs what an earlier process left.
+
+    :param out: folder of the survey
+    :param records: all records of the survey so far: what the last bag lacks of them comes into the next one
+    :param datum: latitude and longitude of the datum of the field [deg]
+    """
+
+    def __init__(self, out: Path, records: Sequence[CountRecord], datum: tuple[float, float]) -> None:
+        self.topics, self.datum = PlainTopics(), datum
+        self._out, self._bags = out, out / "bag"
+        self._stamp_ns = 0
+        missing = self._repaired(records)
+        self._recorder = BagRecorder(lambda: next_bag(self._bags, "", "jazzy"))
+        self._recorder.start()
+        for record in missing:
+            self.put(*self.topics.counts(record, datum))
+
+    def configure(self, nodes: Mapping[str, Mapping[str, Any]]) -> None:
+        """Store the settings, and the files that they name, as a replay reads them."""
+        (self._out / CONFIGURATION).mkdir(parents=True, exist_ok=True)
+        configuration = RunConfiguration()
+        for node, values in nodes.items():
+            configuration.take(node, values)
+        configuration.write(self._bags)
+
+    def put(self, topic: Any, message: Any) -> None:
+        """Record a message; the times of all messages increase, as their order is that of the map."""
+        self._stamp_ns = max(self._stamp_ns + 1, time.time_ns())
+        self._recorder.put(topic, self._stamp_ns, self._stamp_ns, self.topics.data(topic, message))
+
+    def map(self, state: MapState, soil_map: SoilMap, grid: FieldGrid) -> None:
+        """Record the last map, which a replay compares with its own."""
+        table = np.zeros(len(state.samples), _SAMPLE)
+        table["x"], table["y"] = state.samples.xy.T
+        table["raw_counts"], table["effective_exposure_s"] = state.samples.counts, state.samples.exposure_s
+        for name, cloud in (("/samples", table), ("/soil_map", map_cells(grid, soil_map))):
+            self.put(self.topics.topic(name, CLOUD), self.topics.cloud(cloud, state.stamp_s))
+
+    def health(self) -> Health:
+        """State of the recording."""
+        return recorder_health(self._recorder.state, free_bytes(self._bags), LOW_DISK_BYTES)
+
+    def close(self) -> None:
+        """Write what waits, and close the bag."""
+        self._recorder.stop()
+
+    def _repaired(self, records: Sequence[CountRecord]) -> list[CountRecord]:
+        """Repair the bag of a process that was killed; returns the records that no bag has."""
+        whole = self._out / "repaired"
+        for done in [path.parent for path in whole.glob("*/metadata.yaml")]:  # it was killed in the repair
+            shutil.rmtree(self._bags / done.name, ignore_errors=True)
+            done.rename(self._bags / done.name)
+        for bag in [path for path in self._bags.glob("*") if not (path / "metadata.yaml").is_file()]:
+            shutil.rmtree(whole, ignore_errors=True)
+            try:
+                recover_bag(bag, whole / bag.name)
+            except InputError as error:
+                _log.warning("the recording %s has nothing that can be used: %s", bag, error)
+            shutil.rmtree(bag)
+            if (whole / bag.name).is_dir():
+                (whole / bag.name).rename(self._bags / bag.name)
+        shutil.rmtree(whole, ignore_errors=True)
+        if not any(self._bags.glob("*/metadata.yaml")):
+            return list(records)
+        with BagReader(self._bags) as reader:
+            had = (
+                Counter(map(record_key, reader.read_counts())) if "/counts" in reader.topics else Counter[bytes]()
+            )
+        missing = []
+        for record in records:
+            key = record_key(record)
+            had[key] -= 1
+            if had[key] < 0:
+                missing.append(record)
+        return missing

@@ -1,0 +1,128 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``soilmoist guide`` as a process, with real sockets: a simulated person follows the page; kill -9."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+pytest.importorskip("aiohttp")
+from browser import PHONE, chromium
+from simulated_person import PageAdvice, SimulatedPerson
+
+from soilmoist_ros.recording import BagReader, read_records
+from soilmoist_ros.simulation import MissionSettings
+
+SETTINGS = MissionSettings(
+    "patches", speed_mps=6.0, stop_overhead_s=0.5, cadence_s=1.0, position_sd_m=0.05, seed=3
+)
+COMMAND = (sys.executable, "-m", "soilmoist_ros.cli.main")
+LIMIT_S = 240.0
+pytestmark = [pytest.mark.slow, pytest.mark.process]
+
+
+@contextmanager
+def guided(person, out, *more):
+    """The command, and what it shows; it is killed if it has not ended."""
+    process = subprocess.Popen(
+        [*COMMAND, "guide", "--field", "patches", "--logger-uri", person.uri("logger"), "--gnss-uri",
+         person.uri("gnss"), "--dwell", "fmi:3", "--min-dwell", "1", "--speed", "6", "--stop-overhead", "1",
+         "--exit", "--port", "0", "--out", str(out), *more],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        yield process, PageAdvice(process.stdout.readline().split()[1])
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def until(what):
+    end_s = time.monotonic() + LIMIT_S
+    while not what():
+        assert time.monotonic() < end_s
+        time.sleep(0.1)
+
+
+def raster(path):
+    import rasterio
+
+    with rasterio.open(path) as file:
+        return file.read()
+
+
+def test_a_person_who_ignores_advice_and_turns_wrong_gets_a_report(tmp_path):
+    pages = []
+    with (
+        SimulatedPerson(SETTINGS, lambda: pages and pages[0](), ignores=1, wrong_turn=2) as person,
+        guided(person, tmp_path / "out", "--hours", "0.02", "--autostart") as (process, page),
+    ):
+        pages.append(page)
+        until(lambda: process.poll() is not None)
+        said, errors = process.communicate()
+        assert process.returncode == 0, errors
+    assert "equals the robot's last one, bit for bit" in said
+    assert (tmp_path / "out" / "report.html").is_file()
+    assert "\nx" in (tmp_path / "out" / "visits.csv").read_text(), "a stop of their own choice"
+    again = subprocess.run(
+        [*COMMAND, "replay", str(tmp_path / "out"), "--out", str(tmp_path / "again")],
+        capture_output=True,
+        text=True,
+    )
+    assert again.returncode == 0, again.stderr
+    np.testing.assert_array_equal(raster(tmp_path / "out" / "map.tif"), raster(tmp_path / "again" / "map.tif"))
+
+
+def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
+    pages, out = [], tmp_path / "out"
+    with SimulatedPerson(SETTINGS, lambda: pages and pages[-1]()) as person:
+        with guided(person, out, "--hours", "0.02", "--autostart") as (process, page):
+            pages.append(page)
+            until(lambda: page.sections.get("mission/", {}).get("stops", 0) >= 1)
+            process.kill()
+            process.wait()
+        with guided(person, out, "--hours", "0.02", "--autostart") as (process, page):
+            pages.append(page)
+            until(lambda: process.poll() is not None)
+            said, errors = process.communicate()
+            assert process.returncode == 0, errors
+    assert "bit for bit" in said
+    stored = (out / "records" / "sensor_driver" / "journal.jsonl").read_text().count('"record"')
+    with BagReader(out / "bag") as reader:
+        assert len(reader.read_counts()) == stored == len(read_records(out / "records.csv"))
+        used_s = [float({v.key: v.value for v in reader.decode(m).values}["time_used_s"])
+                  for m in reader.messages(["/mission"])]  # fmt: skip
+    assert max(used_s) >= 72.0
+    assert sorted(used_s) == used_s, "one mission"
+
+
+def test_the_page_leads_by_an_arrow_and_a_ring(tmp_path):
+    pages = []
+    with (
+        chromium() as browser,
+        SimulatedPerson(SETTINGS, lambda: pages and pages[0]()) as person,
+        guided(person, tmp_path / "out", "--hours", "1", "--dwell", "fmi:15") as (_process, advice),
+    ):
+        page = browser.new_page(viewport=PHONE)
+        faults = []
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.goto(advice.address)
+        page.get_by_role("button", name="Start the survey").click(timeout=1000 * LIMIT_S)
+        page.locator("#guide .arrow").wait_for(timeout=1000 * LIMIT_S)
+        assert page.locator("#guide-big").inner_text().endswith(" m")
+        assert page.locator("#stop").is_hidden(), "nothing but the person drives"
+        pages.append(advice)
+        page.locator("#guide .ring").wait_for(timeout=1000 * LIMIT_S)
+        page.get_by_text("more: ±").wait_for(timeout=1000 * LIMIT_S)
+        box = page.get_by_role("button", name="Go on now").bounding_box()
+        assert box["height"] >= 64, "for a thumb"
+        assert box["y"] + box["height"] <= PHONE["height"], "in sight"
+        page.get_by_role("button", name="Go on now").click()
+        page.locator("#guide .arrow").wait_for(timeout=1000 * LIMIT_S)
+        assert not faults
