@@ -488,6 +488,9 @@ class GuideBag:
                 recover_bag(bag, whole / bag.name)
             except InputError as error:
                 _log.warning("the recording %s has nothing that can be used: %s", bag, error)
+                (self._out / "unusable").mkdir(exist_ok=True)
+                bag.rename(self._out / "unusable" / f"{bag.name}_{time.time():.0f}")
+                continue
             shutil.rmtree(bag)
             if (whole / bag.name).is_dir():
                 (whole / bag.name).rename(self._bags / bag.name)
