@@ -95,13 +95,16 @@ def command(
         out=out,
     )
     with GuidedSurvey(settings) as survey:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: survey.stop())
         say(f"page       {survey.address}")
         if survey.invitation:
             echo(survey.invitation, err=True)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: survey.stop())
         survey.run()
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        if not survey.has_records:
+            echo("no record has a place yet: the same command continues the survey", err=True)
+            sys.exit(130 if survey.ended is None else 1)
         with options.reported_failure(out), progress_bar() as progress:
             replay = replay_bag(out / "bag", None, progress)
             progress("writing the results", 1.0)

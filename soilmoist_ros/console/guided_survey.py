@@ -277,6 +277,11 @@ class GuidedSurvey:
             self._log.close()
             self._stored.close()
 
+    @property
+    def has_records(self) -> bool:
+        """True if the map has a record."""
+        return bool(self._survey.map.state.records)
+
     def show_report(self, report: Path) -> None:
         """Say on the page where the report is."""
         self.board.put("report", str(report.absolute()))

@@ -247,13 +247,16 @@ def with_side(site: Site, field: Field | None) -> Site:
 def with_sensor(site: Site, sensor: str | float | None, site_file: Path | None) -> Site:
     """Site whose sensor is that of an option.
 
-    :raises InputError: if the site has a calibration, which knows its sensor already
+    :raises InputError: if the site has a calibration, which knows its sensor already, or another sensor
     """
     if sensor is None:
         return site
     if site.calibration is not None:
         message = "has a calibration, whose N0 is that of its own sensor"
         raise InputError(message, "leave --sensor out, or remove 'calibration' from the site file", site_file)
+    if site.sensor_sensitivity not in (None, sensor):
+        message = f"has the sensor_sensitivity {site.sensor_sensitivity}, not {sensor}"
+        raise InputError(message, "leave --sensor out, or remove that of the site file", site_file)
     return site.model_copy(update={"sensor_sensitivity": sensor})
 
 

@@ -85,16 +85,14 @@ class Dose:
     def right(self, gross_mm: float, places: NDArray[np.intp] | slice = slice(None)) -> Array:
         """Probability that places, by default all, need the gross dose of a step and no other one."""
         settings = self._spread.settings
-        if not gross_mm > 0:
-            return np.asarray(1 - self.needed[places])
-        doses = settings.doses_mm
+        doses = np.concatenate([[0.0], settings.doses_mm])
         index = int(np.argmin(np.abs(doses - gross_mm)))
         middles = np.concatenate([[-np.inf], (doses[1:] + doses[:-1]) / 2, [np.inf]])
         wet, dry = settings.full - middles[index : index + 2] * settings.efficiency / settings.root_depth_mm
 
         def figures(one: _Spread) -> list[Array]:
             below = [one.below(min(limit, settings.stress), settings.full_sd) for limit in (wet, dry)]
-            return [np.maximum(below[0] - below[1], 0.0)]
+            return [np.maximum((1.0 if index == 0 else below[0]) - below[1], 0.0)]
 
         return self._spread.figures(figures, places)[0]
 
@@ -265,8 +263,8 @@ def zones_of_dose(
 
     def step(chosen: NDArray[Any]) -> int:
         """Number of the step that the mean need of some places asks for."""
-        away = np.abs(steps[1:] - dose.net_mm[chosen].mean() / settings.efficiency)
-        return int(np.argmin(away)) + 1 if dose.needed[chosen].mean() >= 0.5 else 0
+        away = np.abs(steps - dose.net_mm[chosen].mean() / settings.efficiency)
+        return int(np.argmin(away)) if dose.needed[chosen].mean() >= 0.5 else 0
 
     order = np.argsort(block, kind="stable")
     of_block = np.array([step(some) for some in np.split(order, np.cumsum(np.bincount(block))[:-1])])

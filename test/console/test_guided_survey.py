@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import time
@@ -100,6 +101,22 @@ def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
                   for m in reader.messages(["/mission"])]  # fmt: skip
     assert max(used_s) >= 72.0
     assert sorted(used_s) == used_s, "one mission"
+
+
+def test_ctrl_c_before_the_first_record_says_how_to_go_on(tmp_path):
+    nobody = "tcp://127.0.0.1:1"
+    process = subprocess.Popen(
+        [*COMMAND, "guide", "--field", "patches", "--logger-uri", nobody, "--gnss-uri", nobody, "--port", "0",
+         "--out", str(tmp_path / "out")],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout.readline().startswith("page ")
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=LIMIT_S)
+    assert process.returncode == 130, errors
+    assert "no record has a place yet: the same command continues the survey" in errors
+    assert "error" not in errors
 
 
 def test_the_page_leads_by_an_arrow_and_a_ring(tmp_path):

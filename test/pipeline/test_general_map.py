@@ -68,6 +68,10 @@ def test_a_calibrated_site_refuses_another_sensor():
     with pytest.raises(InputError, match="--sensor"):
         with_sensor(STATION, "CRS-1000", Path("site.yaml"))
     assert with_sensor(Site(), "CRS-1000", None).sensor_sensitivity == "CRS-1000"
+    other = Site(sensor_sensitivity="CRS-2000B")
+    assert with_sensor(other, "CRS-2000B", None) == other
+    with pytest.raises(InputError, match="has the sensor_sensitivity CRS-2000B, not CRS-1000"):
+        with_sensor(other, "CRS-1000", Path("site.yaml"))
 
 
 def test_the_state_of_the_calibration_has_a_word_of_its_own():

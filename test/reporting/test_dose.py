@@ -166,3 +166,18 @@ def test_a_run_without_a_dose_says_what_it_lacks():
         saved_zones({"dose": {"missing": "the sensor is not calibrated", "remedy": "calibrate", "settings": None}})
     with pytest.raises(InputError, match="without doses"):
         saved_zones({})
+
+
+def test_less_than_half_of_the_smallest_dose_is_not_applied_nor_called_right():
+    """A shallow root zone lacks 7 mm at most, and the machine cannot give less than 40 mm."""
+    shallow = changed(root_depth_mm=50, steps_mm=40.0, max_dose_mm=80.0, efficiency=1.0)
+    xy = np.array([(x + 0.5, y + 0.5) for x in range(20) for y in range(20)])
+    found = find_dose(np.full(len(xy), float(CURVE.rate_cps(0.15))), np.full(len(xy), 0.05), CURVE, shallow)
+    assert found.needed.min() > 0.9
+    assert 0 < found.net_mm.max() < 7.1
+    (zone,) = zones_of_dose(found, xy, 1.0, box(0, 0, 20, 20), shallow)
+    assert zone.gross_mm == 0
+    assert zone.sure > 0.99
+    assert found.right(40.0).max() < 0.01
+    total = sum(found.right(step) for step in (0.0, *shallow.doses_mm))
+    assert total == pytest.approx(np.ones(len(xy)), abs=1e-6)

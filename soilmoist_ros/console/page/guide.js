@@ -10,8 +10,9 @@ const TEXT = {
   here: "Measure here", other: "Another stop", stay: "Stay here", enough: "Enough", goOn: "Go on", goOnNow: "Go on now", pause: "Pause", resume: "Go on with the survey",
   paused: "Paused", end: "Slide to end the survey", home: "Go home", done: "Finished", noLink: "No connection: what the sensor counts is stored all the same",
   readOnly: "Read-only: open the address with the token that the command prints.", north: "north is up until you walk", noPlace: "no position yet",
-  counts: (n) => `${n} counts`, left: (s) => `${s} s`, ofStops: (n) => `${n} stops`, taken: (who) => `${who} has the controls`, take: "Slide to take over",
+  counts: (n) => `${n} counts`, left: (s) => `${s} s`, ofStops: (n) => `${n} ${n === 1 ? "stop" : "stops"}`, taken: (who) => `${who} has the controls`, take: "Slide to take over",
   more: (s, now, then) => `stay ${s} s more: ±${now} % → ±${then} %`, error: (now) => `±${now} % so far`, report: (path) => `The report: ${path}`, making: "Making the map",
+  outside: "You are outside the field: the map takes no counts from here",
 };
 const RING_M = 2 * Math.PI * 44, BUSY = ["planning", "waiting", "cancelling"], ASIDE_S = 60, STRIDE_M = 3;
 let before = "", sound = null, use = null;
@@ -51,6 +52,16 @@ function headingFrom([x, y]) {
   return from ? Math.atan2(x - from[0], y - from[1]) * 180 / Math.PI : null;
 }
 
+function isOutside([x, y]) {
+  let inside = false;
+  const ring = sections.field?.boundary ?? [];
+  ring.forEach(([ax, ay], index) => {
+    const [bx, by] = ring.at(index - 1);
+    if (ay > y !== by > y && x < (bx - ax) * (y - ay) / (by - ay) + ax) inside = !inside;
+  });
+  return ring.length > 0 && !inside;
+}
+
 // What the person sees at a glance: an arrow, or a ring; and one line on it.
 function view(now) {
   const [x, y] = where();
@@ -65,8 +76,8 @@ function view(now) {
   if (now.stop && (now.phase === "travelling" || now.phase === "returning")) {
     if (x === undefined) return { kind: "wait", title: TEXT.go, line: TEXT.noPlace };
     const bearing = Math.atan2(now.stop[1] - x, now.stop[2] - y) * 180 / Math.PI, metres = Math.round(Math.hypot(now.stop[1] - x, now.stop[2] - y));
-    const heading = headingFrom([x, y]);
-    return { kind: "arrow", title: now.phase === "returning" ? TEXT.home : TEXT.go, turn: Math.round(bearing - (heading ?? 0)), big: `${metres} m`, line: heading === null ? `${now.stop[0]}; ${TEXT.north}` : now.stop[0] };
+    const heading = headingFrom([x, y]), said = heading === null ? `${now.stop[0]}; ${TEXT.north}` : now.stop[0];
+    return { kind: "arrow", title: now.phase === "returning" ? TEXT.home : TEXT.go, turn: Math.round(bearing - (heading ?? 0)), big: `${metres} m`, line: isOutside([x, y]) ? TEXT.outside : said };
   }
   if (BUSY.includes(now.phase)) return { kind: "wait", title: TEXT.choosing };
   return { kind: "wait", title: now.ready ? TEXT.ready : TEXT.notReady, line: now.reason };

@@ -412,6 +412,9 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
     doses = [zone.gross_mm for zone in found.irrigated]
     if not doses:
         what = f"No irrigation needed now on all {part_of_area(whole_m2, whole_m2)}"
+        if any(zone.needed >= 0.5 for zone in found.zones):
+            smallest = f"{found.settings.doses_mm[0]:g} mm, the smallest dose of the machine"
+            what = f"No irrigation yet: what is missing is nearer to nothing than to {smallest}"
     else:
         mean = 1000 * found.volume_m3 / found.area_m2
         amount = f"{mean:.0f} mm" if min(doses) == max(doses) else f"{min(doses):g} to {max(doses):g} mm"

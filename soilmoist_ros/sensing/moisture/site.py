@@ -365,11 +365,12 @@ class Site(Section):
                 f"soil 'texture' is {self.soil.texture}, irrigation 'texture' {texture}: one field has one soil; "
                 "remove that of irrigation, which then is that of the soil"
             )
-        if self.soil is not None and target is not None:
-            pores = soil_limits(self.soil.bulk_density_gcm3).saturation
-            if target > pores:
+        own = None if texture else self.irrigation.field_capacity
+        for name, limit in (("target", target), ("field_capacity", own)):
+            pores = 1.0 if self.soil is None else soil_limits(self.soil.bulk_density_gcm3).saturation
+            if limit is not None and limit > pores:
                 raise ValueError(
-                    f"irrigation 'target' {target:g} is above the pore volume {pores:.2f} of this soil"
+                    f"irrigation '{name}' {limit:g} is above the pore volume {pores:.2f} of this soil"
                 )
         if self.logger_time_zone and self.logger_utc_offset_hours is not None:
             raise ValueError("give 'logger_time_zone' or 'logger_utc_offset_hours', not both")

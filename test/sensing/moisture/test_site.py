@@ -91,6 +91,10 @@ def test_limits_for_irrigation_come_in_pairs(tmp_path, text, mistake):
         ({"irrigation": {"texture": "loam", "target_share": 0.5}}, "'target_share' 0.5 is not above 0.21"),
         ({"irrigation": {"target": 0.25, "target_share": 0.9}}, "'target' or 'target_share', not both"),
         ({"irrigation": {"target": 0.5}, "soil": {"bulk_density_gcm3": 1.6}}, "above the pore volume 0.40"),
+        (
+            {"irrigation": {"wilting_point": 0.1, "field_capacity": 0.6}, "soil": {"bulk_density_gcm3": 1.6}},
+            "'field_capacity' 0.6 is above the pore volume 0.40",
+        ),
     ],
 )
 def test_impossible_doses_are_refused(keys, mistake):
