@@ -16,6 +16,7 @@ PUBLISHED_BY = {
     "sensing/survey/driver.py": "sensor_driver",
     "mapping/map_worker.py": "mapper",
     "nodes/mapper.py": "mapper",
+    "pipeline/field_survey.py": "mapper",
     "exploration/control/mission_control.py": "planner",
     "exploration/control/team.py": "planner",
     "exploration/guard/watch.py": "planner",
@@ -23,8 +24,8 @@ PUBLISHED_BY = {
     "recording/bag/recorder.py": "recorder",
     "simulation/robot/simulated_time.py": "field_simulator",
 }
-RECEIVERS = {"nodes/console.py"}
-"""Files that make states of health of what they received."""
+ELSEWHERE = {"nodes/console.py", "exploration/mission/types.py"}
+"""Files that make states of health of what they received, or for other topics than /diagnostics."""
 VARIABLES = {
     ("sensing/survey/driver.py", "name"): {"logger link", "GNSS link"},
     ("exploration/control/mission_control.py", "name"): {"position", "records"},
@@ -52,7 +53,7 @@ def published_names() -> set[str]:
         }
         for node in ast.walk(tree):
             made = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Health"
-            if not made or inside in RECEIVERS:
+            if not made or inside in ELSEWHERE:
                 continue
             first = node.args[0]
             if isinstance(first, ast.Constant):
