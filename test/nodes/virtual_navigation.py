@@ -197,10 +197,11 @@ class VirtualNavigation:
 
     def die(self):
         """Stop serving, whatever is in progress."""
-        self._alive = False
-        if self._spinning:
-            self._spinning = False
+        spinning, self._spinning = self._spinning, False
+        if spinning:
             self.thread.join(5)
+        self._alive = False  # from now on nobody answers for a goal that ends by this
+        if spinning:
             self.executor.shutdown(timeout_sec=5)
             self.server.destroy()
             self.node.destroy_node()
