@@ -42,19 +42,21 @@ from msg_adapters.point_cloud import (
 )
 from soilmoist_ros.foundation import LatLon, LocalFrame, other_datum
 from soilmoist_ros.mapping import Samples
-from soilmoist_ros.recording import COUNT_DATUM, COUNT_POINT, count_points, count_records
+from soilmoist_ros.recording import (
+    COUNT_DATUM,
+    COUNT_POINT,
+    SAMPLE_POINT,
+    SAMPLE_SPREAD,
+    count_points,
+    count_records,
+    line_bytes,
+    line_text,
+    sample_points,
+)
 from soilmoist_ros.recording import points as read_points
 from soilmoist_ros.sensing import CountRecord
 
 _MANY: Final = 500
-# Viewers read x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
-_SAMPLE: Final = np.dtype(
-    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
-)
-_SPREAD: Final = ("spread_xx", "spread_xy", "spread_yy", "footprint_radius_m")
-_AREA: Final = np.dtype([*_SAMPLE.descr, *((name, "<f4") for name in _SPREAD)])
-# A ROS string ends at the first zero. Latin-1 lacks this character, so every line is restored exactly.
-_ZERO = "\N{SYMBOL FOR NULL}"
 
 
 def counts_to_message(
@@ -118,20 +120,14 @@ def counts_from_message(message: PointCloud2) -> list[CountRecord]:
 
 def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
     """Message of samples."""
-    points = np.zeros(len(samples), _AREA)
-    points["x"], points["y"] = samples.xy.T
-    points["raw_counts"] = samples.counts
-    points["effective_exposure_s"] = samples.exposure_s
-    for name, moments in zip(_SPREAD, samples.spread.T, strict=True):
-        points[name] = moments
-    return points_to_message(points, stamp_s, frame_id)
+    return points_to_message(sample_points(samples), stamp_s, frame_id)
 
 
 def samples_from_message(message: PointCloud2) -> Samples:
     """Samples of a message, points if it has no spreads; ``ValueError`` if a field or value is impossible."""
     given = [field.name for field in message.fields]
-    known = [name for name in _SPREAD if name in given]  # messages of earlier versions have no footprint
-    kind = np.dtype([*_SAMPLE.descr, *((name, "<f4") for name in known)])
+    known = [name for name in SAMPLE_SPREAD if name in given]  # messages of earlier versions have no footprint
+    kind = np.dtype([*SAMPLE_POINT.descr, *((name, "<f4") for name in known)])
     points = points_from_message(message, kind).ravel()
     xy = np.column_stack([points["x"], points["y"]])
     spread = np.column_stack([points[name] for name in known]) if known else np.zeros(4)
@@ -143,9 +139,9 @@ def samples_from_message(message: PointCloud2) -> Samples:
 
 def line_to_message(line: bytes) -> String:
     """Message of a line: each byte is one character."""
-    return String(data=line.decode("latin-1").replace("\0", _ZERO))
+    return String(data=line_text(line))
 
 
 def line_from_message(message: String) -> bytes:
     """Line of a message of :func:`line_to_message`; others are refused."""
-    return str(message.data).replace(_ZERO, "\0").encode("latin-1")
+    return line_bytes(str(message.data))

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -12,12 +12,8 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from soilmoist_ros.recording import points, stamp_parts
-
-FRAME: Final = "map"
-"""East-north-up metres about the field's datum."""
-
-_DATATYPES: Final = {"<f4": PointField.FLOAT32, "<f8": PointField.FLOAT64, "<u4": PointField.UINT32}
+from soilmoist_ros.recording import DATATYPES, points, stamp_parts
+from soilmoist_ros.recording import FRAME as FRAME
 
 
 def points_to_message(table: NDArray[Any], stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
@@ -30,7 +26,7 @@ def points_to_message(table: NDArray[Any], stamp_s: float, frame_id: str = FRAME
         height=int(height),
         width=int(width),
         fields=[
-            PointField(name=name, offset=int(fields[name][1]), datatype=_DATATYPES[fields[name][0].str], count=1)
+            PointField(name=name, offset=int(fields[name][1]), datatype=DATATYPES[fields[name][0].str], count=1)
             for name in fields
         ],
         is_bigendian=False,
@@ -69,7 +65,7 @@ def check_fields(message: PointCloud2, wanted: np.dtype[Any]) -> None:
     for name in wanted.names or ():
         if name not in found:
             raise ValueError(f"the message has no field {name!r}, only: {', '.join(found) or 'none'}")
-        if found[name].datatype != _DATATYPES[wanted[name].str]:
+        if found[name].datatype != DATATYPES[wanted[name].str]:
             raise ValueError(f"field {name!r} is of datatype {found[name].datatype}, not {wanted[name].str}")
 
 

@@ -38,7 +38,7 @@ from soilmoist_ros.exploration import (
 )
 from soilmoist_ros.foundation import foreign_text
 from soilmoist_ros.mapping import MapState, SoilMap
-from soilmoist_ros.recording import visit_of
+from soilmoist_ros.recording import visit_of, visit_values
 
 Code = TypeVar("Code", bound=Enum)
 _RESPONSES: Final = {response: int(getattr(AlarmMessage, str(response.value).upper())) for response in Response}
@@ -122,20 +122,10 @@ def visit_to_message(visit: Visit, robot: str = "", frame_id: str = FRAME) -> Vi
     return VisitMessage(
         header=Header(stamp=to_time(visit.end_stamp_s), frame_id=frame_id),
         robot=robot,
-        stop=visit.name,
         stop_position=Point(x=float(visit.stop_x_m), y=float(visit.stop_y_m)),
         position=Point(x=float(visit.x_m), y=float(visit.y_m)),
         arrival=to_time(visit.arrival_stamp_s),
-        arrival_s=float(visit.arrived_s),
-        dwell_s=float(visit.dwell_s),
-        dwell_rule=visit.dwell,
-        records=int(visit.records),
-        raw_counts=int(visit.raw_counts),
-        exposure_s=float(visit.exposure_s),
-        effective_exposure_s=float(visit.effective_exposure_s),
-        choice=visit.reason,
-        reason_code=str(visit.ended),
-        reason=visit.outcome,
+        **visit_values(visit),
     )
 
 

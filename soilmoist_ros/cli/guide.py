@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``soilmoist guide``: tell a person with the sensor where to go next, without ROS."""
+"""``soilmoist guide``: show a person with the sensor the next stop, without ROS."""
 
 from __future__ import annotations
 

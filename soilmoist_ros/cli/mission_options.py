@@ -118,7 +118,7 @@ def _default(setting: Setting) -> str:
 
 irrigation_option = click.option(
     "--site", type=Name("site"),
-    help="Site file with irrigation keys; only these are used: the simulated sensor has a calibration of its own. "
+    help="Site file with irrigation keys; only these are used: the simulation calibrates its sensor. "
     "Default: loam, roots to 300 mm, depletion 0.5, efficiency 0.8.",
 )  # fmt: skip
 

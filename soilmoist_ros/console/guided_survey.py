@@ -25,8 +25,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from soilmoist_ros.console.board import Board, RobotHistory, VisitHistory
 from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.plan_routes import SurveyFiles
@@ -43,6 +41,7 @@ from soilmoist_ros.console.views import (
 )
 from soilmoist_ros.console.visitors import LOOPBACK, Access, invitation, reachable
 from soilmoist_ros.exploration import (
+    PERSON_ENTRY_M,
     AccessRules,
     ExplorerSettings,
     Finish,
@@ -87,19 +86,15 @@ from soilmoist_ros.recording import (
     record_key,
     recorder_health,
     recover_bag,
+    sample_points,
 )
 from soilmoist_ros.sensing import DOUBTS, Batch, CountRecord, Doubt, Driver, DriverSettings
 from soilmoist_ros.simulation import MissionSettings
 
 STEP_S: Final = 0.2
 SHOW_S: Final = 1.0
-ENTRY_M: Final = 1e5
-"""A person may stand any distance outside the field [m]."""
 PAGE: Final = "the page"
 LOW_DISK_BYTES: Final = 5e8
-_SAMPLE: Final = np.dtype(
-    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
-)
 _MAPPED: Final = ("model", "fit", "noise", "local", "drift_model")
 
 _log = logging.getLogger(__name__)
@@ -210,7 +205,7 @@ class GuidedSurvey:
             curve=curve if mission.target == "vwc" else None,
             calibration=curve,
             knowledge=survey.map.knowledge,
-            access=AccessRules(entry_m=ENTRY_M),
+            access=AccessRules(entry_m=PERSON_ENTRY_M),
         )
         self.board = Board()
         self._history, self._visits = RobotHistory(self.board, ""), VisitHistory(self.board)
@@ -359,16 +354,13 @@ class GuidedSurvey:
     def _take_maps(self) -> None:
         while self._maps:
             state, soil_map = self._maps.popleft()
-            whole = soil_map is None or soil_map.deconvolved_m
-            samples = state.samples if whole else state.samples.without_footprint
-            self._control.samples(samples, state.stamp_s)
+            self._control.samples(state.mapped_samples(soil_map), state.stamp_s)
             self.board.put("samples", sample_views(state.samples))
             if soil_map is None:
                 continue
             self._mapped = state, soil_map
             self._control.fit(soil_map.fit, state.stamp_s, changing=state.changing(soil_map))
-            version = 1 if self._picture is None else self._picture.version + 1
-            self._picture = MapLayers(map_cells(self._survey.map.grid, soil_map), version)
+            self._picture = MapLayers.after(self._picture, map_cells(self._survey.map.grid, soil_map))
             self.board.put("map", self._picture.about)
             self.board.hear("map")
 
@@ -467,10 +459,8 @@ class GuideBag:
 
     def map(self, state: MapState, soil_map: SoilMap, grid: FieldGrid) -> None:
         """Record the last map, which a replay compares with its own."""
-        table = np.zeros(len(state.samples), _SAMPLE)
-        table["x"], table["y"] = state.samples.xy.T
-        table["raw_counts"], table["effective_exposure_s"] = state.samples.counts, state.samples.exposure_s
-        for name, cloud in (("/samples", table), ("/soil_map", map_cells(grid, soil_map))):
+        samples = sample_points(state.mapped_samples(soil_map))
+        for name, cloud in (("/samples", samples), ("/soil_map", map_cells(grid, soil_map))):
             self.put(self.topics.topic(name, CLOUD), self.topics.cloud(cloud, state.stamp_s))
 
     def health(self) -> Health:

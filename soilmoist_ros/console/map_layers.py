@@ -84,6 +84,8 @@ class MapLayers:
         inside = np.isfinite(cells["x"]) & np.isfinite(cells["y"])
         rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
         self.version = version
+        self.widest = {} if widest is None else widest
+        """Limits of the colours so far, by layer; to be cleared when maps of another field follow."""
         self._pictures: dict[str, bytes] = {}
         if not len(rows):
             self._cells, self._inside = cells[:0, :0], inside[:0, :0]
@@ -96,11 +98,17 @@ class MapLayers:
         self._step_m = max(east - west, north - south) / steps if steps else 1.0
         half = self._step_m / 2
         self._shown = {layer.key: self._limits(layer) for layer in LAYERS if self._has(layer)}
-        widest = {} if widest is None else widest
         for key, (low, high) in self._shown.items():
-            before = widest.get(key, (low, high))
-            self._shown[key] = widest[key] = min(low, before[0]), max(high, before[1])
+            before = self.widest.get(key, (low, high))
+            self._shown[key] = self.widest[key] = min(low, before[0]), max(high, before[1])
         self.extent = [round(edge, 3) for edge in (west - half, east + half, south - half, north + half)]
+
+    @classmethod
+    def after(cls, before: MapLayers | None, cells: NDArray[Any], change: NDArray[Any] | None = None) -> MapLayers:
+        """The next version of a map, in limits that only widen; the first one after ``None``."""
+        if before is None:
+            return cls(cells, 1, change)
+        return cls(cells, before.version + 1, change, before.widest)
 
     @property
     def about(self) -> dict[str, Any]:

@@ -47,7 +47,6 @@ class WatchedMission:
         self._board.put("field", field_view(field))
         self._board.put("watch_only", note)
         self._picture: MapLayers | None = None
-        self._widest: dict[str, tuple[float, float]] = {}
         self._map_s, self._samples, self._visits = 0.0, 0, 0
         self._begun_s: float | None = None
         self.stopped = False
@@ -106,8 +105,7 @@ class WatchedMission:
         if soil_map is None:
             return
         self._samples = len(moment.samples)
-        version = 1 if self._picture is None else self._picture.version + 1
-        self._picture = MapLayers(map_cells(self._grid, soil_map), version, None, self._widest)
+        self._picture = MapLayers.after(self._picture, map_cells(self._grid, soil_map))
         self._board.put("map", self._picture.about)
         self._board.put("samples", sample_views(moment.samples))
         self._board.hear("map")

@@ -115,6 +115,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.navigation.goal_client import progress as progress
     from soilmoist_ros.exploration.navigation.navigator import Ended as Ended
     from soilmoist_ros.exploration.navigation.navigator import Navigator as Navigator
+    from soilmoist_ros.exploration.navigation.person import PERSON_ENTRY_M as PERSON_ENTRY_M
     from soilmoist_ros.exploration.navigation.person import PersonNavigator as PersonNavigator
     from soilmoist_ros.exploration.navigation.person import person_rules as person_rules
     from soilmoist_ros.exploration.navigation.person import person_watch as person_watch
@@ -194,7 +195,7 @@ __getattr__, __dir__, __all__ = open_door(
         "mission.visit": "Visit VisitEnd",
         "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure progress",
         "navigation.navigator": "Ended Navigator",
-        "navigation.person": "PersonNavigator person_rules person_watch",
+        "navigation.person": "PERSON_ENTRY_M PersonNavigator person_rules person_watch",
         "navigation.pose_client": "CancelAll PoseClient PoseRequest RobotTrack SendPose drivers",
         "planning.dwell": "DWELL_RULES DwellRule Optimal dwell_rule parse_dwell",
         "planning.forecast": "Forecast forecast_from_text forecast_to_text hundredths",

@@ -172,6 +172,11 @@ class MapState:
             return self.timed
         return self.timed.at(self.samples)
 
+    def mapped_samples(self, soil_map: SoilMap | None) -> Samples:
+        """The samples of which a map of this state is made; ``None`` for the samples before the first map."""
+        whole = soil_map is None or soil_map.deconvolved_m
+        return self.samples if whole else self.samples.without_footprint
+
     def changing(self, soil_map: SoilMap) -> Changing | None:
         """The drift that the map of this state allows for, and its samples; ``None`` without a drift."""
         state = self if soil_map.deconvolved_m else self.without_footprint

@@ -88,7 +88,6 @@ class Console(Node):
         self._chosen: dict[str, str] = {}
         self._board, self._faults = Board(), Faults(self)
         self._picture: MapLayers | None = None
-        self._widest: dict[str, tuple[float, float]] = {}
         self._cells: dict[str, NDArray[Any]] = {}
         self._dose_parts: dict[str, Any] = {}
         self._doses: Batches[dict[str, Any]] = Batches(self._show_dose, "dose", rest_s=DOSE_PAUSE_S)
@@ -179,7 +178,8 @@ class Console(Node):
         except InputError as error:
             self._faults.ignore("the field of the planner", error)
             return
-        self._widest = {}  # another field has colours of its own
+        if self._picture is not None:
+            self._picture.widest.clear()  # the colours follow the maps of the new field
         self._board.put("field", field_view(self._field))
 
     def _on_battery(self, robot: str, message: BatteryState) -> None:
@@ -217,8 +217,7 @@ class Console(Node):
             self._show_map()
 
     def _show_map(self) -> None:
-        version = 1 if self._picture is None else self._picture.version + 1
-        self._picture = MapLayers(self._cells["map"], version, self._cells.get("change"), self._widest)
+        self._picture = MapLayers.after(self._picture, self._cells["map"], self._cells.get("change"))
         self._board.put("map", self._picture.about)
 
     def _on_samples(self, message: PointCloud2) -> None:

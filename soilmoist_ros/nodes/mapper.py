@@ -250,8 +250,7 @@ class Mapper(Node):
     def _publish(self, state: MapState, soil_map: SoilMap | None) -> None:
         grid, stamp_s, frame = self._online.grid, state.stamp_s, self._frame
         fit, changing = (None, None) if soil_map is None else (soil_map.fit, state.changing(soil_map))
-        samples = state.samples if soil_map is None or soil_map.deconvolved_m else state.samples.without_footprint
-        self._samples.publish(samples_to_message(samples, stamp_s, frame))
+        self._samples.publish(samples_to_message(state.mapped_samples(soil_map), stamp_s, frame))
         basis = self._survey.dose_basis(state)
         self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing, basis)))
         self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))

@@ -10,6 +10,7 @@ from soilmoist_ros.exploration import (
     FAILSAFES,
     LIMITS,
     MAX_UNTIL_SD,
+    PERSON_ENTRY_M,
     POSES_FROZEN_S,
     PUBLISHED_MIN_LAST_DWELL_S,
     ROBOT_RADIUS_M,
@@ -40,8 +41,6 @@ from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, load_site
 
 PERSON: Final = "person"
 """Navigator of a person: no navigation is needed, and nothing stops the person."""
-ANY_M: Final = 1e5
-"""Distance outside the field at which a person may start: any [m]."""
 _PLACE = PlaceLimits()
 _FASTER: Final = 2.0
 """Highest speed as a multiple of the robot's usual one, where it is not given."""
@@ -159,7 +158,9 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
         access=AccessRules(
             robot_radius_m=number("robot_radius_m"),
             outside=Outside(text("outside")),
-            entry_m=max(ANY_M * (text("navigator") == PERSON), number("max_entry_m"), number("max_outside_m")),
+            entry_m=PERSON_ENTRY_M
+            if text("navigator") == PERSON
+            else max(number("max_entry_m"), number("max_outside_m")),
             by_name=text("navigator") == "goto_node",
         ),
     )

@@ -458,7 +458,7 @@ def _range(factors: Sequence[float]) -> tuple[float, float, float]:
 
 
 def site_facts(site: Site) -> dict[str, Any]:
-    """What a :class:`MapRun` has of its site: ``calibration`` and ``irrigation``."""
+    """Fields ``calibration`` and ``irrigation`` of a :class:`MapRun`, by the site of the run."""
     return {"calibration": _calibration(site), "irrigation": site.irrigation}
 
 

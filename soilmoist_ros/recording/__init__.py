@@ -24,23 +24,30 @@ if TYPE_CHECKING:
     from soilmoist_ros.recording.bag.info import verified_table as verified_table
     from soilmoist_ros.recording.bag.messages import COUNT_DATUM as COUNT_DATUM
     from soilmoist_ros.recording.bag.messages import COUNT_POINT as COUNT_POINT
+    from soilmoist_ros.recording.bag.messages import DATATYPES as DATATYPES
+    from soilmoist_ros.recording.bag.messages import FRAME as FRAME
     from soilmoist_ros.recording.bag.messages import QUARANTINED as QUARANTINED
     from soilmoist_ros.recording.bag.messages import REASON as REASON
     from soilmoist_ros.recording.bag.messages import REASONS as REASONS
+    from soilmoist_ros.recording.bag.messages import SAMPLE_POINT as SAMPLE_POINT
+    from soilmoist_ros.recording.bag.messages import SAMPLE_SPREAD as SAMPLE_SPREAD
     from soilmoist_ros.recording.bag.messages import STAMP_OFFSET as STAMP_OFFSET
     from soilmoist_ros.recording.bag.messages import count_points as count_points
     from soilmoist_ros.recording.bag.messages import count_records as count_records
+    from soilmoist_ros.recording.bag.messages import line_bytes as line_bytes
+    from soilmoist_ros.recording.bag.messages import line_text as line_text
     from soilmoist_ros.recording.bag.messages import points as points
     from soilmoist_ros.recording.bag.messages import quarantined_topic as quarantined_topic
+    from soilmoist_ros.recording.bag.messages import sample_points as sample_points
     from soilmoist_ros.recording.bag.messages import stamp_parts as stamp_parts
     from soilmoist_ros.recording.bag.messages import visit_of as visit_of
+    from soilmoist_ros.recording.bag.messages import visit_values as visit_values
     from soilmoist_ros.recording.bag.metadata import Qos as Qos
     from soilmoist_ros.recording.bag.metadata import Request as Request
     from soilmoist_ros.recording.bag.metadata import Topic as Topic
     from soilmoist_ros.recording.bag.metadata import find_definition as find_definition
     from soilmoist_ros.recording.bag.metadata import request_for as request_for
     from soilmoist_ros.recording.bag.plain_topics import CLOUD as CLOUD
-    from soilmoist_ros.recording.bag.plain_topics import FRAME as FRAME
     from soilmoist_ros.recording.bag.plain_topics import PlainTopics as PlainTopics
     from soilmoist_ros.recording.bag.playback import INPUTS as INPUTS
     from soilmoist_ros.recording.bag.playback import Pacer as Pacer
@@ -104,9 +111,9 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "bag.info": "info_table plain_text print_plain recovery_table verified_table",
-        "bag.messages": "COUNT_DATUM COUNT_POINT QUARANTINED REASON REASONS STAMP_OFFSET count_points count_records points quarantined_topic stamp_parts visit_of",
+        "bag.messages": "COUNT_DATUM COUNT_POINT DATATYPES FRAME QUARANTINED REASON REASONS SAMPLE_POINT SAMPLE_SPREAD STAMP_OFFSET count_points count_records line_bytes line_text points quarantined_topic sample_points stamp_parts visit_of visit_values",
         "bag.metadata": "Qos Request Topic find_definition request_for",
-        "bag.plain_topics": "CLOUD FRAME PlainTopics",
+        "bag.plain_topics": "CLOUD PlainTopics",
         "bag.playback": "INPUTS Pacer Playback TopicChoice",
         "bag.reader": "BagReader VISIT bags_of",
         "bag.recorder": "BagRecorder Excess SequenceGaps check_name delete_bags excess_text find_excess free_bytes next_bag recorder_health",

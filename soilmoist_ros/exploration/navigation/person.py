@@ -23,6 +23,8 @@ SDS: Final = 2.0  # and within this many standard deviations of the fix
 STANDS_S: Final = 4.0  # standstill at a stop that counts as arrival [s]
 CHOSEN_S: Final = 20.0
 """Standstill at another place after which it is a stop of the person's own choice [s]."""
+PERSON_ENTRY_M: Final = 1e5
+"""Distance outside the field at which a person may start: any [m]."""
 SLOW_MPS, NOISY_MPS = 0.3, 0.6
 """Speed up to which a person stands, and that up to which a motion may be the noise of the fixes [m/s]."""
 PLACES: Final = PlaceLimits(max_speed_mps=40.0, max_acceleration_mps2=5.0, max_jump_m=5.0, max_sd_m=15.0)

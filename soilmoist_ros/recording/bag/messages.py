@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Points of a sensor_msgs/PointCloud2, without ROS."""
+"""Contents of the messages of nodes and recordings, without ROS: points, lines and visits."""
 
 from __future__ import annotations
 
@@ -15,10 +15,15 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import Visit, VisitEnd
 from soilmoist_ros.foundation import LatLon, foreign_text
+from soilmoist_ros.mapping import Samples
 from soilmoist_ros.sensing import CountRecord, Kind
 
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-"""Numbers of PointField's datatypes."""
+"""Kinds of numbers by the datatypes of PointField."""
+DATATYPES: Final[Mapping[str, int]] = MappingProxyType({f"<{_TYPES[number]}": number for number in (6, 7, 8)})
+"""Datatypes of PointField that messages of this package have, by kind of number."""
+FRAME: Final = "map"
+"""Frame of places: east, north, up about the datum of the field."""
 STAMP_OFFSET: Final = "stamp_offset_s"
 """Field of ``counts``: stamp of the record minus stamp of the message [s]; missing in older messages."""
 
@@ -191,6 +196,33 @@ def count_points(
     return table, stamp_s
 
 
+# Samples as points, in the plane z = 0 ---------------------------------------------------------------------------
+
+# Viewers read x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
+SAMPLE_POINT: Final = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
+)
+SAMPLE_SPREAD: Final = ("spread_xx", "spread_xy", "spread_yy", "footprint_radius_m")
+_AREA: Final = np.dtype([*SAMPLE_POINT.descr, *((name, "<f4") for name in SAMPLE_SPREAD)])
+
+
+def sample_points(samples: Samples) -> NDArray[Any]:
+    """Points of a message of ``samples``, shape (n,)."""
+    table = np.zeros(len(samples), _AREA)
+    table["x"], table["y"] = samples.xy.T
+    table["raw_counts"] = samples.counts
+    table["effective_exposure_s"] = samples.exposure_s
+    for name, moments in zip(SAMPLE_SPREAD, samples.spread.T, strict=True):
+        table[name] = moments
+    return table
+
+
+# Times, lines of the devices, visits ----------------------------------------------------------------------------
+
+# A ROS string ends at the first zero. Latin-1 lacks this character, so every line is restored exactly.
+_ZERO: Final = "\N{SYMBOL FOR NULL}"
+
+
 def stamp_parts(stamp_s: float) -> tuple[int, int]:
     """Seconds and nanoseconds of a time; zero, which means unknown in ROS, if a message cannot represent it.
 
@@ -201,6 +233,33 @@ def stamp_parts(stamp_s: float) -> tuple[int, int]:
     second = math.floor(stamp_s)
     nanosecond = round((stamp_s - second) * 1e9)  # only the fraction, so that the sum restores stamp_s
     return second + nanosecond // 1_000_000_000, nanosecond % 1_000_000_000
+
+
+def line_text(line: bytes) -> str:
+    """Text of a line of a device: each byte is one character."""
+    return line.decode("latin-1").replace("\0", _ZERO)
+
+
+def line_bytes(text: str) -> bytes:
+    """Line of a text of :func:`line_text`; ``ValueError`` for other texts."""
+    return text.replace(_ZERO, "\0").encode("latin-1")
+
+
+def visit_values(visit: Visit) -> dict[str, Any]:
+    """Numbers and texts of a soilmoist_msgs/Visit, by field."""
+    return {
+        "stop": visit.name,
+        "arrival_s": float(visit.arrived_s),
+        "dwell_s": float(visit.dwell_s),
+        "dwell_rule": visit.dwell,
+        "records": int(visit.records),
+        "raw_counts": int(visit.raw_counts),
+        "exposure_s": float(visit.exposure_s),
+        "effective_exposure_s": float(visit.effective_exposure_s),
+        "choice": visit.reason,
+        "reason_code": str(visit.ended),
+        "reason": visit.outcome,
+    }
 
 
 def visit_of(message: Any, robot: int = 1) -> Visit:

@@ -13,15 +13,20 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import Health
-from soilmoist_ros.recording.bag.messages import QUARANTINED, count_points, stamp_parts
+from soilmoist_ros.recording.bag.messages import (
+    DATATYPES,
+    FRAME,
+    QUARANTINED,
+    count_points,
+    line_text,
+    stamp_parts,
+    visit_values,
+)
 from soilmoist_ros.recording.bag.metadata import Definition, Qos, Topic
 from soilmoist_ros.sensing import CountRecord, CovarianceKind, Fix
 
-FRAME: Final = "map"
-"""Frame of places: east, north, up about the datum of the field."""
 GNSS_FRAME: Final = "gnss"
 CLOUD: Final = "sensor_msgs/msg/PointCloud2"
-_NUMBERS: Final = {"<f4": 7, "<f8": 8, "<u4": 6}
 _SERVICE_GPS: Final = 1
 VISIT: Final = "soilmoist_msgs/msg/Visit"
 _VISIT: Final = (
@@ -32,8 +37,6 @@ _VISIT: Final = (
     "string choice;string reason_code;string reason"
 )
 """Fields of interfaces/soilmoist_msgs/msg/Visit.msg, which only robots have."""
-# A text of ROS ends at the first zero, see msg_adapters/counts.py.
-_ZERO: Final = "\N{SYMBOL FOR NULL}"
 
 
 class PlainTopics:
@@ -77,7 +80,7 @@ class PlainTopics:
                     "sensor_msgs/msg/PointField",
                     name=name,
                     offset=int(kind[1]),
-                    datatype=_NUMBERS[kind[0].str],
+                    datatype=DATATYPES[kind[0].str],
                     count=1,
                 )
                 for name, kind in fields.items()
@@ -108,8 +111,8 @@ class PlainTopics:
         )
 
     def line(self, name: str, line: bytes) -> tuple[Topic, Any]:
-        """Topic and message of a line of a device: each byte is one character."""
-        return self.text(name, line.decode("latin-1").replace("\0", _ZERO))
+        """Topic and message of a line of a device."""
+        return self.text(name, line_text(line))
 
     def text(self, name: str, text: str) -> tuple[Topic, Any]:
         """Topic and message of a text."""
@@ -126,25 +129,15 @@ class PlainTopics:
 
     def visit(self, visit: Visit) -> tuple[Topic, Any]:
         """Topic and message of a visit."""
-        arrival, point = self._time(visit.arrival_stamp_s), "geometry_msgs/msg/Point"
+        point = "geometry_msgs/msg/Point"
         return self.topic("/visits", VISIT), self._new(
             VISIT,
             header=self._header(visit.end_stamp_s, FRAME),
             robot="",
-            stop=visit.name,
             stop_position=self._new(point, x=float(visit.stop_x_m), y=float(visit.stop_y_m), z=0.0),
             position=self._new(point, x=float(visit.x_m), y=float(visit.y_m), z=0.0),
-            arrival=arrival,
-            arrival_s=float(visit.arrived_s),
-            dwell_s=float(visit.dwell_s),
-            dwell_rule=visit.dwell,
-            records=int(visit.records),
-            raw_counts=int(visit.raw_counts),
-            exposure_s=float(visit.exposure_s),
-            effective_exposure_s=float(visit.effective_exposure_s),
-            choice=visit.reason,
-            reason_code=str(visit.ended),
-            reason=visit.outcome,
+            arrival=self._time(visit.arrival_stamp_s),
+            **visit_values(visit),
         )
 
     def data(self, topic: Topic, message: Any) -> bytes:
