@@ -211,7 +211,7 @@ class GuidedSurvey:
         self._history, self._visits = RobotHistory(self.board, ""), VisitHistory(self.board)
         self._control = MissionControl(
             MissionSetup(field=survey.field, settings=explorer, rules=settings.rules),
-            partial(PersonNavigator, may_count=self._may_count),
+            partial(PersonNavigator, may_count=lambda: self._control.may_count()),
             self,
             MissionJournal(self._stored.journal),
             clock=MissionClock(time.time, time.monotonic, boot_id()),
@@ -363,10 +363,6 @@ class GuidedSurvey:
             self._picture = MapLayers.after(self._picture, map_cells(self._survey.map.grid, soil_map))
             self.board.put("map", self._picture.about)
             self.board.hear("map")
-
-    def _may_count(self, place: tuple[float, float]) -> bool:
-        fence = self._control.fence
-        return fence is not None and bool(fence.contains([place])[0])
 
     # What the mission asks for (Outputs) ---------------------------------------------------------------------
 

@@ -242,15 +242,17 @@ class GoalPoseNavigator:
                     self._report(request)
 
 
-def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], None]) -> Navigator:
-    """The navigator of a planner."""
+def make_navigator(
+    node: Node, values: Parameters, may_count: Callable[[], bool], report: Callable[[Ended], None]
+) -> Navigator:
+    """The navigator of a planner; ``may_count`` as of :class:`PersonNavigator`."""
     text, number = values.text, values.number
     radius_m, speed_mps = number("arrival_radius_m"), number("speed_mps")
     frame = text("navigation_frame") or text("frame")
     response = failsafe_responses(values)[Cause.OTHER_CLIENT]
     yields = response not in (Response.IGNORE, Response.WARN)
     if text("navigator") == PERSON:
-        return PersonNavigator(report)
+        return PersonNavigator(report, may_count)
     if text("navigator") == "goal_pose":
         poses = PoseClient(radius_m, SETTLE_S, speed_mps)
         return GoalPoseNavigator(node, text("action_name") or NAVIGATE_TO_POSE, poses, report, frame, yields)

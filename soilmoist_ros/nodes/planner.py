@@ -90,7 +90,7 @@ class Planner(Node):
         )
         self._control = MissionControl(
             setup,
-            partial(make_navigator, self, self._values),
+            partial(make_navigator, self, self._values, lambda: self._control.may_count()),
             self._outputs,
             MissionJournal(self._stored.journal),
             clock=self._mission_clock(),

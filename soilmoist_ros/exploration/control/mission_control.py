@@ -206,6 +206,11 @@ class MissionControl:
         """Region in which the robot's centre may be; ``None`` while it is unknown."""
         return None if self._access is None else self._access.fence
 
+    def may_count(self) -> bool:
+        """True if the robot is inside the field, where a stop of a person's own choice makes sense."""
+        place, fence = self._feed.place, self.fence
+        return place is not None and fence is not None and bool(fence.contains([place])[0])
+
     @property
     def plane(self) -> LocalFrame:
         """Plane of all places."""

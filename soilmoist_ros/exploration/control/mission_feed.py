@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from threading import RLock
 
+from soilmoist_ros.exploration.guard.motion import Standing
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.events import (
     Action,
@@ -155,11 +156,10 @@ class MissionFeed:
         self.place, self.place_s, self.place_age_s = place, fix.now_s, age_s
         known_m = watch.places.sd_m(fix.sd_m)
         sd_m = known_m if math.isfinite(known_m) else 0.0
-        if age_s > MAX_AGE_S:  # it shows where the robot was
-            self.give(Moved(fix.now_s, *place, still_s=0.0, sd_m=sd_m))
-        else:
+        standing = Standing(0.0)  # a late place shows where the robot was
+        if age_s <= MAX_AGE_S:
             standing = watch.motion.standing(self.mission.rules.standstill_s)
-            self.give(Moved(fix.now_s, *place, standing.for_s, standing.unseen_mps, sd_m))
+        self.give(Moved(fix.now_s, *place, standing.for_s, standing.unseen_mps, sd_m, watch.motion.driven_m()))
         return True
 
     def _take(self, event: Event) -> None:

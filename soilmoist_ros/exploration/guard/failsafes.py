@@ -166,7 +166,7 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
         Cause.JUMP: Failsafe(
             "several fixes in a row are at places that the robot cannot have reached; they are not used",
             Response.HOLD,
-            "check the GNSS receiver and its corrections",
+            "wait under open sky; if it stays, check the GNSS receiver and its corrections",
             ("max_speed_mps",),
         ),
         Cause.RELOCATED: Failsafe(

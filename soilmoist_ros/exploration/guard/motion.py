@@ -31,6 +31,8 @@ SPANS: Final = (1.0, 1.5, 2.0, 3.0, 4.0)
 MAX_SPAN_S: Final = 60.0  # longest time over which standstill is judged [s]
 MOVED_SDS: Final = 6.0  # a motion is certain beyond this many: hundreds of hours are judged, some times a minute
 MOVED_SPANS_S: Final = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # times over which a certain motion is looked for [s]
+DRIVEN_SDS: Final = 4.0
+"""A stretch is driven beyond this many standard deviations of the noise: an hour of standing adds none."""
 _SCATTER_OF: Final = 60
 """Number of means whose scatter is measured, as a share of the standard deviation that they state."""
 MIN_SD_M: Final = 0.005  # no receiver is better than this [m]; some state 0
@@ -109,6 +111,7 @@ class Motion:
         self._squares: deque[float] = deque(maxlen=_SCATTER_OF)
         self._scatter = 0.0  # variance of a mean, as a multiple of the one that is stated
         self._anchor: tuple[float, list[_Mean]] = math.inf, []  # since when, and the first means after that
+        self._counted: list[_Mean] = []  # up to where the way driven has been added up
 
     def take(self, at_s: float, place: Place, sd_m: float = math.nan) -> None:
         """A plausible place; one that is older than the last is left out.
@@ -132,6 +135,18 @@ class Motion:
         """The places so far say nothing about what the robot does from now on."""
         self._means.clear()
         self._anchor = math.inf, []
+        self._counted = []
+
+    def driven_m(self) -> float:
+        """Length of the way since the last call that returned one [m]; 0 while noise may be all of it."""
+        latest = list(self._means)[-4:-1]  # the last mean still changes
+        if len(latest) < 3 or (self._counted and latest[0].at_s <= self._counted[-1].at_s):
+            return 0.0
+        shift = self._between(self._counted, latest) if self._counted else NO_SHIFT
+        if self._counted and shift.length_m <= max(STILL_M, DRIVEN_SDS * shift.noise_m):
+            return 0.0
+        self._counted = latest
+        return shift.length_m
 
     def standing(self, for_s: float, since_s: float = -math.inf) -> Standing:
         """Standstill of the robot by its last places.

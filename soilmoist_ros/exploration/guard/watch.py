@@ -145,8 +145,8 @@ class Watch:
         if verdict is Verdict.JUMP:
             lost = places.rejected >= MIN_JUMPS and fix.now_s - places.rejected_since_s >= MIN_JUMP_S
             if lost:
-                away = f"the last one {places.jump_m(fix):.0f} m from the last plausible place"
-                self.report(Cause.JUMP, f"{places.rejected} fixes in a row are implausible, {away}")
+                away = f"the newest is {places.jump_m(fix):.0f} m from where the sensor can be"
+                self.report(Cause.JUMP, f"the last {places.rejected} positions are wrong: {away}")
             if places.rejected == 1 or places.agreeing == 1:
                 self._astray = Motion()
             self._astray.take(fix.measured_s, fix.xy, places.sd_m(fix.sd_m))

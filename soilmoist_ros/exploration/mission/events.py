@@ -99,6 +99,7 @@ class Moved:
 
     :param still_s: for how long it stands, by the noise of its places [s]; 0 if it moves. ``None``, as in journals
         of before: it stands while it stays within :data:`STILL_M`
+    :param driven_m: way driven since the event before [m], without noise; ``None``: as the places tell
     """
 
     now_s: float
@@ -107,6 +108,7 @@ class Moved:
     still_s: float | None = None
     unseen_mps: float = 0.0  # a slower motion would not show in the noise [m/s]; 0 if it is negligible
     sd_m: float = 0.0  # standard deviation of each coordinate [m], 0 if unknown
+    driven_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -245,7 +245,12 @@ class _Step:
                 return True
 
     def locate(
-        self, place: Place, sd_m: float, still_s: float | None = None, unseen_mps: float | None = None
+        self,
+        place: Place,
+        sd_m: float,
+        still_s: float | None = None,
+        unseen_mps: float | None = None,
+        driven_m: float | None = None,
     ) -> None:
         """The robot is here; parameters as of :class:`Moved`."""
         if not (math.isfinite(place[0]) and math.isfinite(place[1])):
@@ -265,9 +270,9 @@ class _Step:
             unseen_mps=self.state.unseen_mps if unseen_mps is None else unseen_mps,
         )
         start = self.state.odometer_at
-        moved_m = math.dist(start, place) if start is not None else math.inf
-        if moved_m >= self.rules.odometer_step_m:
-            driven_m = moved_m if start is not None and self.state.under_way else 0.0
+        moved_m = math.dist(start, place) if start is not None else 0.0
+        if driven_m is not None or start is None or moved_m >= self.rules.odometer_step_m:
+            driven_m = (moved_m if driven_m is None else driven_m) if self.state.under_way else 0.0
             self.set(odometer_at=place, distance_m=self.state.distance_m + driven_m)
         if self.state.phase is Phase.CANCELLING:
             self.stopped()
@@ -1147,7 +1152,7 @@ class _Step:
 
 ALWAYS: Final[dict[type[events.Event], Callable[[_Step, Any], None]]] = {
     events.RecordArrived: _Step.record_arrived,
-    events.Moved: lambda step, e: step.locate((e.x_m, e.y_m), e.sd_m, e.still_s, e.unseen_mps),
+    events.Moved: lambda step, e: step.locate((e.x_m, e.y_m), e.sd_m, e.still_s, e.unseen_mps, e.driven_m),
     events.GoalReached: lambda step, e: step.locate((e.x_m, e.y_m), step.state.position_sd_m),
     events.Command: lambda step, e: step.do(events.Answer(e.verb, *COMMANDS[e.verb](step, e))),
     Alarm: _Step.alarm,

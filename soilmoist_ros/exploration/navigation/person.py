@@ -43,18 +43,14 @@ class PersonNavigator:
     """The :class:`Navigator` of a person: a goal ends where the person stands, and never by itself otherwise.
 
     :param report: takes the end of each goal
-    :param may_count: whether a place [m] is worth a stop of the person's own choice, such as inside the field
+    :param may_count: whether the present place is worth a stop of the person's own choice
     """
 
     waiting_for = other_client = caution = ""
     feedback_age_s = math.nan
     stop_unheard = False
 
-    def __init__(
-        self,
-        report: Callable[[Ended], None],
-        may_count: Callable[[tuple[float, float]], bool] = lambda place: True,
-    ) -> None:
+    def __init__(self, report: Callable[[Ended], None], may_count: Callable[[], bool] = lambda: True) -> None:
         self._report, self._may_count = report, may_count
         self._goal: tuple[int, Stop] | None = None
         self._motion = Motion()
@@ -89,7 +85,7 @@ class PersonNavigator:
         if not at_stop and self._set_off is not None and math.dist(place, self._set_off) <= near_m:
             return
         self._set_off = None
-        if self._stands(STANDS_S if at_stop else CHOSEN_S) and self._may_count(place):
+        if self._stands(STANDS_S if at_stop else CHOSEN_S) and self._may_count():
             self._goal = None
             self._report(Ended(goal_id, Outcome.SUCCEEDED, "the person stands here"))
 

@@ -51,12 +51,13 @@ RATES = st.sampled_from([0.5, 1.0, 5.0, 20.0])
 @pytest.mark.parametrize("hz", [0.5, 1.0, 5.0])
 def test_no_noise_is_certain_motion_and_standstill_shows(receiver, hz):
     seen = [
-        (motion.moved(20.0).certain_m, motion.standing(4.0).for_s)
+        (motion.moved(20.0).certain_m, motion.standing(4.0).for_s, motion.driven_m())
         for at_s, motion in receiver.motion(0.0, hz, 900.0)
         if at_s > 30
     ]
-    assert max(certain_m for certain_m, _ in seen) < 0.3
-    assert np.mean([for_s > 0 for _, for_s in seen]) > 0.85
+    assert max(certain_m for certain_m, *_ in seen) < 0.3
+    assert np.mean([for_s > 0 for _, for_s, _ in seen]) > 0.85
+    assert sum(driven_m for *_, driven_m in seen) < 5.0 * receiver.sd_m + 0.1, "noise is no way"
 
 
 @pytest.mark.slow

@@ -236,7 +236,10 @@ def test_jump_and_speed_of_a_bad_receiver():
         observed.run(1)
     assert observed.alarms == ["jump"]
     assert observed.events[0].response is Response.HOLD
-    assert "3 fixes in a row are implausible, the last one 2600 m from" in observed.events[0].reason
+    assert (
+        "the last 3 positions are wrong: the newest is 2600 m from where the sensor can be"
+        in observed.events[0].reason
+    )
     observed.run(3)
     assert observed.watch.places.fix.xy == pytest.approx((0.0, 0.0), abs=0.02)
     observed.place = (1.0, 0.0)

@@ -27,10 +27,10 @@ PERSON = {"by_person": True, "goal_time_margin_s": 1e9}
 class Walk:
     """A person who walks and stands, seen with one fix each half second."""
 
-    def __init__(self, sd_m=0.02, may_count=lambda place: True):
+    def __init__(self, sd_m=0.02, may_count=None):
         self.ended, self.now_s, self.place, self.sd_m = [], 0.0, (0.0, 0.0), sd_m
         self.noise = np.random.default_rng(1)
-        self.navigator = PersonNavigator(self.ended.append, may_count)
+        self.navigator = PersonNavigator(self.ended.append, lambda: not may_count or may_count(self.place))
 
     def stand(self, for_s):
         end_s = self.now_s + for_s
