@@ -209,7 +209,7 @@ class GuidedSurvey:
         )
         self.board = Board()
         self._history, self._visits = RobotHistory(self.board, ""), VisitHistory(self.board)
-        self._control = MissionControl(
+        self._control: MissionControl = MissionControl(
             MissionSetup(field=survey.field, settings=explorer, rules=settings.rules),
             partial(PersonNavigator, may_count=lambda: self._control.may_count()),
             self,

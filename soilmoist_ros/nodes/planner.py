@@ -88,7 +88,7 @@ class Planner(Node):
             properties=properties,
             open_survey=partial(chosen_survey, self._values),
         )
-        self._control = MissionControl(
+        self._control: MissionControl = MissionControl(
             setup,
             partial(make_navigator, self, self._values, lambda: self._control.may_count()),
             self._outputs,
