@@ -3,10 +3,9 @@
 """Motion of the robot as it shows in noisy places: one estimate for mission, navigation and watch.
 
 Places are averaged over short times. A robot has moved if the end of a span of time lies farther from its
-beginning than noise explains. Noise has two parts. The scatter from place to place is measured. The other part
-wanders over minutes within the standard deviation that the receiver states. The noisier the places, the longer the
-span from which a slow motion shows. A receiver that repeats one place holds it until the error has grown, and then
-jumps: its errors before and after have nothing in common.
+beginning than noise explains. The scatter from place to place is measured; another part of the noise wanders over
+minutes within the standard deviation that the receiver states. A receiver that repeats one place holds it until
+the error has grown, and then jumps: its errors before and after have nothing in common.
 """
 
 from __future__ import annotations
@@ -31,8 +30,7 @@ SPANS: Final = (1.0, 1.5, 2.0, 3.0, 4.0)
 MAX_SPAN_S: Final = 60.0  # longest time over which standstill is judged [s]
 MOVED_SDS: Final = 6.0  # a motion is certain beyond this many: hundreds of hours are judged, some times a minute
 MOVED_SPANS_S: Final = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # times over which a certain motion is looked for [s]
-DRIVEN_SDS: Final = 4.0
-"""A stretch is driven beyond this many standard deviations of the noise: an hour of standing adds none."""
+DRIVEN_SDS: Final = 4.0  # a stretch is driven beyond this many: an hour of standing adds none
 _SCATTER_OF: Final = 60
 """Number of means whose scatter is measured, as a share of the standard deviation that they state."""
 MIN_SD_M: Final = 0.005  # no receiver is better than this [m]; some state 0

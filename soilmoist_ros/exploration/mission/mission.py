@@ -11,8 +11,7 @@ What it holds to:
 
 * A goal is sent only when the one before is known to have ended, or after a pause in which the robot stood.
 * Answers to goals and plans that are not current are ignored.
-* A record counts for a stop only if it was counted wholly after the arrival, and at the stop. Others were taken
-  while driving; the mapper uses them all the same.
+* A record counts for a stop only if it was counted wholly after the arrival, and at the stop; the map uses all.
 * The time for the way home is kept back, judged from where the robot is.
 * What follows a cancellation waits until the robot is known to stand still.
 * A robot that is moved while it counts ends its visit, and waits for people: something else drives or pushes it.
@@ -244,16 +243,10 @@ class _Step:
             case _:
                 return True
 
-    def locate(
-        self,
-        place: Place,
-        sd_m: float,
-        still_s: float | None = None,
-        unseen_mps: float | None = None,
-        driven_m: float | None = None,
-    ) -> None:
-        """The robot is here; parameters as of :class:`Moved`."""
-        if not (math.isfinite(place[0]) and math.isfinite(place[1])):
+    def locate(self, event: events.Moved) -> None:
+        """The robot is at a place."""
+        place, still_s = (event.x_m, event.y_m), event.still_s
+        if not (math.isfinite(event.x_m) and math.isfinite(event.y_m)):
             return
         still_at, still_since_s = self.state.still_at, self.state.still_since_s
         if still_s is not None:
@@ -261,19 +254,21 @@ class _Step:
             still_since_s = min(before_s, self.now_s - still_s)
         elif still_at is None or math.dist(still_at, place) > events.STILL_M:
             still_at, still_since_s = place, self.now_s
+        start = self.state.odometer_at or place
+        driven_m, counted = event.driven_m, place
+        if driven_m is None:
+            moved_m = math.dist(start, place)
+            driven_m, counted = (moved_m, place) if moved_m >= self.rules.odometer_step_m else (0.0, start)
         self.set(
             position=place,
             position_s=self.now_s,
-            position_sd_m=sd_m if math.isfinite(sd_m) else 0.0,
+            position_sd_m=event.sd_m if math.isfinite(event.sd_m) else 0.0,
             still_at=still_at,
             still_since_s=still_since_s,
-            unseen_mps=self.state.unseen_mps if unseen_mps is None else unseen_mps,
+            unseen_mps=event.unseen_mps,
+            odometer_at=counted,
+            distance_m=self.state.distance_m + (driven_m if self.state.under_way else 0.0),
         )
-        start = self.state.odometer_at
-        moved_m = math.dist(start, place) if start is not None else 0.0
-        if driven_m is not None or start is None or moved_m >= self.rules.odometer_step_m:
-            driven_m = (moved_m if driven_m is None else driven_m) if self.state.under_way else 0.0
-            self.set(odometer_at=place, distance_m=self.state.distance_m + driven_m)
         if self.state.phase is Phase.CANCELLING:
             self.stopped()
         elif self.state.counting is not None and self.state.counting.since_s is not None:
@@ -1152,8 +1147,10 @@ class _Step:
 
 ALWAYS: Final[dict[type[events.Event], Callable[[_Step, Any], None]]] = {
     events.RecordArrived: _Step.record_arrived,
-    events.Moved: lambda step, e: step.locate((e.x_m, e.y_m), e.sd_m, e.still_s, e.unseen_mps, e.driven_m),
-    events.GoalReached: lambda step, e: step.locate((e.x_m, e.y_m), step.state.position_sd_m),
+    events.Moved: _Step.locate,
+    events.GoalReached: lambda step, e: step.locate(
+        events.Moved(e.now_s, e.x_m, e.y_m, None, step.state.unseen_mps, step.state.position_sd_m)
+    ),
     events.Command: lambda step, e: step.do(events.Answer(e.verb, *COMMANDS[e.verb](step, e))),
     Alarm: _Step.alarm,
     events.AlarmOver: _Step.alarm_over,

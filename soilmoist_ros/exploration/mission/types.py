@@ -124,8 +124,7 @@ class MissionRules:
         the end of the goal, or after ``cancel_limit_s`` where the robot is to stay
     :param on_silence: what to do on silence; ``wait`` ends with the dwell rule's longest time
     :param stays: when the dwell rule is met, the visit stays open until the next stop is chosen, so that the
-        planner may choose to count on; what is left of the time is used where the robot stands. Without, the
-        visit closes first, as published
+        planner may choose to count on. Without, the visit closes first, as published
     :param until_sd: the mission ends when the standard deviation of the map is at most this: of the moisture
         [m^3/m^3], or of the rate as a share of its mean [-]; see :class:`Forecast`. 0: never
     :param until_gain: the mission ends when the standard deviation will fall by less than this in ten minutes [%],

@@ -4,22 +4,21 @@
 
 The answers of such a navigation cannot all be believed:
 
-* Cancelling looks rejected, and the goal then ends as aborted; newer versions end it as cancelled. So any end
-  is taken for the end, and the answer to the cancellation says nothing, unless it says that there is no such goal.
-* A goal that was replaced, or whose way needs no driving, ends well without the robot having moved. So the robot
-  has arrived only if the status is good, the result says so, *and* a position of after that agrees.
+* Versions differ in how a cancelled goal ends. So any end is the end, and of the answers to a cancellation only
+  "no such goal" counts.
+* A goal that was replaced, or needs no driving, ends well without a motion. So the robot has arrived only if the
+  status is good, the result says so, *and* a later position agrees.
 * Goals share their state in the server. So a goal is sent only after the end of the one before is known.
-* The server may come late, die in mid-goal, or not answer. So everything has a time limit, and a goal whose end
-  was never heard of is cancelled again until the server says that it is over or unknown.
-* A server may drive before its acceptance is heard. So a goal without an answer is cancelled at once, and again as
-  soon as it is accepted: the server may not have known it before.
-* Two servers of one name would both drive the robot, and both answer. So no goal is sent until one is left.
-* Other clients may drive the robot: people come first. While the server works on a goal of theirs none is sent,
-  and a goal that ends for it is no failure.
+* The server may come late, die, or not answer. So everything has a time limit, and a goal without a known end is
+  cancelled again until the server says that it is over or unknown.
+* A server may drive before its acceptance is heard. So a goal without an answer is cancelled at once, and again
+  when it is accepted.
+* Two servers of one name would both drive the robot. So no goal is sent until one is left.
+* Other clients come first. While the server works on their goal none is sent, and an end for it is no failure.
 * A result may be lost. So a cancelled goal is over, too, when the server lists it as ended, or is a new one.
 
-A goal of the mission may have way points. Each of them is a goal for the server, sent after the arrival at the one
-before. The robot passes every way point closely: a turn begun early would cut the corner of a no-go area.
+Way points are goals for the server, one after the other. The robot passes each closely: a turn begun early would
+cut the corner of a no-go area.
 """
 
 from __future__ import annotations

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goals that are only poses: nothing answers, so arrival and standstill are judged by the robot's positions.
 
-Poses cannot stop a robot. The only pose that comes close is the place where the robot is; a wrong place drives it
-away. So a stop cancels the action of the navigation where there is one. Elsewhere the pose is a place that several
-recent positions agree on, and without such a place nothing is published.
+Poses cannot stop a robot, and a wrong place drives it away. So a stop cancels the action of the navigation where
+there is one. Elsewhere the pose is a place that several recent positions agree on; without one nothing is sent.
 """
 
 from __future__ import annotations

@@ -244,10 +244,7 @@ class MarginalValue:
 
 
 def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
-    """Read a dwell rule.
-
-    ``str`` of the result is the rule in its simplest form (``ami:2.5%`` becomes ``ami:0.025``). Reading this text
-    returns an equal rule.
+    """Read a dwell rule; ``str`` of the result is its simplest form, which reads as an equal rule.
 
     :param text: ``fmi:SECONDS``, ``ami:THRESHOLD``, ``ami:PERCENT%`` or ``optimal``; upper case and spaces do
         not matter. Journals contain ``optimal`` at a stop as ``value:A,B,PRICE,FACTOR``, with ``;A,B,N`` for each

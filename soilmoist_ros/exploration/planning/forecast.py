@@ -9,10 +9,9 @@ would be::
 
     IV(T) = sum_i a_i l_i / (1 + T l_i),    a_i = sum_g omega_g D_g U_gi^2
 
-One decomposition gives the curve for all T. Two constants lead from there to a mission, fitted to simulated
-missions (``scripts/bench_missions.py forecasts``): a second of a plan is worth :data:`EFFICIENCY` s of even
-counting, and the standard deviation falls by a further power of the counting time, because the variogram becomes
-certain.
+One decomposition gives the curve for all T. Two constants, fitted to simulated missions
+(``scripts/bench_missions.py forecasts``), lead to a mission: a second of a plan is worth :data:`EFFICIENCY` s of
+even counting, and the standard deviation falls by a further power of the counting time with the variogram known.
 """
 
 from __future__ import annotations

@@ -7,9 +7,8 @@ Each property p has its own counts and its own map. The planner lowers::
     sum_p w_p IV_p / V_p,    V_p = sum_g omega_g (1 - mean correlation between the cells) sill_p
 
 IV_p is the integrated variance of the smooth rate. V_p is its value when only the mean over the field is known
-(the dispersion variance, Chiles & Delfiner 2012, Geostatistics, section 2.8). IV_p / V_p has no unit, so the
-properties can be added. V_p is not the sill, because the data of a field with a trend determine only the ratio of
-sill and range well.
+(the dispersion variance, Chiles & Delfiner 2012, Geostatistics, section 2.8). IV_p / V_p has no unit. V_p is not
+the sill: the data of a field with a trend determine only the ratio of sill and range well.
 """
 
 from __future__ import annotations

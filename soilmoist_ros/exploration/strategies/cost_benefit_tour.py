@@ -3,17 +3,14 @@
 """``gcb``: tours of the whole field, each finer than the one before; the robot visits stop by stop.
 
 A mission consists of passes. Each pass is a tour whose number of stops, dwell and places are chosen together for
-the time that the pass may take, and the next pass fills what the one before left uncertain. So the map is good at
-any time, and the distance driven stays near that of a lattice. The time of a pass is an orienteering budget
+its time ``stops (overhead + dwell) + driving(stops)``, and the next pass fills what it left uncertain. So the map
+is good at any time, and the distance driven stays near that of a lattice. The time is an orienteering budget
 (Vansteenwegen et al. 2011, European Journal of Operational Research 209:1-10): more stops cost driving and
 overhead, fewer ones leave gaps; the integrated variance after the pass decides.
 
 Stops are spread by Lloyd's algorithm on the squared posterior variance, which is proportional to the value of the
 first second at a place. So stops stand close where the map is uncertain. After each stop the rest of the tour is
 moved to where the variance is now, and stops are added or dropped as the time allows.
-
-The number of stops and the dwell of a tour share its time: ``time = stops (overhead + dwell) + driving(stops)``.
-The integrated variance after the tour decides between few stops with a long dwell and many with a short one.
 
 ``ivr``, at the end, makes do without a tour.
 """
