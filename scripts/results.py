@@ -3,7 +3,7 @@
 """Tables of measured figures: the scripts that measure print them, and with --save write them to docs/data/.
 
 A file is CSV below lines that begin with ``#`` and state how it was made: settings, command, date, machine, note.
-The site shows the files, with the same text that the scripts print (scripts/site_pages.py).
+Pages have the tables where they say ``<!-- made: data/NAME.csv -->``: ``scripts/docs --tables`` writes them there.
 """
 
 from __future__ import annotations
@@ -30,6 +30,24 @@ FOLDER = ROOT / "docs" / "data"
 FACTS = ("settings", "command", "version", "date", "machine", "note")
 LOAD = os.getloadavg()[0]  # before the script measures
 NUMBER = re.compile(r"[-−+±]?[\d.,]+(e[-+]?\d+)?( ?±.*| ?%| \d[\d ]*)?|")
+
+FOLDERS = (
+    "sensing",
+    "mapping",
+    "exploration",
+    "simulation",
+    "recording",
+    "pipeline",
+    "reporting",
+    "console",
+    "lab",
+    "foundation",
+)
+"""Folders of the package that have a page of their names."""
+MADE = re.compile(r"(?<=^<!-- made: )(.+?)( -->\n).*?(?=^<!-- end -->$)", re.MULTILINE | re.DOTALL)
+"""What scripts write into a page: its name, and all up to the end."""
+CAPTION = 240
+"""Longest settings below a table in a page; the file has all."""
 
 
 @dataclass(frozen=True)
@@ -125,12 +143,39 @@ def read(path: Path) -> Table:
     return Table(columns, rows, dict(line[2:].split(": ", 1) for line in about))
 
 
-def markdown(table: Table) -> str:
-    """A table as text, numbers on the right, and a paragraph on how it was made."""
+def excerpt(name: str) -> str:
+    """A table for a page, by the name of its file and the numbers of rows and columns that matter, all without.
+
+    For example ``data/zoo.csv rows 1 3 columns 1 2 5``.
+    """
+    path, *words = name.split()
+    wanted: dict[str, list[int]] = {"rows": [], "columns": []}
+    for word in words:
+        if word in wanted:
+            picked = wanted[word]
+        else:
+            picked.append(int(word) - 1)
+    table = read(FOLDER.parent / path)
+    columns = wanted["columns"] or range(len(table.columns))
+    rows = [table.rows[row] for row in wanted["rows"] or range(len(table.rows))]
+    link = f"[All {len(table.rows)} rows]({path})" if words else f"[File]({path})"
+    settings = table.facts.get("settings", "")
+    if len(settings) > CAPTION:
+        settings = settings[:CAPTION].rpartition("; ")[0] + "; …"
+    facts = table.facts | {"settings": settings}
+    shown = Table([table.columns[at] for at in columns], [[row[at] for at in columns] for row in rows], facts)
+    return f"{markdown(shown, aligned=False)} {link}."
+
+
+def markdown(table: Table, aligned: bool = True) -> str:
+    """A table as text, numbers on the right, and a paragraph on how it was made.
+
+    :param aligned: whether the columns are as wide as their cells, for a terminal
+    """
     lines = [[cell.replace("|", "\\|") for cell in line] for line in (table.columns, *table.rows)]
     columns = list(zip(*lines, strict=True))
     right = [all(NUMBER.fullmatch(cell) for cell in column[1:]) for column in columns]
-    widths = [max(3, *map(len, column)) for column in columns]
+    widths = [max(3, *map(len, column)) if aligned else 3 for column in columns]
     rule = ["-" * (width - 1) + (":" if numbers else "-") for width, numbers in zip(widths, right, strict=True)]
     text = "\n".join(
         "| "

@@ -3,11 +3,10 @@
 """Makes pages of the site that are no files in docs/: called by mkdocs (hooks in mkdocs.yml) in scripts/docs.
 
 * Links of a page to a file outside docs/ lead to a page made of this file, such as CONTRIBUTING.md.
-* A paragraph that is only a link to a CSV file becomes the table, and how it was made (scripts/results.py).
 * ``<!-- help of every command -->`` becomes the help of the command line.
-* Each folder of the package has a page of its public names, made of their docstrings;
-  ``<!-- folders of the package -->`` becomes the list of these pages.
-* ``<!-- gallery -->`` becomes the runs that scripts/docs made. The notebooks of docs/tutorials/ become pages,
+* Each folder of the package has a page of its public names, made of their docstrings. A link to its ``__init__``
+  leads there.
+* The gallery shows the runs that scripts/docs made. The notebooks of docs/tutorials/ become pages,
   with their outputs if scripts/docs has run them.
 * Names in tables may break after their parts: ``sensor_msgs/PointCloud2`` after the underscore and the slash.
 * At the end every link and picture must lead to a file of the site; nothing may come from the network.
@@ -35,20 +34,9 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parent.parent
 MADE = ROOT / "out" / "docs" / "made"
 """What scripts/docs made before the build: gallery/ and tutorials/."""
-FOLDERS = (
-    "sensing",
-    "mapping",
-    "exploration",
-    "simulation",
-    "recording",
-    "pipeline",
-    "reporting",
-    "console",
-    "lab",
-    "foundation",
-)
 WIDE = {"index.md": ["navigation"]}
 """Pages without the lists at their sides."""
+DOOR = re.compile(r"soilmoist_ros/(\w+)/__init__\.py")
 LINK = re.compile(r"(\]\()([^)\s]+)(\))")
 FENCE = re.compile(r"^(```.*?^```$)", re.MULTILINE | re.DOTALL)
 LANGUAGES = {
@@ -79,6 +67,8 @@ def site_uri(path: str) -> str:
     """Place on the site of a file of the repository."""
     if path in ("README.md", "docs"):
         return "index.md"
+    if door := DOOR.fullmatch(path):
+        return f"api/{door[1]}.md"
     if path.startswith("docs/"):
         return path.removeprefix("docs/").replace(".ipynb", ".md")
     if path.endswith(".md"):
@@ -124,14 +114,20 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     seen: set[str] = set()
     while queue:
         path = queue.pop()
-        if path in seen or path.startswith("docs") or path == "README.md" or not (ROOT / path).is_file():
+        if (
+            path in seen
+            or path.startswith("docs")
+            or path == "README.md"
+            or DOOR.fullmatch(path)
+            or not (ROOT / path).is_file()
+        ):
             continue
         seen.add(path)
         text = content(path)
         files.append(File.generated(config, site_uri(path), content=text))
         if path.endswith(".md"):
             queue += [posixpath.normpath(posixpath.join(posixpath.dirname(path), link)) for link in links(text)]
-    for folder in FOLDERS:
+    for folder in results.FOLDERS:
         files.append(File.generated(config, f"api/{folder}.md", content=public_names(folder)))
     for path in sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")):
         executed = MADE / "tutorials" / path.name
@@ -159,15 +155,6 @@ def about(folder: str) -> str:
     return re.sub(r":\w+:`([^`]+)`", r"`\1`", (module.__doc__ or "").replace("``", "`"))
 
 
-def folders() -> str:
-    """List of the pages of all folders, with the first sentence of each."""
-    lines = []
-    for folder in FOLDERS:
-        sentence = " ".join(about(folder).partition("\n\n")[0].split())
-        lines.append(f"* [{folder}](api/{folder}.md): {sentence}")
-    return "\n".join(lines)
-
-
 def help_of_all() -> str:
     """Help of every command, by heading."""
     from soilmoist_ros.cli.main import COMMANDS, main
@@ -191,10 +178,10 @@ def help_of_all() -> str:
 
 
 def gallery(markdown: str) -> str:
-    """Put pictures and commands of the runs into the page, or that there are none."""
+    """Pictures of the runs instead of their list in the page, where scripts/docs made them."""
     path = MADE / "gallery" / "gallery.json"
     if not path.is_file():
-        return markdown.partition("<!-- gallery -->")[0] + "The pictures are made by `scripts/docs`.\n"
+        return markdown
     runs = json.loads(path.read_text(encoding="utf-8"))
     cards = [
         f'<a href="gallery/{run["name"]}/report.html">'
@@ -203,8 +190,8 @@ def gallery(markdown: str) -> str:
         for run in runs
     ]
     commands = "\n".join(run["command"] for run in runs)
-    markdown = markdown.replace("<!-- gallery -->", f'<div class="gallery">{"".join(cards)}</div>')
-    return markdown.replace("<!-- gallery commands -->", f"```sh\n{commands}\n```")
+    shown = f'\n<div class="gallery">{"".join(cards)}</div>\n\n```sh\n{commands}\n```\n\n'
+    return results.MADE.sub(lambda match: f"gallery -->\n{shown}" if match[1] == "gallery" else match[0], markdown)
 
 
 def notebook(path: Path) -> tuple[str, dict[str, bytes]]:
@@ -234,10 +221,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     page.meta["hide"] = WIDE.get(page.file.src_uri, [])
     if "<!-- help of every command -->" in markdown:
         markdown = markdown.replace("<!-- help of every command -->", help_of_all())
-    if "<!-- gallery -->" in markdown:
-        markdown = gallery(markdown)
-    if "<!-- folders of the package -->" in markdown:
-        markdown = markdown.replace("<!-- folders of the package -->", folders())
+    markdown = gallery(markdown)
 
     def link(match: re.Match[str]) -> str:
         path, mark, anchor = match[2].partition("#")
@@ -247,15 +231,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         relative = posixpath.relpath(target, posixpath.dirname(page.file.src_uri) or ".")
         return f"{match[1]}{relative}{mark}{anchor}{match[3]}"
 
-    def change(text: str) -> str:
-        def put(match: re.Match[str]) -> str:
-            table = results.read((ROOT / here).parent / match[1])
-            return results.markdown(table) + ("\n{: .made }" if table.facts else "")
-
-        text = re.sub(r"^\[[^\]]+\]\(([\w./-]+\.csv)\)$", put, text, flags=re.MULTILINE)
-        return LINK.sub(link, text)
-
-    return outside_fences(markdown, change)
+    markdown = re.sub(r"(\.csv\)\.)(?=\n\n<!-- end -->)", r"\1\n{: .made }", markdown)
+    return outside_fences(markdown, lambda text: LINK.sub(link, text))
 
 
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:

@@ -14,6 +14,7 @@ from soilmoist_ros.simulation import simulate_mission
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "docs" / "data"
+PAGES = sorted((ROOT / "docs").glob("*.md"))
 FILES = sorted(DATA.glob("*"))
 
 
@@ -64,8 +65,20 @@ def test_a_file_says_how_it_was_made_and_stands_on_a_page(path, results):
     if made_by and "note" not in table.facts:  # its name is in the script
         source = (ROOT / made_by[0]).read_text()
         assert re.search(rf'publish\(\s*f?"{re.sub("_?[0-9a-z]+$", "", path.stem)}', source) or path.stem in source
-    pages = "".join(page.read_text() for page in (ROOT / "docs").glob("*.md"))
-    assert f"\n[{path.name}](data/{path.name})\n" in pages
+    pages = "".join(page.read_text() for page in PAGES)
+    assert re.search(rf"^<!-- made: data/{path.name}( [\w ]+)? -->$", pages, re.MULTILINE)
+
+
+def test_pages_show_what_the_files_say(load_script, results, tmp_path, monkeypatch):
+    docs = load_script("docs")
+    behind = [page.name for page in PAGES if docs.filled(page.read_text()) != page.read_text()]
+    assert behind == [], "run .venv/bin/python scripts/docs --tables"
+    monkeypatch.setattr(results, "FOLDER", tmp_path / "data")
+    (tmp_path / "data").mkdir()
+    table = results.Table(["a", "b"], [["1", "2"], ["3", "4"]], {"settings": "one; " + "x" * results.CAPTION})
+    results.write(table, tmp_path / "data" / "x.csv")
+    shown = "|   b |\n| --: |\n|   4 |\n\nOne; …. [All 2 rows](data/x.csv)."
+    assert results.excerpt("data/x.csv rows 2 columns 2") == shown
 
 
 def test_the_comparison_is_with_the_pinned_program(results):

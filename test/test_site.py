@@ -33,7 +33,10 @@ def test_the_site_builds_without_a_warning(tmp_path):
     site = tmp_path / "site"
     assert "--until-sd" in (site / "command_line.html").read_text()
     assert "PoissonKriging" in (site / "api/mapping.html").read_text()
-    assert (site / "search/search_index.js").is_file(), "search works from a folder"
+    index = json.loads((site / "search/search_index.js").read_text().partition("=")[2].rstrip().rstrip(";"))
+    farm = "".join(entry["text"] for entry in index["docs"] if entry["location"].startswith("farmer.html")).lower()
+    assert [word for word in ("irrigate", "dose", "watering", "dry spots", "wet spots") if word not in farm] == []
+    assert 'class="made"' in (site / "benchmarks.html").read_text(), "how a table was made"
 
 
 def checked(pages, folder, caplog, **files):

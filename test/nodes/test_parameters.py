@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import re
 from enum import StrEnum
+from pathlib import Path
 
 import pytest
 
@@ -109,6 +111,13 @@ def test_descriptors_show_range_and_unit(ros):
     assert (speed.floating_point_range[0].from_value, speed.floating_point_range[0].to_value) == (0.1, 3.0)
     assert speed.read_only
     assert node.describe_parameter("fit").additional_constraints == "one of: reml, soft_l1"
+
+
+def test_the_page_names_the_parameters_that_may_change():
+    page = (Path(__file__).parents[2] / "docs" / "parameters.md").read_text()
+    for node in NODES:
+        (cell,) = re.findall(rf"^\| `{node}` \| .* \| (.*) \|$", page, re.MULTILINE)
+        assert re.findall(r"`(\w+)`", cell) == [row.name for row in table_of(node) if row.live]
 
 
 def test_no_parameter_may_change_while_the_node_runs(ros):
