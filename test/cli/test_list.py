@@ -1,15 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``soilmoist list``: names, traits and files of all that can be chosen."""
+"""The commands ``list``, ``bag``, ``export`` and ``campaign``."""
+
+from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
+from soilmoist_ros.cli import campaign
+from soilmoist_ros.cli.bag import command
 from soilmoist_ros.cli.list import KINDS
 from soilmoist_ros.cli.main import main
+from soilmoist_ros.lab.campaign import CampaignProgress
 
 
 def listed(*options):
@@ -53,3 +59,116 @@ def test_an_unknown_kind_names_all():
     result = CliRunner().invoke(main, ["list", "robots"])
     assert result.exit_code == 2
     assert "'dwell-rules'" in result.output
+
+
+# bag -------------------------------------------------------------------------------------------------------------
+
+GOLDEN = Path(__file__).resolve().parent.parent / "golden" / "one_stop" / "bag"
+
+
+@pytest.fixture
+def bag(tmp_path):
+    return shutil.copytree(GOLDEN, tmp_path / "run" / "bag").parent
+
+
+@pytest.mark.slow
+def test_a_bag_is_recovered_and_verified_and_damage_is_named(bag, tmp_path):
+    run = CliRunner().invoke
+    done = run(command, ["recover", str(bag), "--out", str(tmp_path / "recovered")])
+    assert done.exit_code == 0, done.output
+    done = run(command, ["verify", str(bag), str(tmp_path / "recovered")])
+    assert done.exit_code == 0
+    assert done.output.count("whole") == 2
+    assert "right checksums of 2 files" in done.output
+    path = tmp_path / "recovered" / "recovered_0.mcap"
+    (found,) = json.loads(run(command, ["verify", str(path.parent), "--json"]).stdout)["bags"]
+    assert (found["bag"], found["paths"]) == (str(path.parent), [str(path)]), "as in 0.2.0"
+    data = bytearray(path.read_bytes())
+    data[data.index(b"zstd") + 40] ^= 1
+    path.write_bytes(data)
+    done = run(command, ["verify", str(tmp_path / "recovered")])
+    assert done.exit_code == 1
+    for text in ("its checksum is another one", "is damaged in 1 place", "and metadata.yaml says"):
+        assert text in done.output
+    done = run(command, ["info", str(tmp_path / "recovered")])
+    assert done.exit_code == 1
+    assert "soilmoist bag recover" in done.output
+
+
+# export ----------------------------------------------------------------------------------------------------------
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["export", *map(str, arguments)])
+
+
+def test_bad_input_is_named(tmp_path):
+    for arguments, message in (
+        ((), "Missing argument 'RUN'"),
+        ((tmp_path, "--to", "kmz"), "holds no summary.json"),
+        ((tmp_path, "--to", "kml"), "there is no export 'kml'"),
+        ((tmp_path,), "no export is given"),
+    ):
+        result = run(*arguments)
+        assert (result.exit_code, message in result.output) == (2, True), result.output
+
+
+@pytest.mark.slow
+def test_files_of_an_earlier_export_are_replaced_only_when_asked_to(tmp_path):
+    home = tmp_path / "run"
+    simulated = ("simulate", "--field", "smooth", "--hours", "0.2", "--cell", "6", "--out", home)
+    assert CliRunner().invoke(main, [*map(str, simulated)]).exit_code == 0
+    assert run(home, "--to", "netcdf").exit_code == 0
+    path = home / "export" / "map.nc"
+    path.write_text("mine")
+    refused = run(home, "--to", "netcdf", "--to", "zones")
+    assert refused.exit_code == 2
+    assert "has map.nc of an earlier export -> choose another folder, or give --overwrite" in refused.output
+    assert (path.read_text(), (home / "export" / "zones.zip").exists()) == ("mine", False)
+    assert run(home, "--to", "netcdf", "--overwrite").exit_code == 0
+    assert path.read_bytes()[:3] == b"CDF"
+
+
+# campaign --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_first_impression_is_part_of_the_campaign(tmp_path):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(
+        "title: tiny\nruns: 2\n"
+        "experiments: [{name: a, field: synthetic-high, hours: 0.3, preset: paper, cell_m: 4}]\n"
+    )
+    command = ["campaign", str(plan), "--workers", "0", "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(main, [*command, "--runs", "1"])
+    assert "1 simulated, 0 reused, 0 failed" in result.output
+    assert "... 1 of 1 missions" in result.output
+    result = CliRunner().invoke(main, command)
+    assert "1 simulated, 1 reused, 0 failed" in result.output
+    assert result.exit_code == 0
+
+
+@pytest.mark.slow
+def test_a_mission_that_fails_is_named_and_the_others_are_kept(tmp_path):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(
+        "title: tiny\nruns: 1\n"
+        "experiments: [{name: a, field: synthetic-high, hours: 0.1, preset: paper, cell_m: [5000, 4]}]\n"
+    )
+    result = CliRunner().invoke(main, ["campaign", str(plan), "--workers", "0", "--out", str(tmp_path / "out")])
+    assert result.exit_code == 1
+    assert "1 simulated, 0 reused, 1 failed" in result.output
+    assert "cell_m=5000" in result.output
+    assert "cannot be gridded" in result.output
+    assert "cannot be gridded" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_progress_without_a_terminal_is_a_line_per_tenth(capsys):
+    with campaign._progress() as progress:
+        for done in range(101):
+            progress(CampaignProgress(done, 100))
+        for _ in range(3):
+            progress(CampaignProgress(100, 100, note="waiting"))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[:11] == [f"... {done} of 100 missions" for done in range(0, 101, 10)]
+    assert lines[11:] == ["... 100 of 100 missions · waiting"]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Records that do not lie in the field: refused with distance, direction and the likely cause."""
+"""Where samples lie, and what is known before (knowledge.py)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from hypothesis import strategies as st
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.knowledge import NOTHING, EarlierSurvey, Knowledge, samples_at_end
 from soilmoist_ros.mapping.placement import PositionSource, require_near
+from soilmoist_ros.mapping.records import survey_samples
+from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples
+from soilmoist_ros.sensing.records import CountRecord
 
 RECTANGLE = np.array([[0.0, 0.0], [300.0, 0.0], [300.0, 200.0], [0.0, 200.0]])
 LOG = PositionSource("survey.log")
@@ -120,3 +124,47 @@ def test_a_record_is_refused_if_and_only_if_it_is_beyond_reach(latitude, longitu
             require_near(field, latlon, 1000.0, PositionSource())
     else:
         assert require_near(field, latlon, 1000.0, PositionSource()) is not None
+
+
+# Knowledge -------------------------------------------------------------------------------------------------------
+
+ONE = Samples([(5.0, 5.0)], [300], [100.0])
+
+
+def test_knowledge_is_empty_unless_something_is_known():
+    assert NOTHING.is_empty
+    assert not Knowledge(earlier=(EarlierSurvey("may", 0.0, ONE),)).is_empty
+
+
+def test_an_earlier_survey_needs_samples_and_a_time():
+    with pytest.raises(ValueError, match="no samples"):
+        EarlierSurvey("may", 0.0, NO_SAMPLES)
+    with pytest.raises(ValueError, match="stamp_s"):
+        EarlierSurvey("may", float("nan"), ONE)
+
+
+def records(change):
+    """Three passes over the same stops in two hours, while the rate changes by a share."""
+    rng = np.random.default_rng(3)
+    x, y = np.meshgrid(np.arange(5.0, 60, 10), np.arange(5.0, 50, 10))
+    stops = np.tile(np.column_stack([x.ravel(), y.ravel()]), (3, 1))
+    time_s = np.linspace(60, 7200, len(stops))
+    rate = 4.0 + 0.5 * np.sin(stops[:, 0] / 15) + change * 4 * (time_s / 7200 - 1)
+    return [
+        CountRecord(time, *place, 0.0, int(counts), 60.0, 60.0)
+        for time, place, counts in zip(
+            time_s.tolist(), stops.tolist(), rng.poisson(60 * rate).tolist(), strict=True
+        )
+    ]
+
+
+@pytest.mark.parametrize(("change", "near"), [(0.3, True), (0.0, False)])
+def test_a_drift_is_taken_off_and_nothing_else(change, near):
+    then, now = survey_samples(records(change), 2.0), samples_at_end(records(change), 2.0, 0.0, 60.0)
+    np.testing.assert_array_equal(then.xy, now.xy)
+    np.testing.assert_array_equal(then.counts, now.counts)
+    if near:
+        expected = 4.0 + 0.5 * np.sin(now.xy[:, 0] / 15)
+        assert abs(np.mean(now.rate_cps - expected)) < 0.15 < np.mean(expected - then.rate_cps)
+    else:
+        np.testing.assert_array_equal(then.exposure_s, now.exposure_s)

@@ -135,9 +135,10 @@ def _tau(place: CosmicPlace) -> float:
 def cutoff_rigidity_gv(latitude_deg: float, longitude_deg: float) -> float:
     """Effective vertical cutoff rigidity [GV], bilinear in the table.
 
-    The table has one value per 5 x 10 degrees, for the field of 2020. ``test/equipment/cutoff_rigidity_table.py``
-    computed it by tracing particles through the International Geomagnetic Reference Field (IGRF-14). Between its
-    values the error is about 0.1 GV, at most 0.3. Published values of other years differ by up to 0.5 GV.
+    The table has one value per 5 x 10 degrees, for the field of 2020. It was computed by tracing particles through
+    the International Geomagnetic Reference Field, IGRF-14 (``test/equipment/cutoff_rigidity_table.py`` of commit
+    14ce8358). Between its values the error is about 0.1 GV, at most 0.3. Published values of other years differ by
+    up to 0.5 GV.
 
     >>> round(cutoff_rigidity_gv(51.5, 0.0), 1)  # London
     3.0

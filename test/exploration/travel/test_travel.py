@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Travel times and routes, around no-go areas too: travel.py and stop.py, and motion that is learned."""
+"""Travel times and ways, and stops (stop.py)."""
 
+import math
+import subprocess
+import sys
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, way_points
 from soilmoist_ros.exploration.travel.travel import (
     FreeTravel,
     GraphTravel,
@@ -212,3 +215,57 @@ def test_only_a_leg_that_ends_at_its_stop_counts():
     assert not learned.arrive(300.0), "counting again after a pause is no arrival"
     assert list(learned.legs) == [Leg(40.0, np.pi / 2, 150.0)]
     assert "learned from 1 legs" in str(learned)
+
+
+# Stops -----------------------------------------------------------------------------------------------------------
+
+STOP = Stop("s", 10.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("way", "goals"),
+    [
+        ([(10, -5), (10, 0)], [(10, 0, 90)]),
+        ([(0, 5), (0, 0), (0, 0)], [(0, 0, -90), (10, 0, 0)]),  # the stop is no corner of the way
+        ([(10, 0)], [(10, 0, 0)]),
+        ([(10, 0), (10, 0)], [(10, 0, 0)]),
+        ([(0, 0), (4, 4), (4, 0), (10, 0)], [(4, 4, 45), (4, 0, -90), (10, 0, 0)]),
+        ([(0, 0), (2, 0), (4, 0), (10, 0)], [(10, 0, 0)]),  # nodes on a straight line are no goals
+        ([(0, 0), (12, 0), (10, 0)], [(12, 0, 0), (10, 0, 180)]),  # a way back is kept
+    ],
+)
+def test_goals_are_the_bends_of_a_way_and_its_stop_and_face_along_it(way, goals):
+    found = way_points(way, STOP)
+    assert [(one.stop.x_m, one.stop.y_m, round(math.degrees(one.heading_rad))) for one in found] == goals
+    assert found[-1].stop == STOP
+    assert all("s" in one.stop.name for one in found)
+
+
+ASK_AT_ONCE = """
+from threading import Thread
+import numpy as np
+from soilmoist_ros.exploration.travel.stop import DrivableArea
+
+outline, pond = [(0, 0), (50, 0), (50, 50), (0, 50)], [(20, 20), (30, 20), (30, 30), (20, 30)]
+
+def ask(area, seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(100):
+        start, end = rng.uniform(0, 50, (2, 20, 2))
+        area.contains(start)
+        area.allows(start, end)
+
+for _ in range(30):
+    area = DrivableArea([outline], [pond], 0.5)
+    threads = [Thread(target=ask, args=(area, seed)) for seed in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+"""
+
+
+@pytest.mark.slow
+def test_planning_and_guard_may_ask_at_once():
+    """In a process that may crash: two threads that use one prepared geometry crash it."""
+    assert subprocess.run([sys.executable, "-c", ASK_AT_ONCE], check=False).returncode == 0

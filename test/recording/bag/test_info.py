@@ -1,15 +1,45 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-import io
-from dataclasses import replace
+"""Bags: what is in them (info.py), playback.py, scan.py and plain_topics.py."""
 
 import pytest
-from bags import NOTES, PRESSURE, START_NS, number_message, text_message
-from rich.console import Console
 
+pytest.importorskip("rclpy")
+import io
+import math
+import random
+import subprocess
+import sys
+import textwrap
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from bags import MODEL, NOTES, PRESSURE, START_NS, number_message, text_message
+from bombs import bombs
+from diagnostic_msgs.msg import DiagnosticStatus
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message
+from rich.console import Console
+from sensor_msgs.msg import NavSatFix, PointCloud2
+from std_msgs.msg import String
+
+from msg_adapters import counts_to_message, fix_to_message, line_to_message, quarantined_to_message
+from msg_adapters.environment import health_to_status
+from msg_adapters.point_cloud import points_to_message
+from soilmoist_ros.exploration import Visit, VisitEnd
+from soilmoist_ros.foundation import Health, Level
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording import PlainTopics, count_records, find_definition
 from soilmoist_ros.recording.bag.info import info_table, print_plain, recovery_table
+from soilmoist_ros.recording.bag.plain_topics import GNSS_FRAME
+from soilmoist_ros.recording.bag.playback import INPUTS, Pacer, Playback, TopicChoice
+from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.verify import bag_info, find_gaps, recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.sensing import CountRecord, fix_from_message
 
 
 def shown(content):
@@ -85,3 +115,194 @@ def test_gaps_are_found(tmp_path):
 )
 def test_topics_without_gaps_have_none(times):
     assert find_gaps(times) == ()
+
+
+# Playback --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", range(24))
+def test_all_from_the_start_on_after_the_last_that_is_latched(bag, start):
+    with BagReader(bag.folder) as reader:
+        playback = Playback(reader, ".*", float(start))
+        found = [(message.topic, message.log_ns, message.data) for message in playback.messages()]
+    before = [one for one in bag.messages[:start] if one[0] == MODEL.name]
+    assert found == [*before[-1:], *bag.messages[start:]]
+
+
+def test_only_what_is_chosen_and_how_it_was_offered(bag):
+    with BagReader(bag.folder) as reader:
+        playback = Playback(reader, "/notes|/robot/.*")
+        playback.leave_out(MODEL.name)
+        assert {message.topic for message in playback.messages()} == {NOTES.name}
+        assert playback.offered(MODEL.name) == MODEL.offered
+        assert not playback.has_clock
+        assert (playback.share(START_NS), playback.share(playback.end_ns)) == (0.0, 1.0)
+
+
+def test_inputs_are_what_the_nodes_take_in_whatever_their_namespace():
+    choice = TopicChoice(INPUTS)
+    assert all(choice.wanted(name) for name in ("/counts", "/r1/counts", "/fix", "/a/b/raw/logger"))
+    assert not any(choice.wanted(name) for name in ("/samples", "/model", "/r1/mission", "/discounts", "/rosout"))
+
+
+@given(speed=st.floats(0.01, 200), steps=st.lists(st.tuples(st.floats(0, 10), st.booleans()), max_size=30))
+def test_time_passes_at_its_speed_but_not_in_a_pause_nor_to_make_up_for_lost_time(speed, steps):
+    pacer, passed_s = Pacer(START_NS, speed), 0.0
+    for elapsed_s, paused in steps:
+        pacer.paused = paused
+        pacer.step(elapsed_s)
+        passed_s += 0.0 if paused else min(elapsed_s, 0.1)
+    assert (pacer.now_ns - START_NS) * 1e-9 == pytest.approx(passed_s * speed, abs=1e-7)
+    pacer.paused = False
+    assert pacer.wait_s(pacer.now_ns + 10**9) == pytest.approx(1 / speed)
+    assert pacer.wait_s(pacer.now_ns) == pacer.wait_s(START_NS) == 0
+    pacer.paused = True
+    assert pacer.wait_s(START_NS) == math.inf
+
+
+# Scan ------------------------------------------------------------------------------------------------------------
+
+GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "one_stop" / "bag"
+NUMBERS = [0, 1, 64 << 20, 2**31, 2**32 - 1, 2**63, 2**64 - 1]
+
+
+def changed(data, rng):
+    """Data with bits flipped, bytes set, pieces removed or repeated, numbers replaced, or the end cut off."""
+    data = bytearray(data)
+    for _ in range(rng.choice([1, 1, 2, 4, 16])):
+        place = rng.randrange(len(data) or 1)
+        change = rng.randrange(6)
+        if change == 0 and data:
+            data[place] ^= 1 << rng.randrange(8)
+        elif change == 1:
+            data[place : place + 1] = rng.randbytes(1)
+        elif change == 2:
+            del data[place : place + rng.randrange(1, 64)]
+        elif change == 3:
+            data[place:place] = data[rng.randrange(len(data) or 1) :][: rng.randrange(1, 200)]
+        elif change == 4:
+            data[place : place + 8] = rng.choice(NUMBERS).to_bytes(8, "little")
+        else:
+            del data[place:]
+    return bytes(data)
+
+
+def read(path):
+    with BagReader(path) as reader:
+        for message in reader.messages():
+            reader.decode(message)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_a_file_is_read_or_refused(tmp_path, seed):
+    rng = random.Random(seed)
+    files = [data for data in bombs().values() if len(data) < 5000] + [(GOLDEN / "bag_0.mcap").read_bytes()]
+    metadata = (GOLDEN / "metadata.yaml").read_bytes()
+    for _ in range(8):
+        (tmp_path / "bag_0.mcap").write_bytes(changed(rng.choice(files), rng))
+        (tmp_path / "metadata.yaml").write_bytes(rng.choice([metadata, changed(metadata, rng)]))
+        for work in (bag_info, read):
+            for path in (tmp_path, tmp_path / "bag_0.mcap"):
+                with suppress(InputError):
+                    work(path)
+
+
+LIMIT = """
+    import resource, sys
+    from pathlib import Path
+    import numpy, rosbags.typesys
+    from soilmoist_ros.foundation.errors import InputError
+    from soilmoist_ros.recording.bag.reader import BagReader
+    from soilmoist_ros.recording.bag.verify import bag_info, recover_bag
+
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + (400 << 20),) * 2)
+    resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
+
+    def read(path):
+        with BagReader(path) as reader:
+            for message in reader.messages():
+                if message.topic == "/notes":
+                    reader.decode(message)
+
+    for path in map(Path, sys.argv[1:]):
+        for work in (bag_info, read, lambda path: recover_bag(path, path.parent / f"recovered_{path.stem}")):
+            try:
+                work(path)
+            except InputError:
+                pass
+"""
+
+
+@pytest.mark.process
+def test_small_files_that_claim_or_unpack_to_much_take_little_memory_and_time(tmp_path):
+    paths = [tmp_path / f"{number}.mcap" for number in range(len(bombs()))]
+    for path, data in zip(paths, bombs().values(), strict=True):
+        path.write_bytes(data)
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(LIMIT), *map(str, paths)], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+# Plain topics ----------------------------------------------------------------------------------------------------
+
+RECORD = CountRecord(1795780684.415, 10.1, -20.2, 30.0, 41, 10.0, 9.7, 0.97, 1.05, 1.0)
+DATUM = (53.25, 10.5)
+TOPICS = PlainTopics()
+
+
+def as_ros(made, kind):
+    topic, message = made
+    name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+    assert topic.definition.type_name == name
+    assert topic.definition.type_hash == find_definition(name).type_hash
+    return deserialize_message(TOPICS.data(topic, message), kind)
+
+
+def test_records():
+    made = TOPICS.counts(RECORD, DATUM)
+    assert made[0].name == "/counts"
+    assert as_ros(made, PointCloud2) == counts_to_message([RECORD], datum=DATUM)
+    unplaced = replace(RECORD, x_m=math.nan)
+    assert not as_ros(TOPICS.counts(unplaced, DATUM), PointCloud2).is_dense
+    (read,) = count_records(made[1])
+    assert (read.stamp_s, read.raw_counts, read.f_humidity) == (RECORD.stamp_s, 41, 1.05)
+
+
+def test_quarantined_records():
+    bad = replace(RECORD, quarantine="place_jump", raw_counts=2**40)
+    made = TOPICS.counts(bad, DATUM)
+    assert made[0].name == "/quarantined_counts"
+    assert as_ros(made, PointCloud2) == quarantined_to_message([bad])
+
+
+def test_maps_lines_fixes_and_states_of_health():
+    cells = np.zeros((2, 3), [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("rate", "<f4")])
+    made = TOPICS.topic("/soil_map", "sensor_msgs/msg/PointCloud2"), TOPICS.cloud(cells, 7.5)
+    assert as_ros(made, PointCloud2) == points_to_message(cells, 7.5)
+    line = bytes(range(1, 256)) + b"\0"
+    assert as_ros(TOPICS.line("/raw/logger", line), String) == line_to_message(line)
+    message = NavSatFix(latitude=53.2, longitude=10.4, altitude=70.0, position_covariance_type=2)
+    message.header.stamp.sec, message.status.status = 12, 0
+    message.position_covariance = [0.04, 0.0, 0.0, 0.0, 0.04, 0.0, 0.0, 0.0, 0.2]
+    fix = fix_from_message(message)
+    assert as_ros(TOPICS.fix(fix), NavSatFix) == fix_to_message(fix, GNSS_FRAME)
+    health = Health("mission", Level.WARN, "paused: by Anna", {"state": "paused"})
+    assert as_ros(TOPICS.health("/mission", health), DiagnosticStatus) == health_to_status(health)
+
+
+def test_visits():
+    pytest.importorskip("soilmoist_msgs")
+    from soilmoist_msgs.msg import Visit as VisitMessage
+
+    from msg_adapters.soilmoist_types import visit_to_message
+
+    visit = Visit(
+        "r1c2", 1.0, 2.0, 30.0, 60.0, 180, "far", records=6, exposure_s=60.0, effective_exposure_s=58.0,
+        ended=VisitEnd.ENOUGH, outcome="180 counts", dwell="fmi:60", arrival_stamp_s=1e9, end_stamp_s=1e9 + 60,
+        stop_x_m=1.5, stop_y_m=2.5,
+    )  # fmt: skip
+    assert as_ros(TOPICS.visit(visit), VisitMessage) == visit_to_message(visit)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The table of cutoff rigidities, and the script that computes it: test/equipment/cutoff_rigidity_table.py."""
+"""The table of cutoff rigidities, and neutron monitors."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -42,30 +42,6 @@ def test_the_scaled_factors_agree_with_crnpy(latitude, altitude, rigidity, hawdo
 
 
 # Cutoff rigidity -------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def script(load_script):
-    return load_script("../test/equipment/cutoff_rigidity_table.py")
-
-
-@pytest.fixture(scope="module")
-def dipole(script, tmp_path_factory):
-    path = tmp_path_factory.mktemp("igrf") / "dipole.shc"
-    path.write_text("# a dipole\n1 1 1 2 1 2020.0 2020.0\n 2020.0\n1 0 -29404.8\n1 1 0.0\n1 -1 0.0\n")
-    return script.Field(path, 2020.0, 1)
-
-
-@pytest.mark.slow
-def test_traced_cutoffs_of_a_dipole_are_those_of_stoermer(script, dipole) -> None:
-    equator, middle = script.cutoff_rigidities(dipole, np.array([(0.0, 0.0), (35.0, 120.0)]))
-    # Stoermer's vertical cutoff is c B0 R / 4 cos^4(latitude) / r^2 [V].
-    whole = script.SPEED_OF_LIGHT_MPS * 29404.8e-9 * script.EARTH_RADIUS_M / 4 / 1e9
-    assert equator == pytest.approx(whole / np.linalg.norm(script.start(0.0, 0.0)[0]) ** 2, rel=0.005)
-    # In middle latitudes the shadow of the earth adds a penumbra, of a fifth at most.
-    x, y, z = script.start(35.0, 120.0)[0]
-    stoermer = whole * (x * x + y * y) ** 2 / (x * x + y * y + z * z) ** 3
-    assert stoermer < middle < 1.2 * stoermer
 
 
 # Values of the database NMDB, mostly of the years 1965 to 2000.
