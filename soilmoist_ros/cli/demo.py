@@ -104,18 +104,9 @@ def command(
         warn(f"console: not served, aiohttp is not installed -> {install('console')}")
     port = free_port(PORT) if console else 0
     settings = DemoSettings(
-        out,
-        mission,
-        time_factor,
-        navigator,
-        scenario,
-        autostart,
-        True,
-        earlier,
-        sources,
-        port,
+        out, mission, time_factor, navigator, scenario, autostart, True, earlier, sources, port,
         irrigation_of(site),
-    )
+    )  # fmt: skip
     address = f"console    http://127.0.0.1:{port}/"
     replay = None
     try:

@@ -82,18 +82,10 @@ def command(
         if (out / "bag").exists():
             raise InputError("has the recording of another run", "choose another folder", out)
     settings = GuideSettings(
-        mission=MissionSettings(field=field, **choices),
-        logger_uri=logger_uri,
-        gnss_uri=gnss_uri,
-        logger_format=logger,
-        site=site,
-        earlier=earlier,
-        covariates=covariates,
-        host=host,
-        port=free_port(PORT) if port is None else port,
-        autostart=autostart,
-        out=out,
-    )
+        mission=MissionSettings(field=field, **choices), logger_uri=logger_uri, gnss_uri=gnss_uri,
+        logger_format=logger, site=site, earlier=earlier, covariates=covariates, host=host,
+        port=free_port(PORT) if port is None else port, autostart=autostart, out=out,
+    )  # fmt: skip
     with GuidedSurvey(settings) as survey:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: survey.stop())

@@ -102,14 +102,9 @@ def command(
     from soilmoist_ros.sensing import utc_text
 
     settings = MapSettings(
-        site=site,
-        field=field,
-        crs=crs,
-        covariates=tuple(map(CovariateSource.parse, covariates)),
-        times_s=(start_s, end_s),
-        **options.chosen_settings(choices, PRESETS[preset]),
-        **choices,
-    )
+        site=site, field=field, crs=crs, covariates=tuple(map(CovariateSource.parse, covariates)),
+        times_s=(start_s, end_s), **options.chosen_settings(choices, PRESETS[preset]), **choices,
+    )  # fmt: skip
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:
         run = map_logs(logs, settings, progress, compute)
         progress("writing the results", 0.0)
@@ -156,6 +151,7 @@ def _print_summary(run: MapRun) -> None:
         interval = "" if known is None else f" ({100 * known.p05:.1f} to {100 * known.p95:.1f})"
         range_text = f"5 to 95 % of the area have {low:.1f} to {high:.1f}"
         say(f"moisture   mean {100 * mean:.1f}{interval} % by volume; {range_text}")
+        _print_level(run)
         say(f"irrigation {irrigation(run).steps[0]}")
     say(f"map of     {run.support_text}")
     if soil_map.accuracy is not None:
@@ -179,13 +175,19 @@ def _print_place(run: MapRun) -> None:
         interval = f"90 % interval {100 * mean.vwc_p05:.1f} to {100 * mean.vwc_p95:.1f}"
         say(f"moisture   mean {100 * mean.vwc:.1f} % by volume, {interval}")
         say(f"           {low:.1f} to {high:.1f} over time, in {steps}")
+        _print_level(run)
     print_notes(run)
+
+
+def _print_level(run: MapRun) -> None:
+    from soilmoist_ros.reporting import irrigation
+    from soilmoist_ros.sensing import UNKNOWN_SENSOR
+
+    if run.calibration is not None and run.calibration.method == UNKNOWN_SENSOR:
+        say(f"level      {irrigation(run).level}")
 
 
 def _why_no_moisture(run: MapRun) -> str:
     if run.calibration is not None:
         return "the site file has no soil properties or calibration"
-    return (
-        "there is no calibration. --sensor MODEL, or 'sensor_sensitivity' in the site file, gives moisture by the "
-        "general calibration; a station next to yours gives the sensitivity of another sensor"
-    )
+    return "there is no calibration: 'calibration: null' in the site file asks for the rate alone"

@@ -34,7 +34,7 @@ from soilmoist_ros.mapping import (
     samples_at_end,
     survey_samples,
 )
-from soilmoist_ros.pipeline.results import curve_of, read_summary
+from soilmoist_ros.pipeline.results import calibration_method, curve_of, read_summary
 from soilmoist_ros.pipeline.run import EarlierRun, RunChange
 from soilmoist_ros.recording import (
     RECORDS,
@@ -45,7 +45,7 @@ from soilmoist_ros.recording import (
     read_parameters,
     read_records,
 )
-from soilmoist_ros.sensing import CountRecord, MoistureCurve, load_site
+from soilmoist_ros.sensing import UNKNOWN_SENSOR, CountRecord, MoistureCurve, load_site
 
 if TYPE_CHECKING:
     from soilmoist_ros.simulation import MappedProperty, MissionSettings
@@ -148,7 +148,7 @@ def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
         _good(read_records(table), path),
         found,
         bool(about.get("simulated")),
-        curve_of(about, path) if found == first else None,
+        curve_of(about, path) if found == first and calibration_method(about) != UNKNOWN_SENSOR else None,
         {row["name"]: row.get("parameters") or {} for row in rows} if rows else None,
     )
 

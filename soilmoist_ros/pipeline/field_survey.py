@@ -7,9 +7,10 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from soilmoist_ros.mapping import (
     Knowledge,
     MappingSettings,
     MapState,
+    Samples,
     Skip,
     Snapshot,
     SoilMap,
@@ -34,6 +36,7 @@ from soilmoist_ros.mapping import (
 )
 from soilmoist_ros.pipeline.earlier_runs import (
     EarlierTarget,
+    mean_rate,
     read_earlier_runs,
     require_other,
     run_change,
@@ -50,16 +53,18 @@ from soilmoist_ros.pipeline.run import (
     NoteCode,
 )
 from soilmoist_ros.sensing import (
+    UNKNOWN_SENSOR,
+    Calibration,
     Consequence,
     CorrectionSettings,
     CountRecord,
     Footprint,
     IntensityCorrection,
     Kind,
-    MoistureCurve,
     NeutronMonitor,
     SensedSoil,
     Site,
+    Soil,
     SurveyAir,
     general_calibration,
     intensity_source,
@@ -67,6 +72,7 @@ from soilmoist_ros.sensing import (
     read_data,
     reason_text,
     sensed_soil,
+    unknown_sensor,
     why_no_soil,
 )
 
@@ -91,10 +97,16 @@ class FieldSurvey:
     earlier: tuple[EarlierRun, ...] = ()
 
     def __post_init__(self) -> None:
-        self.map.curve_of = self._curve if lacks_n0(self.site) else None
+        self.map.curve_of = (lambda state: self.calibrated(state).curve) if lacks_n0(self.site) else None
 
-    def calibrated(self, state: MapState) -> Site:
-        """The site; without N0 with the general calibration by median place and air pressure of a state's records.
+    @cached_property
+    def calibrated(self) -> Callable[[MapState], Site]:
+        """The site with the calibration of a state, see :meth:`_calibrated`; the last one is kept."""
+        return lru_cache(maxsize=1)(self._calibrated)
+
+    def _calibrated(self, state: MapState) -> Site:
+        """The site; without N0 with the one that follows from median place, air pressure and mean rate of a
+        state's records.
 
         So it depends on the records alone, and is the same on the robot, in a replay and of a log.
         """
@@ -104,10 +116,7 @@ class FieldSurvey:
         corrected = self.site.corrections.pressure is not None
         hpa = self.site.corrections_parameters.pressure_hpa(f_pressure) if corrected else math.nan
         latitude, longitude = self.field.frame.to_geographic([[x_m, y_m]])[0].tolist()
-        return with_general_calibration(self.site, SurveyAir(latitude, longitude, hpa))
-
-    def _curve(self, state: MapState) -> MoistureCurve | None:
-        return self.calibrated(state).curve
+        return with_general_calibration(self.site, SurveyAir(latitude, longitude, hpa), samples=state.samples)
 
     def health(self, state: MapState) -> list[Health]:
         """Health of a general calibration, with all that it assumes; empty for a site with its own N0."""
@@ -118,10 +127,15 @@ class FieldSurvey:
         except ValueError as error:  # of an impossible air pressure
             return [Health("calibration", Level.ERROR, f"the general calibration fails: {error}")]
         if found is None:
-            return [Health("calibration", Level.OK, "general, waits for the air pressure of the first record")]
+            known = self.site.sensor_sensitivity is not None
+            waits = "general, waits for the air pressure of the first record" if known else UNKNOWN_SENSOR
+            return [Health("calibration", Level.OK, waits)]
         assumed = ", ".join(part.name for part in found.parts if part.origin == "default range")
         sd = (found.n0_sd_cps or 0.0) / found.n0_cps
         text = f"{found.note}; N0 {found.n0_cps:g} counts/s +- {sd:.1%}; default ranges, not measured: {assumed}"
+        if found.method == UNKNOWN_SENSOR:
+            remedy = "give sensor_sensitivity in the site file, such as the model"
+            text = f"{found.note}; no dose follows from it: {remedy}; default ranges, not measured: {assumed}"
         values = {
             str(part.name): f"{part.value:.4g} {part.unit} +- {part.sd:.2g}, {part.origin}" for part in found.parts
         }
@@ -137,6 +151,10 @@ class FieldSurvey:
             mode="json", exclude_defaults=True, exclude={"calibration": {"parts"}}
         )
         return {"site": site, "air": state.medians[:2], "simulated": self.simulated, "earlier": bool(self.earlier)}
+
+    @property
+    def _is_general(self) -> bool:
+        return lacks_n0(self.site) and self.site.sensor_sensitivity is not None
 
     def with_reference_error(self, error: Drift) -> FieldSurvey:
         """A copy without records, for records that a reference sensor corrects."""
@@ -165,7 +183,7 @@ class FieldSurvey:
             simulated=self.simulated,
             covariates=self.map.knowledge.covariates,
             earlier=self.earlier,
-            notes=[Note(NoteCode.GENERAL_CALIBRATION, f"{_SNOW.capitalize()}.")] if lacks_n0(self.site) else (),
+            notes=[Note(NoteCode.GENERAL_CALIBRATION, f"{_SNOW.capitalize()}.")] if self._is_general else (),
         )
 
 
@@ -210,7 +228,8 @@ def open_survey(
     values = MappingSettings(**chosen).values(recorded)
     field_path = resource("fields", field)
     site_path = resource("sites", site) if site else None
-    the_field, the_site = load_field(field_path), load_site(site_path) if site_path else Site()
+    # Nothing says that counts without a site file are those of a neutron sensor over soil.
+    the_field, the_site = load_field(field_path), load_site(site_path) if site_path else Site(calibration=None)
     files = [("field", field_path), *([("site", site_path)] if site_path else [])]
     radius_m = the_site.footprint_radius_m
     grid = the_field.grid(values["cell_m"] or None, radius_m)
@@ -226,28 +245,36 @@ def open_survey(
 
 
 def lacks_n0(site: Site) -> bool:
-    """True if a site has no N0, knows its sensor, and does not ask for the rate alone."""
-    asked_off = "calibration" in site.model_fields_set
-    return site.calibration is None and not asked_off and site.sensor_sensitivity is not None
+    """True if a site has no N0, and does not ask for the rate alone."""
+    return site.calibration is None and "calibration" not in site.model_fields_set
 
 
-def with_general_calibration(site: Site, air: SurveyAir, later: bool = False) -> Site:
-    """Site with the general calibration, where :func:`lacks_n0`.
+def with_general_calibration(
+    site: Site, air: SurveyAir, later: bool = False, samples: Samples | None = None
+) -> Site:
+    """Site with the general calibration, where :func:`lacks_n0`; without a sensor with that of an unknown one.
 
     :param later: whether the air pressure may still come: until then the site stays as it is
+    :param samples: the samples of its map, whose mean rate an unknown sensor needs: without it the site stays
     :raises InputError: if nothing says the air pressure, to which N0 is scaled, or the organic matter of peat
     """
     if not lacks_n0(site):
         return site
+    if site.sensor_sensitivity is None:
+        found = None if samples is None or not len(samples) else unknown_sensor(site, air, mean_rate(samples))
+        return _with_soil(site, found)
     if why := why_no_soil(site):
         raise InputError(why, "add it to 'soil', or 'calibration: null' for the rate alone")
     found = general_calibration(site, air)
-    if found is not None:
-        return site.model_copy(update=dict(zip(("calibration", "soil"), found, strict=True)))
-    if later:
-        return site
+    if found is not None or later:
+        return _with_soil(site, found)
     message = "the general calibration needs the air pressure, and neither the log nor the site file has it"
     raise InputError(message, "give 'altitude_m' in 'location', or 'calibration: null' for the rate alone")
+
+
+def _with_soil(site: Site, found: tuple[Calibration, Soil] | None) -> Site:
+    """Site with a calibration and its soil, if there are any."""
+    return site if found is None else site.model_copy(update={"calibration": found[0], "soil": found[1]})
 
 
 def field_map_settings(values: Mapping[str, Any], site: Site, **more: Any) -> FieldMapSettings:

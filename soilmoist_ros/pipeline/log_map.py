@@ -33,6 +33,7 @@ from soilmoist_ros.pipeline.earlier_runs import EarlierTarget, find_runs, requir
 from soilmoist_ros.pipeline.field_survey import (
     field_map_settings,
     input_file,
+    lacks_n0,
     loss_rows_of,
     make_run,
     open_map,
@@ -62,11 +63,13 @@ from soilmoist_ros.sensing import (
     LogFile,
     Problem,
     Reference,
+    SensorModel,
     Site,
     SurveyAir,
     SurveyRecords,
     Track,
     load_site,
+    named_sensor,
     process_logs,
     utc_text,
 )
@@ -117,6 +120,7 @@ class _Logs:
     """The files of a survey, read: all logs, faults of files that are not used, positions of a separate receiver.
 
     ``places`` are latitude and longitude of the records in the chosen time, shape (n, 2) [deg], from ``source``.
+    ``named`` is the sensor where nothing but the header of a log says it.
     """
 
     site: Site
@@ -130,6 +134,7 @@ class _Logs:
     track_problems: Sequence[Problem]
     places: NDArray[np.float64]
     source: PositionSource
+    named: SensorModel | None
 
 
 def map_logs(
@@ -171,6 +176,9 @@ def map_logs(
     field_map, earlier = open_map(target, settings.earlier, read.covariates, error)
     require_other(earlier, survey.records)
     field_map.set_records(records)
+    if lacks_n0(site):
+        site = with_general_calibration(site, survey_air(read.logs, read.places), samples=field_map.samples)
+        field_map.curve_of = lambda _: site.curve
     progress(f"fitting the variogram of {len(field_map.samples)} samples", 0.0)
     kriging = f"kriging {np.count_nonzero(field_map.grid.mask)} cells"
     soil_map = field_map.compute(field_map.state, lambda share: progress(kriging, share), compute)
@@ -195,6 +203,7 @@ def map_logs(
             **({"gnss_shift_s": settings.gnss_shift_s} if settings.gnss_shift_s else {}),
             "tube_shares": ", ".join(f"{share:.3f}" for share in survey.tube_share),
             **{f"log: {key}": text for key, text in reading_of(logs).items()},
+            **({"log: sensor": f"{read.named}, by the header of the log"} if read.named else {}),
             **({"log: longitudes": f"{site.longitude} of Greenwich: written without a sign"} if unsigned else {}),
             **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),
         },
@@ -229,9 +238,14 @@ def _read_files(paths: Sequence[Path], settings: MapSettings, progress: Progress
     track, problems = read_track(settings.nmea, others, settings.fix_topic, log_times(part), settings.gnss_shift_s)
     places = log_positions(part, track, site)
     source = position_source(part, settings.nmea, site, field_file)
+    named = sensor_of(logs) if lacks_n0(site) and site.sensor_sensitivity is None else None
+    if named is not None:
+        site = site.model_copy(update={"sensor_sensitivity": named})
     if len(places):
         site = with_general_calibration(site, survey_air(part, places))
-    return _Logs(site, site_file, field, field_file, covariates, logs, skipped, track, problems, places, source)
+    return _Logs(
+        site, site_file, field, field_file, covariates, logs, skipped, track, problems, places, source, named
+    )  # fmt: skip
 
 
 def with_side(site: Site, field: Field | None) -> Site:
@@ -258,6 +272,11 @@ def with_sensor(site: Site, sensor: str | float | None, site_file: Path | None) 
         message = f"has the sensor_sensitivity {site.sensor_sensitivity}, not {sensor}"
         raise InputError(message, "leave --sensor out, or remove that of the site file", site_file)
     return site.model_copy(update={"sensor_sensitivity": sensor})
+
+
+def sensor_of(logs: Sequence[LogFile]) -> SensorModel | None:
+    """The sensor model that the headers of logs name, if any."""
+    return named_sensor(text for log in logs for text in (*log.metadata, *log.metadata.values(), *log.columns))
 
 
 def survey_air(logs: Sequence[LogFile], places: NDArray[np.float64]) -> SurveyAir:

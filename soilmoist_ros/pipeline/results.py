@@ -132,7 +132,7 @@ def is_illustrative(about: Mapping[str, Any]) -> bool:
 
 
 def calibration_method(about: Mapping[str, Any]) -> str:
-    """Method of the calibration of a run: ``cores``, ``general`` or ``combined``.
+    """Method of the calibration of a run: ``cores``, ``general``, ``combined`` or ``unknown sensor``.
 
     :param about: its summary, see :func:`read_summary`
     """

@@ -150,7 +150,7 @@ class CalibrationInfo:
     :param lattice_water: gravimetric lattice water [g/g]
     :param organic_water: gravimetric water equivalent of organic matter [g/g]
     :param illustrative: whether N0 is a guess, so that only patterns of the moisture are meaningful
-    :param method: ``cores``, ``general`` or ``combined``, see :class:`soilmoist_ros.sensing.Calibration`
+    :param method: where N0 comes from, see :class:`soilmoist_ros.sensing.Calibration`
     :param parts: parts of the uncertainty of N0 and soil, where they are known
     """
 
@@ -183,6 +183,7 @@ class NoteCode(StrEnum):
     LOST_MESSAGES = "lost_messages"
     OTHER_CORRECTIONS = "other_corrections"
     GENERAL_CALIBRATION = "general_calibration"
+    UNKNOWN_SENSOR = "unknown_sensor"
     ILLUSTRATIVE_CALIBRATION = "illustrative_calibration"
     RATE_BELOW_CURVE = "rate_below_curve"
     TILE_ERROR = "tile_error"

@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import duration
 from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, make_bands, possible_moisture
 from soilmoist_ros.pipeline import REFERENCE, MapRun
-from soilmoist_ros.reporting.certainty import absolute, once_a_run
+from soilmoist_ros.reporting.certainty import absolute, calibration_of, once_a_run
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
-from soilmoist_ros.sensing import MoistureCurve, UncertaintyPart, soil_limits
+from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve, UncertaintyPart, soil_limits
 
 Array = NDArray[np.float64]
 
@@ -70,6 +70,7 @@ REMEDIES = {
     **dict.fromkeys(("general N0", "site scaling", OTHER, N0), _CORES_DAY),
     **dict.fromkeys(("cores", CORES), _MORE_CORES),
     "sensitivity": "counting next to a calibrated station (soilmoist calibrate)",
+    UNKNOWN_SENSOR: "the model of the sensor (--sensor MODEL, or sensor_sensitivity in the site file)",
     "intensity": "the file of a neutron monitor",
     "pressure": "a checked barometer",
     "humidity": "a checked sensor of the air humidity",
@@ -170,7 +171,8 @@ def make_budget(run: MapRun) -> Budget | None:
     level, low, high, vwc = (math.nan,) * 4
     if curve is not None:
         vwc = float(possible_moisture(curve, mean))
-    known_level = absolute(run) and 0 < vwc < soil_limits(curve.bulk_density_gcm3).saturation if curve else False
+    bounded = absolute(run) or calibration_of(run) == UNKNOWN_SENSOR
+    known_level = bounded and 0 < vwc < soil_limits(curve.bulk_density_gcm3).saturation if curve else False
     if curve is not None and known_level:
         level, low, high, of_level = level_parts(run, curve, mean)
         parts = [*parts, *of_level]

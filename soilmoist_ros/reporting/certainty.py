@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping import common_rate_sd
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.sensing import MoistureCurve
+from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -31,6 +31,8 @@ CERTAIN = 0.8
 CALIBRATION_TAG = "SOILMOIST_CALIBRATION"
 """Tag of GeoTIFFs with one of the words of :func:`calibration_state`."""
 ILLUSTRATIVE = "illustrative"
+NO_LEVEL = (ILLUSTRATIVE, UNKNOWN_SENSOR)
+"""Origins of calibrations that give the pattern of the moisture, but not its level."""
 
 
 def once_a_run(make: Callable[[MapRun], T]) -> Callable[[MapRun], T]:
@@ -51,14 +53,19 @@ def calibration_state(calibrated: bool, absolute: bool, simulated: bool, method:
     """Origin of the calibration.
 
     It is ``own`` (soil cores of the site), ``general`` (no core of the site), ``combined`` (both),
-    ``illustrative`` (a guess), ``simulated`` or ``none`` (a rate map).
+    ``unknown sensor`` (nearly any level), ``illustrative`` (a guess), ``simulated`` or ``none`` (a rate map).
 
     :param method: method of the calibration, see :class:`soilmoist_ros.sensing.Calibration`
     """
-    if not calibrated:
-        return "none"
+    if not calibrated or method == UNKNOWN_SENSOR:
+        return method if calibrated else "none"
     of_method = "own" if method == "cores" else method
     return ILLUSTRATIVE if not absolute else "simulated" if simulated else of_method
+
+
+def guess_text(state: str) -> str:
+    """Addition to names of a moisture whose level is not known, by the origin of its calibration."""
+    return f", {state}" if state in NO_LEVEL else ""
 
 
 def absolute(run: MapRun) -> bool:

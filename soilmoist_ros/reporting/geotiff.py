@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, __version__
 from soilmoist_ros.mapping import FieldChange, FieldGrid
-from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE
+from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, guess_text
 from soilmoist_ros.reporting.dose import DoseZone, dose_at
 from soilmoist_ros.reporting.geometry import field_polygon, inside_field
 
@@ -143,8 +143,8 @@ def _write(
         raster.write(np.stack(list(bands.values())))
         for number, name in enumerate(bands, start=1):
             unit, meaning = {**BANDS, **CHANGES, **DOSE}[name]
-            if tags.get(CALIBRATION_TAG) == ILLUSTRATIVE and name.startswith("vwc"):
-                meaning = f"{meaning}, {ILLUSTRATIVE}"
+            if name.startswith("vwc"):
+                meaning += guess_text(tags.get(CALIBRATION_TAG, ""))
             raster.set_band_description(number, name)
             raster.set_band_unit(number, unit)
             raster.update_tags(number, long_name=meaning, units=unit, **band_tags)

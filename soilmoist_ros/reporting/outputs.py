@@ -27,7 +27,7 @@ from soilmoist_ros.pipeline import (
     site_facts,
 )
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
-from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
+from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, NO_LEVEL, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import ExportedProperty
 from soilmoist_ros.reporting.geotiff import CHANGES, write_cell_raster, write_geotiff
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 GUESSED = (
-    "Soil moisture map from cosmic-ray neutron counts, by Poisson kriging; illustrative calibration: the pattern "
+    "Soil moisture map from cosmic-ray neutron counts, by Poisson kriging; calibration: {}: the pattern "
     "is real, the level of the moisture is not"
 )
 _NO_RUNS: Mapping[str, Sequence[EarlierRun]] = MappingProxyType({})
@@ -139,8 +139,8 @@ def _tags(run: MapRun) -> dict[str, str]:
         tags["TIFFTAG_DATETIME"] = f"{begin:%Y:%m:%d %H:%M:%S}"
         tags["SOILMOIST_SURVEY_START_UTC"] = f"{begin:%Y-%m-%dT%H:%M:%SZ}"
         tags["SOILMOIST_SURVEY_END_UTC"] = f"{end:%Y-%m-%dT%H:%M:%SZ}"
-    if calibration_of(run) == ILLUSTRATIVE:
-        tags["TIFFTAG_IMAGEDESCRIPTION"] = GUESSED
+    if (state := calibration_of(run)) in NO_LEVEL:
+        tags["TIFFTAG_IMAGEDESCRIPTION"] = GUESSED.format(state)
     return tags
 
 

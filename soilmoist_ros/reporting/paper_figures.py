@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, optional_module
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
+from soilmoist_ros.reporting.certainty import calibration_of, guess_text
 from soilmoist_ros.reporting.colours import (
     BLUE,
     FAINT,
@@ -112,7 +112,7 @@ def run_figures(run: MapRun) -> Iterator[tuple[str, Figure]]:
     for number, one in enumerate(run.properties):
         end = f"_{one.name}" if number else ""
         soil_map = one.soil_map
-        guessed = f", {ILLUSTRATIVE}]" if calibration_of(one) == ILLUSTRATIVE else "]"
+        guessed = f"{guess_text(calibration_of(one))}]"
         if one.calibrated:
             yield f"map{end}", _raster_figure(one, soil_map.vwc, MOISTURE.replace("]", guessed), WATER)
             yield f"sd{end}", _raster_figure(one, soil_map.vwc_sd, MOISTURE_SD, UNCERTAIN)

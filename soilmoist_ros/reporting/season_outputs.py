@@ -18,7 +18,7 @@ from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import FieldChange, SurveysEstimate
 from soilmoist_ros.pipeline import EarlierRun, local_time
 from soilmoist_ros.recording import SUMMARY
-from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
+from soilmoist_ros.reporting.certainty import calibration_state, guess_text
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
 from soilmoist_ros.reporting.geotiff import BANDS, CHANGES, CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.output_folder import replaced_together
@@ -163,7 +163,7 @@ def write_stack(path: Path, season: Season) -> Path:
         moist = name.startswith("vwc")
         if season.curve is not None or not moist:
             meaning += ", since the survey before" if name in CHANGES else ""
-            guessed = f", {ILLUSTRATIVE}" if season.illustrative and moist else ""
+            guessed = guess_text(_calibration(season)) if moist else ""
             variables[name] = raster(
                 stack(season, name), ("time", "y", "x"), UNITS.get(unit, unit), meaning + guessed,
                 coordinates="lat lon",
@@ -235,7 +235,7 @@ def _layers(season: Season) -> Iterator[dict[str, Any]]:
     moist, rate, rate_sd = season.curve is not None, stack(season, "rate"), stack(season, "rate_sd")
     vwc_sd = 100 * stack(season, "vwc_sd")
     if moist:
-        vwc, unit = 100 * stack(season, "vwc"), f"{PERCENT}, {ILLUSTRATIVE}" if season.illustrative else PERCENT
+        vwc, unit = 100 * stack(season, "vwc"), PERCENT + guess_text(_calibration(season))
         look = shown_as("Soil moisture", unit, 1, WATER, colour_limits(vwc, vwc_sd))
         yield layer("vwc", vwc, **look, sd="vwc_sd", fixed=FIXED_VWC, about="Pale is dry, dark blue is wet.")
     look = shown_as("Neutron rate", "counts/s", 2, RATE, colour_limits(rate, rate_sd))

@@ -93,11 +93,15 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.general import SENSITIVITIES as SENSITIVITIES
     from soilmoist_ros.sensing.moisture.general import SurveyAir as SurveyAir
     from soilmoist_ros.sensing.moisture.general import general_calibration as general_calibration
+    from soilmoist_ros.sensing.moisture.general import named_sensor as named_sensor
     from soilmoist_ros.sensing.moisture.general import sensitivity_of as sensitivity_of
+    from soilmoist_ros.sensing.moisture.general import unknown_sensor as unknown_sensor
     from soilmoist_ros.sensing.moisture.general import why_no_soil as why_no_soil
+    from soilmoist_ros.sensing.moisture.site import UNKNOWN_SENSOR as UNKNOWN_SENSOR
     from soilmoist_ros.sensing.moisture.site import Calibration as Calibration
     from soilmoist_ros.sensing.moisture.site import Irrigation as Irrigation
     from soilmoist_ros.sensing.moisture.site import N0Estimate as N0Estimate
+    from soilmoist_ros.sensing.moisture.site import SensorModel as SensorModel
     from soilmoist_ros.sensing.moisture.site import Site as Site
     from soilmoist_ros.sensing.moisture.site import Soil as Soil
     from soilmoist_ros.sensing.moisture.site import UncertaintyPart as UncertaintyPart
@@ -174,8 +178,8 @@ __getattr__, __dir__, __all__ = open_door(
         "moisture.cores": "SoilCore possible_days profiles_of read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
-        "moisture.general": "DAY_SD GENERAL_SD SENSITIVITIES SurveyAir general_calibration sensitivity_of why_no_soil",
-        "moisture.site": "Calibration Irrigation N0Estimate Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration write_site_values",
+        "moisture.general": "DAY_SD GENERAL_SD SENSITIVITIES SurveyAir general_calibration named_sensor sensitivity_of unknown_sensor why_no_soil",
+        "moisture.site": "UNKNOWN_SENSOR Calibration Irrigation N0Estimate SensorModel Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration write_site_values",
         "moisture.texture": "SoilTexture TEXTURES",
         "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",

@@ -351,21 +351,12 @@ class ReconnectingSource:
             state = LinkState.CONNECTING if self._connection is None else LinkState.CONNECTED
         senders = self._senders or Senders()
         return LinkStatus(
-            uri=self._uri,
-            state=state,
-            attempts=self._attempts,
-            connections=self._connections,
-            last_error=self._last_error,
-            n_bytes=self._n_bytes,
-            n_lines=self._n_lines,
-            n_oversized=self._buffer.n_oversized,
-            n_refused=senders.n_refused,
-            last_refused=senders.last_refused,
-            senders=senders.recent,
-            is_open=self._senders is not None and not senders.allowed,
-            silent_s=silent_s,
+            uri=self._uri, state=state, attempts=self._attempts, connections=self._connections,
+            last_error=self._last_error, n_bytes=self._n_bytes, n_lines=self._n_lines,
+            n_oversized=self._buffer.n_oversized, n_refused=senders.n_refused, last_refused=senders.last_refused,
+            senders=senders.recent, is_open=self._senders is not None and not senders.allowed, silent_s=silent_s,
             silence_limit_s=limit_s,
-        )
+        )  # fmt: skip
 
     def read_line(self, timeout_s: float) -> bytes | None:
         """The next line, ``None`` after the timeout."""

@@ -99,15 +99,9 @@ class NoPlace(enum.StrEnum):
 # By the quality of NMEA GGA: 1 autonomous, 2 differential, 3 PPS, 4 RTK fixed, 5 RTK float, 6 dead reckoning,
 # 8 simulator; 9 is SBAS at NovAtel. 0 (none) and 7 (typed in by hand) are no fix.
 STATUS_OF_QUALITY: dict[int, FixStatus] = {
-    1: FixStatus.FIX,
-    2: FixStatus.SBAS,
-    3: FixStatus.FIX,
-    4: FixStatus.RTK,
-    5: FixStatus.RTK,
-    6: FixStatus.FIX,
-    8: FixStatus.FIX,
-    9: FixStatus.SBAS,
-}
+    1: FixStatus.FIX, 2: FixStatus.SBAS, 3: FixStatus.FIX, 4: FixStatus.RTK, 5: FixStatus.RTK, 6: FixStatus.FIX,
+    8: FixStatus.FIX, 9: FixStatus.SBAS,
+}  # fmt: skip
 
 # User-equivalent range error [m], one standard deviation, by GGA quality: usual values of single-frequency
 # receivers under open sky.

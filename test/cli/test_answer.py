@@ -44,14 +44,9 @@ def test_people_read_lines_and_progress_goes_to_standard_error():
 def test_programs_read_one_json_object_and_nothing_else_on_standard_output():
     result = run(work, "--json")
     assert json.loads(result.stdout) == {
-        "command": "",
-        "exit_code": 0,
-        "errors": [],
-        "rate": 3.2,
-        "missing": None,
-        "warnings": ["warning    dry"],
+        "command": "", "exit_code": 0, "errors": [], "rate": 3.2, "missing": None, "warnings": ["warning    dry"],
         "written": ["map.tif"],
-    }
+    }  # fmt: skip
     assert result.stderr == "... working\nrate       3.2\nwarning    dry\nwrote map.tif\n"
 
 

@@ -175,13 +175,8 @@ def test_counts_of_another_day_than_the_cores_are_refused(tmp_path):
 
     write_survey(tmp_path, seed=2, spacing_m=30.0, dwell_s=60.0)
     common = [
-        "calibrate",
-        tmp_path / "cores.csv",
-        "--site",
-        tmp_path / "site.yaml",
-        "--log",
-        tmp_path / "survey.log",
-    ]
+        "calibrate", tmp_path / "cores.csv", "--site", tmp_path / "site.yaml", "--log", tmp_path / "survey.log",
+    ]  # fmt: skip
     for day in ("1999-05-01", "05/01/1999"):
         (tmp_path / "cores.csv").write_text(f"date,vwc\n{day},0.2\n{day},0.22\n")
         result = CliRunner().invoke(main, [str(each) for each in [*common, "--dry-run"]])
@@ -292,16 +287,8 @@ def test_the_sensitivity_of_a_sensor_next_to_a_station(tmp_path):
 
     def compare(*options):
         arguments = [
-            "calibrate",
-            "--beside",
-            station,
-            "--log",
-            tmp_path / "own.dat",
-            "--site",
-            site,
-            "--json",
-            *options,
-        ]
+            "calibrate", "--beside", station, "--log", tmp_path / "own.dat", "--site", site, "--json", *options,
+        ]  # fmt: skip
         return json.loads(CliRunner().invoke(main, [str(each) for each in arguments]).stdout)
 
     assert "nothing is known of the station" in compare()["errors"][0]["message"]

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from soilmoist_ros import sensing
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping.soil_map import make_bands
@@ -19,8 +20,7 @@ from soilmoist_ros.pipeline import ReplaySettings, map_logs, open_survey, replay
 from soilmoist_ros.pipeline.field_survey import with_general_calibration
 from soilmoist_ros.pipeline.log_map import MapSettings, survey_air, with_sensor
 from soilmoist_ros.recording import read_parameters
-from soilmoist_ros.reporting.certainty import calibration_state
-from soilmoist_ros.sensing import Calibration, Site, load_site, read_log
+from soilmoist_ros.sensing import Calibration, Site, SurveyAir, load_site, read_log
 
 LOG = Path("examples/station_kansas_2021-10.dat")
 STATION = load_site("station_kansas")
@@ -39,7 +39,7 @@ def without(site, **keys):
 
 
 def test_a_site_with_n0_or_without_a_known_sensor_stays_as_it_is(logs):
-    for site in (STATION, without(STATION), without(STATION, sensor_sensitivity=1, calibration=None)):
+    for site in (STATION, without(STATION), without(STATION, calibration=None)):
         assert with_general_calibration(site, survey_air(logs, PLACE)) is site
 
 
@@ -74,15 +74,6 @@ def test_a_calibrated_site_refuses_another_sensor():
         with_sensor(other, "CRS-1000", Path("site.yaml"))
 
 
-def test_the_state_of_the_calibration_has_a_word_of_its_own():
-    assert calibration_state(True, True, False, "general") == "general"
-    assert calibration_state(True, True, False, "combined") == "combined"
-    assert calibration_state(True, True, False) == "own"
-    assert calibration_state(True, False, False, "general") == "illustrative"
-    assert calibration_state(True, True, True, "general") == "simulated"
-    assert Calibration(n0_cps=1.0).method == "cores"
-
-
 @pytest.mark.slow
 def test_the_command_says_where_the_moisture_is_from(tmp_path):
     site = tmp_path / "site.yaml"
@@ -90,7 +81,24 @@ def test_the_command_says_where_the_moisture_is_from(tmp_path):
     site.write_text(f"name: a station\nlogger_utc_offset_hours: -6\nlocation: {place}\n")
     command = ["map", str(LOG), "--site", str(site), "--overwrite"]
     plain = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "rate")])
-    assert "--sensor MODEL" in plain.output
+    assert "level      Unknown sensor: the level lies between 2.4 and 50.9 % by volume" in plain.output
+    assert "19 to 51 % by volume with a LiFoil-2" in plain.output
+    about = json.loads((tmp_path / "rate" / "summary.json").read_text())
+    assert (about["calibration"]["method"], about["budget"]["largest"]) == ("unknown sensor",) * 2
+    assert about["dose"]["missing"] == "the sensor is unknown, and with it the level of the moisture"
+    assert "unknown_sensor" in about["warning_codes"]
+    assert "--sensor MODEL" in about["budget"]["remedy"]
+    assert "nearly unknown" in (tmp_path / "rate" / "report.html").read_text()
+    rows = list(csv.DictReader((tmp_path / "rate" / "moisture.csv").read_text().splitlines()))
+    assert {row["calibrated"] for row in rows} == {"unknown sensor"}
+    off = CliRunner().invoke(main, ["export", str(tmp_path / "rate"), "--to", "isoxml", "--overwrite"])
+    assert off.exit_code != 0
+    assert "name the sensor with --sensor MODEL" in off.output
+    header = tmp_path / "named.dat"
+    header.write_text(LOG.read_text().replace("CPU:KS003.CR300", "CPU:CRS1000-B.CR300"))
+    named = CliRunner().invoke(main, [*command[:1], str(header), *command[2:], "--out", str(tmp_path / "named")])
+    assert "sensor     CRS-1000B, by the header of the log" in named.output
+    assert json.loads((tmp_path / "named" / "summary.json").read_text())["calibration"]["method"] == "general"
     found = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "moist"), "--sensor", "lifoil2"])
     assert found.exit_code == 0, found.output
     assert "counts/s +- 9%, general calibration after Heistermann" in found.output
@@ -144,6 +152,27 @@ def test_an_unknown_sensor_is_refused_with_the_known_ones(sensor, tmp_path):
     assert "CRS-1000 (0.45)" in found.output
 
 
+def test_the_level_of_an_unknown_sensor_is_honest():
+    """Sensors and soils drawn 200 times; the field's moisture between residual water and full pores."""
+    rng, inside = np.random.default_rng(46), 0
+    models = (*(value for value in sensing.SENSITIVITIES.values()), 0.2, 3.0, 10.0)
+    for _ in range(200):
+        soil = sensing.Soil(bulk_density_gcm3=rng.uniform(1.05, 1.55), lattice_water=rng.uniform(0.01, 0.06))
+        truth = Calibration(n0_cps=rng.choice(models) * rng.uniform(0.6, 1.4)).curve_of(soil)
+        vwc = rng.uniform(0.02, 1 - soil.bulk_density_gcm3 / 2.65)
+        rate = float(truth.rate_cps(vwc))
+        calibration, of_map = sensing.unknown_sensor(Site(), SurveyAir(52.0, 13.0, 1000.0), rate)
+        bands = make_bands(np.array([rate]), np.zeros(1), calibration.curve_of(of_map))
+        inside += bool(bands.vwc_p05[0] <= vwc <= bands.vwc_p95[0])
+    assert inside >= 0.85 * 200
+
+
+def test_an_unknown_sensor_needs_counts_and_mineral_soil():
+    assert sensing.unknown_sensor(Site(), SurveyAir(), 0.0) is None
+    assert sensing.unknown_sensor(without(STATION, soil={"bulk_density_gcm3": 0.2}), SurveyAir(), 1.0) is None
+    assert "would mean" not in sensing.unknown_sensor(Site(), SurveyAir(), 1.0)[0].note, "no place, no models"
+
+
 @pytest.mark.slow
 def test_the_robot_a_replay_and_a_log_have_one_calibration(tmp_path):
     """The roving record as a log, and its records one by one as a mapper gets them."""
@@ -169,6 +198,19 @@ def test_the_robot_a_replay_and_a_log_have_one_calibration(tmp_path):
     as_of_log = make_bands(run.soil_map.rate, run.soil_map.variance, of_log.soil_map.curve)
     for name, band in run.soil_map.bands._asdict().items():
         np.testing.assert_allclose(band, getattr(as_of_log, name), rtol=1e-3, err_msg=name)
+    of_unknown = without(site, sensor_sensitivity=None, irrigation={"texture": "loam"})
+    (tmp_path / "site.yaml").write_text(of_unknown.model_dump_json(exclude={"calibration"}))
+    other = open_survey(**names, merge_radius_m=40.0)
+    assert other.health(other.map.state)[0].message == "unknown sensor"
+    for record in of_log.track:
+        other.map.add(record)
+    air = SurveyAir(38.7, -97.45, 968.0)
+    guess = with_general_calibration(of_unknown, air, samples=of_log.soil_map.samples).calibration
+    found = other.calibrated(other.map.state).calibration
+    assert (found.n0_cps, found.n0_sd_cps) == pytest.approx((guess.n0_cps, guess.n0_sd_cps), rel=1e-9)
+    assert other.health(other.map.state)[0].message.startswith("unknown sensor: the level is between nearly dry")
+    assert other.dose_basis(other.map.state)["site"]["calibration"]["illustrative"]
+    assert open_survey(names["field"]).map.curve_of is None, "without a site file anything may be counted"
     health = live.health(live.map.state)[0]
     assert "default ranges, not measured: intensity, biomass" in health.message
     assert health.values["pressure"].endswith("hPa +- 1.5, measured")

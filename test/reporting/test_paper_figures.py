@@ -48,14 +48,8 @@ def test_the_figures_show_the_numbers_of_the_run(run):
     assert key.get_window_extent().x1 <= figures["variogram"].bbox.x1, "the names are not cut off"
     assert "above" not in " ".join(text.get_text() for text in key.get_texts())
     assert list(figures) == [
-        "map",
-        "sd",
-        "variogram",
-        "track",
-        "course_error",
-        "course_coverage",
-        "course_distance",
-    ]
+        "map", "sd", "variogram", "track", "course_error", "course_coverage", "course_distance",
+    ]  # fmt: skip
     for figure in figures.values():
         assert figure.get_figwidth() == pytest.approx(COLUMN_IN)
     image = figures["map"].axes[0].images[0]

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import __version__
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S
-from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
+from soilmoist_ros.reporting.certainty import NO_LEVEL, guess_text
 from soilmoist_ros.reporting.colours import colour_ramp, coloured_png, palette_png
 from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
@@ -89,7 +89,7 @@ def write_netcdf(source: RunSource, folder: Path, settings: ExportSettings) -> l
 def _about_file(source: RunSource, one: ExportedProperty) -> dict[str, str]:
     about = source.run.summary
     kind = "simulation" if source.simulated else "surface observation"
-    guessed = ", illustrative: its level is not real" if one.calibration == ILLUSTRATIVE else ""
+    guessed = guess_text(one.calibration) and f"{guess_text(one.calibration)}: its level is not real"
     interval = one.tags.get("SOILMOIST_INTERVAL")
     return {
         "title": f"{one.quantity.title} of {source.title}" + (f": {one.label}" if one.name else "") + guessed,
@@ -120,8 +120,8 @@ def _variables(source: RunSource, one: ExportedProperty) -> Iterator[tuple[str, 
         dimensions = ("time", "y", "x")
     for name, values in one.bands.items():
         unit, meaning = {**BANDS, **DOSE}.get(name, ("1", name))
-        if one.calibration == ILLUSTRATIVE and name.startswith(MOISTURE.band):
-            meaning = f"{meaning}, {ILLUSTRATIVE}"
+        if name.startswith(MOISTURE.band):
+            meaning += guess_text(one.calibration)
         related = {
             "standard_name": NAMES.get(name, ""),
             "coordinates": "" if geographic else "lat lon",
@@ -144,7 +144,7 @@ def _write_kmz(source: RunSource, one: ExportedProperty, path: Path) -> Path:
 
     picture, box = _overlay(one)
     label = f", {one.label}" if one.name else ""
-    guessed = f", {ILLUSTRATIVE}" if one.calibration == ILLUSTRATIVE else ""
+    guessed = guess_text(one.calibration)
     (shape,) = to_crs([source.boundary], source.frame, CRS.from_epsg(4326))
     text = fill_template(
         "map.kml.j2",
@@ -176,8 +176,9 @@ def _in_words(source: RunSource, one: ExportedProperty) -> str:
     """Date and colours in words: programs on phones show no legend."""
     low, high = shown_range(one.values)
     sentences = ["Simulated counts."] if source.simulated else []
-    if one.calibration == ILLUSTRATIVE:
-        sentences.append("Illustrative calibration: the pattern is real, the level of the moisture is not.")
+    if one.calibration in NO_LEVEL:
+        what = f"{one.calibration.capitalize()} calibration"
+        sentences.append(f"{what}: the pattern is real, the level of the moisture is not.")
     if source.survey is not None:
         begin, end = (f"{time:%Y-%m-%d %H:%M}" for time in source.survey)
         sentences.append(f"Survey {begin} to {end} UTC.")
@@ -232,8 +233,8 @@ def _legend(source: RunSource, one: ExportedProperty) -> bytes:
     bar = figure.colorbar(scale, cax=figure.add_axes((0.06, 0.36, 0.88, 0.2)), orientation="horizontal")
     bar.ax.tick_params(labelsize=10)
     figure.text(0.06, 0.7, f"{one.quantity.title} [{one.quantity.unit}]", fontsize=10, fontweight="bold")
-    if one.calibration in (ILLUSTRATIVE, "simulated") or source.simulated:
-        word = ILLUSTRATIVE if one.calibration == ILLUSTRATIVE else "simulated"
+    if one.calibration in (*NO_LEVEL, "simulated") or source.simulated:
+        word = one.calibration if one.calibration in NO_LEVEL else "simulated"
         figure.text(0.94, 0.02, word, fontsize=8, ha="right")
     if source.survey is not None:
         figure.text(0.06, 0.02, f"{source.survey[1]:%Y-%m-%d}", fontsize=8)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.reporting.certainty import CERTAIN, absolute, once_a_run
+from soilmoist_ros.reporting.certainty import CERTAIN, absolute, calibration_of, once_a_run
 from soilmoist_ros.reporting.dose import (
     Dose,
     DoseSettings,
@@ -29,7 +29,7 @@ from soilmoist_ros.reporting.dose import (
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place
 from soilmoist_ros.reporting.page.statistics import is_usable
-from soilmoist_ros.sensing import MoistureCurve
+from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve
 
 Array = NDArray[np.float64]
 
@@ -121,30 +121,16 @@ class FieldDose:
     def content(self) -> dict[str, Any]:
         """Figures for ``summary.json``."""
         columns = (
-            "number",
-            "gross_mm",
-            "net_mm",
-            "p05_mm",
-            "p95_mm",
-            "area_m2",
-            "volume_m3",
-            "needed",
-            "sure",
+            "number", "gross_mm", "net_mm", "p05_mm", "p95_mm", "area_m2", "volume_m3", "needed", "sure",
             "rings_m",
-        )
+        )  # fmt: skip
         return {
-            "missing": None,
-            "settings": self.settings.model_dump(),
-            "target_vwc": self.settings.full,
-            "needed_below_vwc": self.settings.stress,
-            "area_m2": self.area_m2,
-            "volume_m3": self.volume_m3,
-            "sure_share": self.sure,
-            "certain": self.certain,
-            "below": self.below,
+            "missing": None, "settings": self.settings.model_dump(), "target_vwc": self.settings.full,
+            "needed_below_vwc": self.settings.stress, "area_m2": self.area_m2, "volume_m3": self.volume_m3,
+            "sure_share": self.sure, "certain": self.certain, "below": self.below,
             "remedies": [one._asdict() for one in self.remedies],
             "zones": [{name: getattr(zone, name) for name in columns} for zone in self.zones],
-        }
+        }  # fmt: skip
 
 
 class NoDose(NamedTuple):
@@ -189,6 +175,9 @@ def _lacking(run: MapRun) -> NoDose | None:
     cores = "calibrate it with soil cores"
     if not run.calibrated:
         return NoDose("the sensor is not calibrated", cores)
+    if calibration_of(run) == UNKNOWN_SENSOR:
+        what = "the sensor is unknown, and with it the level of the moisture"
+        return NoDose(what, "name the sensor with --sensor MODEL, or calibrate it with soil cores")
     if not absolute(run):
         return NoDose("the calibration is a guess", cores)
     if run.soil_map.curve is not None and not run.soil_map.curve.n0_sd_cps > 0:

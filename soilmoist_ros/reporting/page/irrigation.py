@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.pipeline import MapRun
+from soilmoist_ros.reporting.budget import make_budget
 from soilmoist_ros.reporting.certainty import (
     CERTAIN,
     Certainty,
@@ -27,6 +28,7 @@ from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.field_dose import FEW_PLACES, FieldDose, NoDose, field_dose
 from soilmoist_ros.reporting.page.frame import part_of_area, percent, volume
 from soilmoist_ros.reporting.page.statistics import calibration_sd, is_usable, mean_moisture, unusable_share
+from soilmoist_ros.sensing import UNKNOWN_SENSOR
 
 Array = NDArray[np.float64]
 
@@ -263,6 +265,14 @@ def _water(run: MapRun) -> str:
 def _level(run: MapRun) -> str:
     if not run.calibrated:
         return "Not calibrated: the map shows where it is drier and wetter, but not how much water there is."
+    if calibration_of(run) == UNKNOWN_SENSOR:
+        found = make_budget(run)
+        low, high = ("?", "?") if found is None else (volume(found.level_p05), volume(found.level_p95))
+        return (
+            f"Unknown sensor: the level lies between {low} and {high} % by volume, so it is nearly unknown. Trust "
+            "where it is drier and wetter, not the percentages and millimetres. --sensor MODEL, or "
+            "sensor_sensitivity in the site file, names the sensor."
+        )
     if not absolute(run):
         return (
             "Illustrative: the calibration is a guess. Trust where it is drier and wetter, but not the "
@@ -289,7 +299,9 @@ def _level(run: MapRun) -> str:
 def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
     """The next steps that help most. They never rest on a zone that is not certain."""
     samples = len(run.soil_map.samples)
-    if not absolute(run):
+    if calibration_of(run) == UNKNOWN_SENSOR:
+        yield "Next: name the sensor (--sensor MODEL), or calibrate it with soil cores, for amounts of water."
+    elif not absolute(run):
         aim = "the amounts of water can be used" if run.calibrated else "the map shows water"
         yield f"Next: take soil cores and calibrate the sensor, so that {aim}."
     elif not is_usable(run.soil_map):

@@ -16,7 +16,7 @@ from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import FieldChange, SurveysEstimate, possible_moisture
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, RunChange, track_xy
 from soilmoist_ros.reporting.budget import make_budget
-from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
+from soilmoist_ros.reporting.certainty import NO_LEVEL, calibration_of
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page import wording
 from soilmoist_ros.reporting.page.charts import (
@@ -76,7 +76,7 @@ def render_report(run: MapRun) -> str:
         headline=wording.headline(run),
         notes=notes(run),
         irrigation=found,
-        guessed=calibration_of(run) == ILLUSTRATIVE,
+        guessed=calibration_of(run) in NO_LEVEL,
         series=moisture_chart(moisture_series(run.track, curve)) if still and curve is not None else None,
         covariates=_covariate_rows(run),
         map_data=None if still else viewer_data(run, found),
@@ -192,20 +192,12 @@ def render_failed(failed: FailedRun) -> str:
     """The page as HTML: why there is no map, what to do, and what was counted."""
     mission, good = failed.mission, [record for record in failed.good if record.effective_exposure_s > 0]
     return render_page(
-        "failed.html.j2",
-        title=failed.title,
-        version=__version__,
-        place=failed.field_name,
-        when=wording.survey_time(failed),
-        where=wording.place(failed),
-        simulated=failed.simulated,
-        failed=failed,
-        facts=failed_facts(failed),
-        visits=mission.visits[:MAX_VISITS] if mission else (),
-        stops=len(mission.visits) if mission else 0,
-        log=mission.log[:MAX_LINES] if mission else (),
+        "failed.html.j2", title=failed.title, version=__version__, place=failed.field_name,
+        when=wording.survey_time(failed), where=wording.place(failed), simulated=failed.simulated, failed=failed,
+        facts=failed_facts(failed), visits=mission.visits[:MAX_VISITS] if mission else (),
+        stops=len(mission.visits) if mission else 0, log=mission.log[:MAX_LINES] if mission else (),
         rate=rate_chart(good) if len({record.stamp_s for record in good}) > 1 else None,
-    )
+    )  # fmt: skip
 
 
 def failed_facts(failed: FailedRun) -> list[Fact]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import LocalFrame
 from soilmoist_ros.mapping import FieldChange, FieldGrid
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE, calibration_of
+from soilmoist_ros.reporting.certainty import CERTAIN, calibration_of, guess_text
 from soilmoist_ros.reporting.colours import (
     DIFFERENCE,
     RATE,
@@ -188,7 +188,7 @@ def _layers(run: MapRun, found: IrrigationAdvice) -> Iterator[dict[str, Any]]:
 def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]:
     soil_map, end = run.soil_map, _end(index)
     if run.calibrated:
-        unit = f"{PERCENT}, {ILLUSTRATIVE}" if calibration_of(run) == ILLUSTRATIVE else PERCENT
+        unit = PERCENT + guess_text(calibration_of(run))
         yield _layer(
             run, index, "vwc", 100 * soil_map.vwc,
             **shown_as(f"{name}Soil moisture", unit, 1, WATER, moisture_limits(run)),

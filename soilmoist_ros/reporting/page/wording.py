@@ -26,12 +26,13 @@ from soilmoist_ros.pipeline import (
     track_xy,
 )
 from soilmoist_ros.reporting.budget import make_budget
+from soilmoist_ros.reporting.certainty import calibration_of
 from soilmoist_ros.reporting.geometry import distances_m, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
 from soilmoist_ros.reporting.page import statistics
 from soilmoist_ros.reporting.page.frame import area, duration, length, percent, volume
 from soilmoist_ros.reporting.page.statistics import band_statistics, undefined_share
-from soilmoist_ros.sensing import n0_in_other_time, reason_text, unusual_factors
+from soilmoist_ros.sensing import UNKNOWN_SENSOR, n0_in_other_time, reason_text, unusual_factors
 
 _UNCERTAIN = "The map of the rate is not sure enough for a soil moisture yet: more or longer stops would help."
 """Advice for simulated counts, which use the calibration of the simulation."""
@@ -286,7 +287,7 @@ def _on_records(run: MapRun) -> Iterator[Note]:
 def _on_corrections(run: MapRun) -> Iterator[Note]:
     """Notes on a reference pressure that is not one of the place, and on factors far from 1."""
     row = next((row for row in run.corrections if "beta [1/hPa]" in row.parameters), None)
-    general = run.calibration is not None and run.calibration.method == "general"  # its N0 knows the reference
+    general = run.calibration is not None and run.calibration.method in ("general", UNKNOWN_SENSOR)
     if row is not None and not general:
         above_hpa = math.log(row.mean_factor) / float(row.parameters["beta [1/hPa]"])
         if abs(above_hpa) > MAX_FROM_REFERENCE_HPA:
@@ -305,7 +306,11 @@ def _on_corrections(run: MapRun) -> Iterator[Note]:
 
 def _on_calibration(run: MapRun) -> Iterator[Note]:
     known = run.calibration
-    if known is not None and known.illustrative:
+    if known is not None and known.method == UNKNOWN_SENSOR:
+        source = f"{known.source[0].upper()}{known.source[1:]}"
+        text = "No dose follows from it. --sensor MODEL, or sensor_sensitivity in the site file, names the sensor."
+        yield Note(NoteCode.UNKNOWN_SENSOR, f"{source}. {text}")
+    elif known is not None and known.illustrative:
         yield Note(
             NoteCode.ILLUSTRATIVE_CALIBRATION,
             "The calibration is illustrative: patterns are real, absolute soil moisture is not.",
@@ -336,6 +341,7 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
         return
     too_wet, negative = statistics.implausible_shares(soil_map)
     below = undefined_share(soil_map)
+    unknown = calibration_of(run) == UNKNOWN_SENSOR  # such intervals end there, however long the stops
     unclear = statistics.beyond_limits_share(soil_map) - below - too_wet - negative
     pores, unsure = volume(limits.saturation), "the map of the rate is not sure enough there"
     why_wet = "N0 or the bulk density is probably too high, or not all tubes were counted"
@@ -357,7 +363,8 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
             f"{unsure if run.simulated else why_dry}.",
         ),
         (
-            NoteCode.BEYOND_LIMITS, 0.0 if unclear < MIN_UNCLEAR or at_one_place(run) else unclear,
+            NoteCode.BEYOND_LIMITS,
+            0.0 if unclear < MIN_UNCLEAR or at_one_place(run) or unknown else unclear,
             f"the 90 % interval of the moisture reaches a limit of this soil, 0 or {pores} %: {unsure}; longer or "
             "more stops would help.",
         ),

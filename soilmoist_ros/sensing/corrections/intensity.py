@@ -51,36 +51,9 @@ class CosmicPlace:
 
 
 MONITORS: dict[str, tuple[str, float, float, float]] = {
-    "AATB": ("Alma-Ata B", 43.14, 76.60, 3340),
-    "APTY": ("Apatity", 67.57, 33.40, 181),
-    "ATHN": ("Athens", 37.97, 23.78, 260),
-    "BKSN": ("Baksan", 43.28, 42.69, 1700),
-    "CLMX": ("Climax", 39.37, -106.18, 3400),
-    "DOMC": ("Dome C", -75.10, 123.33, 3233),
-    "DRBS": ("Dourbes", 50.10, 4.59, 225),
-    "FSMT": ("Fort Smith", 60.02, -111.93, 180),
-    "HRMS": ("Hermanus", -34.43, 19.23, 26),
-    "INVK": ("Inuvik", 68.36, -133.72, 21),
-    "IRKT": ("Irkutsk", 52.47, 104.03, 435),
-    "JUNG": ("Jungfraujoch (IGY)", 46.55, 7.98, 3570),
-    "JUNG1": ("Jungfraujoch (NM64)", 46.55, 7.98, 3475),
-    "KERG": ("Kerguelen", -49.35, 70.25, 33),
-    "KIEL": ("Kiel", 54.34, 10.12, 54),
-    "LMKS": ("Lomnicky stit", 49.20, 20.22, 2634),
-    "MOSC": ("Moscow", 55.47, 37.32, 200),
-    "MXCO": ("Mexico City", 19.33, -99.18, 2274),
-    "NAIN": ("Nain", 56.55, -61.68, 46),
-    "NEWK": ("Newark", 39.68, -75.75, 50),
-    "OULU": ("Oulu", 65.05, 25.47, 15),
-    "PSNM": ("Doi Inthanon", 18.59, 98.49, 2565),
-    "PTFM": ("Potchefstroom", -26.68, 27.10, 1351),
-    "PWNK": ("Peawanuck", 54.98, -85.44, 53),
-    "ROME": ("Rome", 41.86, 12.47, 0),
-    "SOPO": ("South Pole", -90.0, 0.0, 2820),
-    "TERA": ("Terre Adelie", -66.65, 140.00, 32),
-    "THUL": ("Thule", 76.50, -68.70, 26),
-    "TSMB": ("Tsumeb", -19.20, 17.58, 1240),
-    "YKTK": ("Yakutsk", 62.01, 129.43, 105),
+    code: (name, float(latitude), float(longitude), float(altitude))
+    for line in TABLE.with_name("neutron_monitors.csv").read_text(encoding="ascii").splitlines()[1:]
+    for code, name, latitude, longitude, altitude in [line.split(",")]
 }
 """Neutron monitors of the database NMDB (www.nmdb.eu): name, latitude, longitude [deg] and altitude [m]."""
 

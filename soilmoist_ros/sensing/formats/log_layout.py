@@ -206,17 +206,12 @@ def build_layout(logger: LoggerFormat, names: Sequence[str], given_units: Sequen
         raise MissingColumnsError(missing)
     rates = [text for source in counts.values() for text in (columns.units[source.index], source.name)]
     return Layout(
-        names=columns.names,
-        time=time,
-        record_number=columns.find(logger.record_number),
-        tubes=tuple(counts),
-        counts=tuple(counts.values()),
-        live=_find_live(columns, logger, tuple(counts)),
+        names=columns.names, time=time, record_number=columns.find(logger.record_number), tubes=tuple(counts),
+        counts=tuple(counts.values()), live=_find_live(columns, logger, tuple(counts)),
         air={quantity: columns.find_sensors(air, quantity) for quantity, air in logger.air.items()},
-        position=found,
-        count_rate=next(filter(None, map(units.rate_of, rates)), ""),
+        position=found, count_rate=next(filter(None, map(units.rate_of, rates)), ""),
         remarks=tuple(columns.remarks),
-    )
+    )  # fmt: skip
 
 
 def _or(names: Sequence[str]) -> str:

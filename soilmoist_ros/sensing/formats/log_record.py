@@ -78,16 +78,11 @@ class FieldReader:
             stamp_s += period_s or live_s
         pressure, temperature, humidity = (self._air(fields, name) for name in self._logger.air)
         return LoggerRecord(
-            stamp_s=stamp_s,
-            tube_counts=tuple(counts),
-            tube_live_s=tuple(live),
-            pressure_hpa=pressure,
-            temperature_degc=temperature,
-            relative_humidity=1.0 if humidity > 1.0 else humidity,
-            position=self._position(fields, self.layout.position) if self.layout.position else None,
-            line=line,
+            stamp_s=stamp_s, tube_counts=tuple(counts), tube_live_s=tuple(live), pressure_hpa=pressure,
+            temperature_degc=temperature, relative_humidity=1.0 if humidity > 1.0 else humidity,
+            position=self._position(fields, self.layout.position) if self.layout.position else None, line=line,
             record_number=number,
-        )
+        )  # fmt: skip
 
     def left_out(self, fields: Sequence[str]) -> dict[int, float]:
         """Counts of the tubes that the format leaves out, by number."""

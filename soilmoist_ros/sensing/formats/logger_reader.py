@@ -404,21 +404,12 @@ def parse_log(
     if lost and not records:
         raise InputError([_nothing_usable(path, lines, form, lost)])
     return LogFile(
-        path=path,
-        logger=form,
-        records=_with_clock(records, parser.clock_offsets_s),
-        problems=tuple(parser.problems),
-        serial=parser.serial,
-        metadata=parser.metadata,
-        period_s=parser.period_s or NAN,
-        n_lines=len(lines),
-        choices=choices,
-        columns=layout.names,
-        unused=layout.unused,
-        tubes=dict(zip(layout.tubes, (one.name for one in layout.counts), strict=True)),
-        left_out_counts=parser.left_out_counts,
-        count_rate=layout.count_rate,
-    )
+        path=path, logger=form, records=_with_clock(records, parser.clock_offsets_s),
+        problems=tuple(parser.problems), serial=parser.serial, metadata=parser.metadata,
+        period_s=parser.period_s or NAN, n_lines=len(lines), choices=choices, columns=layout.names,
+        unused=layout.unused, tubes=dict(zip(layout.tubes, (one.name for one in layout.counts), strict=True)),
+        left_out_counts=parser.left_out_counts, count_rate=layout.count_rate,
+    )  # fmt: skip
 
 
 def _with_clock(records: Sequence[LoggerRecord], offsets_s: Sequence[float]) -> tuple[LoggerRecord, ...]:

@@ -20,14 +20,9 @@ TUBES = 12
 PERIOD_S = 10.0
 RECORDS_PER_HEADER = 60  # number of records after which the header is repeated; it is also sent on connection
 COLUMNS = (
-    "stamp_utc",
-    "record",
-    "live_s",
-    "pressure_hpa",
-    "temperature_degc",
-    "relative_humidity_pct",
+    "stamp_utc", "record", "live_s", "pressure_hpa", "temperature_degc", "relative_humidity_pct",
     *(f"n{tube:02d}" for tube in range(1, TUBES + 1)),
-)
+)  # fmt: skip
 
 
 def format_header(serial: str = "virtual", period_s: float = PERIOD_S, simulated: bool = False) -> str:

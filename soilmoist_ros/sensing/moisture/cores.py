@@ -27,11 +27,7 @@ _LIMITS = {
     "latitude_deg": (-90, 90, "the latitude is in degrees, north positive"),
     "longitude_deg": (-180, 180, "the longitude is in degrees, east positive"),
     **{
-        f"{end}_cm": (
-            0,
-            120,
-            f"depths are in cm, positive downwards, at most 120; name others {end}_mm or {end}_m",
-        )
+        f"{end}_cm": (0, 120, f"depths are in cm, downwards, at most 120; name others {end}_mm or {end}_m")
         for end in ("depth", "top", "bottom")
     },
 }

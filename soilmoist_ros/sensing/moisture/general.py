@@ -26,8 +26,10 @@ A range that nobody measured is a *default range*; no message calls it a measure
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -39,9 +41,19 @@ from soilmoist_ros.sensing.corrections.factors import (
     barometric_coefficient,
     gravity_ms2,
     standard_pressure_hpa,
-)
+)  # fmt: skip
 from soilmoist_ros.sensing.corrections.intensity import cosmic_place
-from soilmoist_ros.sensing.moisture.site import Calibration, Crop, SensorModel, Site, Soil, Stage, UncertaintyPart
+from soilmoist_ros.sensing.moisture.curve import soil_limits
+from soilmoist_ros.sensing.moisture.site import (
+    UNKNOWN_SENSOR,
+    Calibration,
+    Crop,
+    SensorModel,
+    Site,
+    Soil,
+    Stage,
+    UncertaintyPart,
+)  # fmt: skip
 
 Origin = Literal["measured", "given", "default range", "literature"]
 
@@ -88,44 +100,29 @@ COLD_DEGC = 2.0
 """Mean temperature below which snow may lie [degC]."""
 
 SENSITIVITIES: dict[SensorModel, float] = {
-    "CRS-1000": 0.45,
-    "CRS-1000B": 0.67,
-    "CRS-2000": 0.87,
-    "CRS-2000B": 1.15,
-    "LiFoil-2": 0.83,
+    "CRS-1000": 0.45, "CRS-1000B": 0.67, "CRS-2000": 0.87, "CRS-2000B": 1.15, "LiFoil-2": 0.83,
     "LiFoil-3": 1.25,
-}
+}  # fmt: skip
 """Counts of sensor models in units of the reference detector. Of Hydroinnova: ``docs/README.md`` of the authors.
 Of Radiation Detection Technologies, lithium foil in 2 or 3 tubes: 3 tubes at the Konza Prairie (Patrignani et
 al. 2021, Frontiers in Water 3:673185), N0 of four surveys of moisture with 0.28 m^3/m^3 over the general one:
 1.27, 1.24, 1.27, 1.21. They counted 1.065 times as much as a BF3 probe next to them, which gives 1.22 if that
 was a CRS-2000B."""
 MODEL_SD: dict[SensorModel, float] = {
-    "CRS-1000": 0.081,
-    "CRS-1000B": 0.081,
-    "CRS-2000": 0.04,
-    "CRS-2000B": 0.04,
-    "LiFoil-2": 0.07,
+    "CRS-1000": 0.081, "CRS-1000B": 0.081, "CRS-2000": 0.04, "CRS-2000B": 0.04, "LiFoil-2": 0.07,
     "LiFoil-3": 0.07,
-}
+}  # fmt: skip
 """Relative standard deviations of the sensitivity of one sensor of a model. CRS-1000 and CRS-1000B: what the 26
 sites with them deviate more than the others; of nine CRS-2000B next to the reference; of lithium foil mostly the
 deviation of its one site."""
+_CRS = re.compile(r"\bCRS[ _-]?([12]000)(?:[ _/-]?(B))?(?![A-Za-z0-9])", re.IGNORECASE)
 GIVEN_SD = 0.03
 """Relative standard deviation of a sensitivity that a user gives without one."""
 
 CROPS: dict[Crop, float] = {
-    "bare": 0.0,
-    "grass": 0.4,
-    "alfalfa": 0.5,
-    "wheat": 1.5,
-    "barley": 1.3,
-    "rapeseed": 1.2,
-    "maize": 2.0,
-    "soybean": 0.8,
-    "sugar beet": 0.6,
-    "potato": 0.4,
-}
+    "bare": 0.0, "grass": 0.4, "alfalfa": 0.5, "wheat": 1.5, "barley": 1.3, "rapeseed": 1.2, "maize": 2.0,
+    "soybean": 0.8, "sugar beet": 0.6, "potato": 0.4,
+}  # fmt: skip
 """Dry biomass above the ground of a full stand [kg/m^2]: usual yields over the harvest indices of Hay (1995),
 Annals of Applied Biology 126:197-216, such as 0.7 kg/m^2 of grain over 0.45 for wheat; of roots and tubers the
 leaves only."""
@@ -267,6 +264,62 @@ def general_calibration(site: Site, air: SurveyAir) -> tuple[Calibration, Soil] 
         note=note,
     )
     return calibration, soil
+
+
+def unknown_sensor(site: Site, air: SurveyAir, rate_cps: float) -> tuple[Calibration, Soil] | None:
+    """Calibration and soil of a site whose sensor nobody named, by the mean rate of its field.
+
+    Sensors differ so much that the counts do not show the level: with any sensitivity as likely as its double, and
+    a mean moisture uniform between dry soil and full pores, the moisture is as uniform after the survey as before.
+    So N0 is that with which the mean rate means half of the pores, and its standard deviation is so large that the
+    90 % interval begins at a twentieth of them; in a curve that bends it ends with full pores.
+
+    :returns: ``None`` without counts, or for peat, see :func:`why_no_soil`
+    """
+    if not rate_cps > 0 or why_no_soil(site):
+        return None
+    soil, of_soil = soil_of(site)
+    unit, pores = Calibration(n0_cps=1.0).curve_of(soil), soil_limits(soil.bulk_density_gcm3).saturation
+    dry, middle = unit.rate_cps([0.05 * pores, 0.5 * pores]).tolist()
+    n0_cps, share = rate_cps / middle, (dry / middle - 1) / NormalDist().inv_cdf(0.95)
+    note = "unknown sensor: the level is between nearly dry soil and full pores"
+    if by_model := ", ".join(_by_model(site, air, rate_cps, pores)):
+        note += f"; these counts would mean {by_model}"
+    part = _part(UNKNOWN_SENSOR, float(f"{n0_cps:.5g}"), "counts/s", share * n0_cps, "default range", share)
+    calibration = Calibration(
+        n0_cps=float(f"{n0_cps:.5g}"),
+        n0_sd_cps=float(f"{share * n0_cps:.4g}"),
+        method=UNKNOWN_SENSOR,
+        illustrative=True,
+        parts=[part, *of_soil],
+        note=note,
+    )
+    return calibration, soil
+
+
+def _by_model(site: Site, air: SurveyAir, rate_cps: float, pores: float) -> Iterator[str]:
+    """Sensor models with which a rate has a possible moisture, and its 90 % interval by N0, the driest first."""
+    for model in sorted(SENSITIVITIES, key=lambda model: SENSITIVITIES[model]):
+        found = general_calibration(site.model_copy(update={"sensor_sensitivity": model}), air)
+        if found is None:
+            return
+        curve = found[0].curve_of(found[1])
+        away = NormalDist().inv_cdf(0.95) * curve.n0_sd_cps / curve.n0_cps
+        dry, middle, wet = curve.vwc([rate_cps * (1 + away), rate_cps, rate_cps * (1 - away)]).tolist()
+        if 0 < middle < pores:
+            wettest = pores if math.isnan(wet) else min(wet, pores)
+            yield f"{100 * max(dry, 0.0):.0f} to {100 * wettest:.0f} % by volume with a {model}"
+
+
+def named_sensor(texts: Iterable[str]) -> SensorModel | None:
+    """The one sensor model that texts name, such as the header of a log; ``None`` for none, or for several.
+
+    >>> named_sensor(["Hydroinnova CRS2000/B", "Record period = 15 minutes"])
+    'CRS-2000B'
+    """
+    found = {f"CRS-{size}{kind.upper()}" for text in texts for size, kind in _CRS.findall(text)}
+    models = [model for model in SENSITIVITIES if model in found]
+    return models[0] if len(models) == 1 else None
 
 
 class _Scaling(NamedTuple):

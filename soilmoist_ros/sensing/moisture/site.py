@@ -43,6 +43,8 @@ Crop = Literal[
     "bare", "grass", "alfalfa", "wheat", "barley", "rapeseed", "maize", "soybean", "sugar beet", "potato"
 ]
 Stage = Literal["emerged", "growing", "full"]
+UNKNOWN_SENSOR: Literal["unknown sensor"] = "unknown sensor"
+"""Method of a calibration whose N0 is only possible, see :func:`.unknown_sensor`; and name of its uncertainty."""
 USUAL_N0_CPS = (0.05, 30.0)
 """N0 of sensors from one small tube at sea level to twelve large ones in the mountains [counts/s]."""
 USUAL_CARBON, USUAL_CARBON_SD = 0.015, 0.007
@@ -105,20 +107,10 @@ class UncertaintyPart(Section):
     """One part of the uncertainty of a calibration."""
 
     name: Literal[
-        "general N0",
-        "sensitivity",
-        "site scaling",
-        "intensity",
-        "pressure",
-        "humidity",
-        "biomass",
-        "road",
-        "snow",
-        "bulk density",
-        "lattice and organic water",
-        "cores",
-        "counting of the calibration",
-    ]
+        "general N0", "sensitivity", "site scaling", "intensity", "pressure", "humidity", "biomass", "road",
+        "snow", "bulk density", "lattice and organic water", "cores", "counting of the calibration",
+        "unknown sensor",
+    ]  # fmt: skip
     """What is uncertain."""
     value: Annotated[float, Field(allow_inf_nan=True)] = math.nan
     """Value that the calibration uses; NaN for what it leaves out."""
@@ -149,8 +141,9 @@ class Calibration(Section):
     """Method of the calibration."""
     illustrative: bool = False
     """True if N0 is a guess, not a calibration of this probe; absolute moisture is then not real."""
-    method: Literal["cores", "general", "combined"] = "cores"
-    """Where N0 comes from: soil cores, the general calibration, or both combined."""
+    method: Literal["cores", "general", "combined", "unknown sensor"] = "cores"
+    """Where N0 comes from: soil cores, the general calibration, or both combined; of an unknown sensor it is only
+    possible."""
     parts: list[UncertaintyPart] = Field(default_factory=list)
     """Parts of the uncertainty of N0 and soil, where they are known."""
 

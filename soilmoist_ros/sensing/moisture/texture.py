@@ -16,19 +16,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 TextureName = Literal[
-    "sand",
-    "loamy sand",
-    "sandy loam",
-    "loam",
-    "silt loam",
-    "silt",
-    "sandy clay loam",
-    "clay loam",
-    "silty clay loam",
-    "silty clay",
-    "sandy clay",
-    "clay",
-]
+    "sand", "loamy sand", "sandy loam", "loam", "silt loam", "silt", "sandy clay loam", "clay loam",
+    "silty clay loam", "silty clay", "sandy clay", "clay",
+]  # fmt: skip
 """Names of the USDA texture classes."""
 _WILTING_ERROR, _CAPACITY_ERROR, _PORES_ERROR = 0.02, 0.05, 0.04  # table 1 of Saxton & Rawls [m^3/m^3]
 _WATER_OF_CLAY = (

@@ -274,17 +274,11 @@ class NmeaParser:
         covariance, known = _covariance(epoch, quality, hdop)
         sd = math.sqrt((covariance[0][0] + covariance[1][1]) / 2)
         return Fix(
-            stamp_s=stamp_s,
-            position=Position(*place, epoch.best("altitude"), sd),
-            status=status,
-            quality=quality,
-            satellites=-1 if math.isnan(satellites) else int(satellites),
-            hdop=hdop,
-            speed_mps=epoch.value("RMC", "speed"),
-            geoid_separation_m=epoch.best("geoid"),
-            covariance_m2=covariance,
-            covariance_kind=known,
-        )
+            stamp_s=stamp_s, position=Position(*place, epoch.best("altitude"), sd), status=status,
+            quality=quality, satellites=-1 if math.isnan(satellites) else int(satellites), hdop=hdop,
+            speed_mps=epoch.value("RMC", "speed"), geoid_separation_m=epoch.best("geoid"),
+            covariance_m2=covariance, covariance_kind=known,
+        )  # fmt: skip
 
     def _stamp(self, epoch: _Epoch) -> float:
         """Time of the epoch: with the date of its sentences, else within 12 h of the previous epoch, or of now."""

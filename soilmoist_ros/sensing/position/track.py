@@ -22,16 +22,9 @@ STEP_M = 1.0  # distance from which two fixes give a heading [m]
 STEP_SDS = 3.0  # such a distance, in standard deviations of the fixes
 ARMS: Final = ("antenna_x_m", "antenna_y_m", "sensor_x_m", "sensor_y_m")  # names of the parameters
 LIMITS: Final = PlaceLimits(
-    max_speed_mps=60.0,
-    max_sd_m=1e6,
-    first_fixes=1,
-    agree_fixes=5,
-    agree_s=60.0,
-    max_gap_s=1e6,
-    max_acceleration_mps2=4.0,
-    jump_sds=5.0,
-    unknown_jump_m=15.0,
-)
+    max_speed_mps=60.0, max_sd_m=1e6, first_fixes=1, agree_fixes=5, agree_s=60.0, max_gap_s=1e6,
+    max_acceleration_mps2=4.0, jump_sds=5.0, unknown_jump_m=15.0,
+)  # fmt: skip
 """Limits of any vehicle that counts neutrons: a steady new place counts as true after a minute."""
 METRES_PER_DEG = 111_195.0
 

@@ -203,19 +203,13 @@ def link_health(name: str, status: LinkStatus) -> Health:
         message += f": mixes the lines of {len(status.senders)} senders ({senders}); name the right one in the "
         message += f"address, such as {status.uri}{sign}from={status.senders[0]}"
     values = {
-        "address": status.uri,
-        "connections": str(status.connections),
-        "failed attempts": str(status.attempts),
-        "last error": status.last_error or "none",
-        "lines": str(status.n_lines),
-        "bytes": str(status.n_bytes),
-        "lines too long": str(status.n_oversized),
-        "senders": ", ".join(status.senders) or "none",
-        "datagrams refused": str(status.n_refused),
-        "last refused sender": status.last_refused or "none",
+        "address": status.uri, "connections": str(status.connections), "failed attempts": str(status.attempts),
+        "last error": status.last_error or "none", "lines": str(status.n_lines), "bytes": str(status.n_bytes),
+        "lines too long": str(status.n_oversized), "senders": ", ".join(status.senders) or "none",
+        "datagrams refused": str(status.n_refused), "last refused sender": status.last_refused or "none",
         "silent [s]": f"{status.silent_s:.1f}",
         "silence limit [s]": f"{status.silence_limit_s:.1f}" if math.isfinite(status.silence_limit_s) else "none",
-    }
+    }  # fmt: skip
     return Health(name, level, message, values)
 
 

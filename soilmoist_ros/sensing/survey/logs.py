@@ -380,13 +380,9 @@ def _all_lost(logs: Sequence[LogFile], problems: Sequence[Problem]) -> list[Mist
 
 
 _NO_VALUE = (
-    Kind.NOT_A_NUMBER,
-    Kind.OUT_OF_RANGE,
-    Kind.IMPOSSIBLE_WEATHER,
-    Kind.SENTINEL,
-    Kind.MISSING_COLUMN,
+    Kind.NOT_A_NUMBER, Kind.OUT_OF_RANGE, Kind.IMPOSSIBLE_WEATHER, Kind.SENTINEL, Kind.MISSING_COLUMN,
     Kind.OTHER_UNIT,
-)
+)  # fmt: skip
 """Kinds of problems after which a record lacks a value that its correction needs."""
 
 

@@ -31,22 +31,10 @@ ROVER_HEADER = b"""\
 //GpsUTC, LatDec, LongDec, Alt, Qual, HDOP
 """
 FIELDS = {
-    "number": "7",
-    "time": "2024/05/01 10:00:00",
-    "p4": "980.5",
-    "p1": "979.9",
-    "t": "20.0",
-    "rh": "50.0",
-    "n1": "40",
-    "n2": "44",
-    "live": "60",
-    "gps": "0100000",
-    "lat": "52.5",
-    "lon": "13.4",
-    "alt": "35",
-    "quality": "1",
-    "hdop": "0.9",
-}
+    "number": "7", "time": "2024/05/01 10:00:00", "p4": "980.5", "p1": "979.9", "t": "20.0", "rh": "50.0",
+    "n1": "40", "n2": "44", "live": "60", "gps": "0100000", "lat": "52.5", "lon": "13.4", "alt": "35",
+    "quality": "1", "hdop": "0.9",
+}  # fmt: skip
 
 
 def line(**changes: str) -> bytes:

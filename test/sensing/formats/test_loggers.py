@@ -135,13 +135,8 @@ def test_how_long_a_record_counted_after_starts_gaps_and_standstills(tmp_path) -
     rows += [HEADER, row("10:40:00", 0), row("10:55:00", 1), row("11:10:00", 2)]  # a new program
     log = read(tmp_path, HEADER + "".join(rows))
     assert [(record.record_number, record.tube_live_s[0]) for record in log.records] == [
-        (6, 3600),
-        (7, 3600),
-        (10, 3600),
-        (12, 3600),
-        (1, 900),
-        (2, 900),
-    ]
+        (6, 3600), (7, 3600), (10, 3600), (12, 3600), (1, 900), (2, 900),
+    ]  # fmt: skip
     lost = [problem.mistake.message for problem in log.problems if problem.lost]
     assert [message.partition(":")[0] for message in lost] == [
         "the logger has just started",

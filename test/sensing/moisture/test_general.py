@@ -75,15 +75,9 @@ def calibrated(row):
         general.standard_pressure_hpa(place[0], place[2]), cosmic.cutoff_rigidity_gv, place[0]
     )
     return Calibrated(
-        row["site"],
-        rate,
-        of["vwc"],
-        site.soil,
-        n0,
-        math.log(of["parma"] / factor),
-        calibration.n0_cps,
+        row["site"], rate, of["vwc"], site.soil, n0, math.log(of["parma"] / factor), calibration.n0_cps,
         of["sensitivity"] in (0.452, 0.668, 0.67),
-    )
+    )  # fmt: skip
 
 
 @cache
