@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.console.views import mission_view as mission_view
     from soilmoist_ros.console.views import node_views as node_views
     from soilmoist_ros.console.views import place_views as place_views
-    from soilmoist_ros.console.views import sample_views as sample_views
-    from soilmoist_ros.console.views import visit_view as visit_view
     from soilmoist_ros.console.visitors import LOOPBACK as LOOPBACK
     from soilmoist_ros.console.visitors import PORT as PORT
     from soilmoist_ros.console.visitors import Access as Access
@@ -44,7 +42,7 @@ __getattr__, __dir__, __all__ = open_door(
         "plan_routes": "SurveyFiles",
         "plan_work": "Walk",
         "server": "ConsoleServer Steering",
-        "views": "battery_view choices_view field_view health_view mission_view node_views place_views sample_views visit_view",
+        "views": "battery_view choices_view field_view health_view mission_view node_views place_views",
         "visitors": "Access LOOPBACK PORT free_port invitation reachable",
         "watched_mission": "WatchedMission",
     },

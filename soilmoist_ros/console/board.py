@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from soilmoist_ros.console.views import PLACE_DIGITS
+from soilmoist_ros.console.views import PLACE_DIGITS, place_views
 from soilmoist_ros.exploration import MissionStatus, Phase
 
 STEP_M = 0.5
@@ -148,15 +148,15 @@ class RobotHistory:
 
 
 class VisitHistory:
-    """Writes the section ``visits``: the latest ones of all robots."""
+    """Writes the section ``visits``: places of the latest ones of all robots."""
 
     def __init__(self, board: Board) -> None:
         self._board = board
-        self._visits: tuple[dict[str, Any], ...] = ()
+        self._visits: tuple[list[float], ...] = ()
 
-    def add(self, view: dict[str, Any]) -> None:
-        """Add a visit, see :func:`visit_view`."""
+    def add(self, place: tuple[float, float]) -> None:
+        """Add the place of a visit [m]."""
         if len(self._visits) >= MAX_VISITS:
             self._visits = self._visits[MAX_VISITS // 4 :]
-        self._visits = (*self._visits, view)
+        self._visits = (*self._visits, *place_views([place]))
         self._board.put("visits", self._visits)

@@ -30,15 +30,7 @@ from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.plan_routes import SurveyFiles
 from soilmoist_ros.console.plan_work import Walk
 from soilmoist_ros.console.server import ConsoleServer
-from soilmoist_ros.console.views import (
-    choices_view,
-    field_view,
-    health_view,
-    mission_view,
-    place_views,
-    sample_views,
-    visit_view,
-)
+from soilmoist_ros.console.views import choices_view, field_view, health_view, mission_view, place_views
 from soilmoist_ros.console.visitors import LOOPBACK, Access, invitation, reachable
 from soilmoist_ros.exploration import (
     PERSON_ENTRY_M,
@@ -232,7 +224,6 @@ class GuidedSurvey:
         walk = self._walk = Walk(self.board, "")
         for name, value in (
             ("robots", [""]), ("field", field_view(self._survey.field)), ("choices", choices_view()),
-            ("pressed", ""),
         ):  # fmt: skip
             self.board.put(name, value)
         access = Access((socket.gethostname(), f"{socket.gethostname()}.local"))
@@ -355,7 +346,7 @@ class GuidedSurvey:
         while self._maps:
             state, soil_map = self._maps.popleft()
             self._control.samples(state.mapped_samples(soil_map), state.stamp_s)
-            self.board.put("samples", sample_views(state.samples))
+            self.board.put("samples", tuple(place_views(state.samples.xy)))
             if soil_map is None:
                 continue
             self._mapped = state, soil_map
@@ -380,7 +371,7 @@ class GuidedSurvey:
 
     def visit(self, visit: Visit) -> None:
         """A stop is complete."""
-        self._visits.add(visit_view(visit, ""))
+        self._visits.add((visit.x_m, visit.y_m))
         self._bag.put(*self._bag.topics.visit(visit))
 
     def save(self, reason: str) -> None:
@@ -403,12 +394,10 @@ class GuidedSurvey:
 
     def press(self, who: str) -> None:
         """Pause: nothing but the person moves the sensor."""
-        self.board.put("pressed", who or "the operator")
         self._ask(partial(self._control.emergency, True, PAGE))
 
     def release(self, who: str) -> None:
         """End the stop of anybody."""
-        self.board.put("pressed", "")
         self._ask(partial(self._control.emergency, False, PAGE))
 
     def _ask(self, call: Callable[[], Any]) -> Future[Any]:

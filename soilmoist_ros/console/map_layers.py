@@ -27,24 +27,19 @@ _DRIER_TO_WETTER: Final = np.array(
 _CERTAIN_TO_NOT: Final = np.array(
     [(247, 244, 249), (221, 199, 226), (201, 148, 199), (206, 76, 152), (160, 20, 90), (90, 0, 60)], float
 )
-_BY_VOLUME: Final = "% by volume"
-_PALE_NOTE: Final = "Pale: may be chance"
 LATER: Final = "No dose here: with earlier surveys it is in the report of the run."
 
 
 class PageLayer(NamedTuple):
-    """A way to show a band of the map, with its colours from low to high, shape (k, 3), and a note of the page."""
+    """A way to show a band of the map, with its colours from low to high, shape (k, 3)."""
 
     key: str
-    title: str
-    unit: str
     colours: Array
-    note: str = ""
 
     @property
     def factor(self) -> float:
-        """Factor from the band to the unit."""
-        return 100.0 if self.unit == _BY_VOLUME else 1.0
+        """Factor from the band to its unit on the page: moisture is in % by volume."""
+        return 100.0 if "vwc" in self.key else 1.0
 
     @property
     def is_change(self) -> bool:
@@ -53,14 +48,12 @@ class PageLayer(NamedTuple):
 
 
 LAYERS: Final = (
-    PageLayer("vwc", "Soil moisture", _BY_VOLUME, DRY_TO_WET),
-    PageLayer("vwc_sd", "Uncertainty of the moisture", _BY_VOLUME, _CERTAIN_TO_NOT),
-    PageLayer("rate", "Neutron rate", "counts/s", DRY_TO_WET[::-1]),
-    PageLayer("rate_sd", "Uncertainty of the rate", "counts/s", _CERTAIN_TO_NOT),
-    PageLayer("change_vwc", "Change of moisture", _BY_VOLUME, _DRIER_TO_WETTER, f"Brown: drier. {_PALE_NOTE}"),
-    PageLayer(
-        "change_rate", "Change of the rate", "counts/s", _DRIER_TO_WETTER[::-1], f"Brown: drier. {_PALE_NOTE}"
-    ),
+    PageLayer("vwc", DRY_TO_WET),
+    PageLayer("vwc_sd", _CERTAIN_TO_NOT),
+    PageLayer("rate", DRY_TO_WET[::-1]),
+    PageLayer("rate_sd", _CERTAIN_TO_NOT),
+    PageLayer("change_vwc", _DRIER_TO_WETTER),
+    PageLayer("change_rate", _DRIER_TO_WETTER[::-1]),
 )
 
 
@@ -120,12 +113,9 @@ class MapLayers:
             "layers": [
                 {
                     "key": layer.key,
-                    "title": layer.title,
-                    "unit": layer.unit,
                     "limits": [float(f"{layer.factor * value:.3g}") for value in self._shown[layer.key]],
                     "colours": ["#" + bytes(colour).hex() for colour in layer.colours.astype(np.uint8)],
                     "mean": float(f"{layer.factor * np.nanmean(self._cells[layer.key]):.3g}"),
-                    "note": layer.note,
                 }
                 for layer in shown
             ],

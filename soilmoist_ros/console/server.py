@@ -7,6 +7,7 @@ from __future__ import annotations
 import asyncio
 import gzip
 import hashlib
+import html
 import json
 import logging
 import threading
@@ -53,7 +54,13 @@ KEEP_S: Final = 75.0
 """Longest time without a request on a connection [s]."""
 SILENT_S: Final = 10.0
 """Time between two looks at connections that have sent no request, which aiohttp before 3.14 never ends [s]."""
-_KINDS: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+_KINDS: Final = {
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+    ".json": "application/json",
+}
 _HEADERS: Final = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' blob:; frame-ancestors 'none'; "
     "base-uri 'none'; form-action 'none'",
@@ -389,9 +396,12 @@ def _visitor(request: Any) -> Visitor:
 @cache
 def _files() -> dict[str, tuple[bytes, str]]:
     """Compressed content and mark of each file of the page, by name."""
-    found = {}
+    found, languages = {}, {path.stem: json.loads(path.read_bytes())["language"] for path in PAGE.glob("*.json")}
+    named = (
+        f"data-languages='{html.escape(json.dumps(dict(sorted(languages.items())), ensure_ascii=False))}'".encode()
+    )
     for path in PAGE.iterdir():
         if path.suffix in _KINDS:
-            content = gzip.compress(path.read_bytes(), 9, mtime=0)
+            content = gzip.compress(path.read_bytes().replace(b'data-languages="{}"', named), 9, mtime=0)
             found[path.name] = content, f'"{hashlib.sha256(content).hexdigest()[:16]}"'
     return found

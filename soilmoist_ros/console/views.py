@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Views of a field, a mission, a visit, and of health: values that JSON can express."""
+"""Views of a field, a mission, places, and of health: values that JSON can express."""
 
 from __future__ import annotations
 
@@ -12,35 +12,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration import GUIDED, READY, STRATEGIES, MissionEnd, MissionStatus, Phase, Visit
+from soilmoist_ros.exploration import GUIDED, READY, STRATEGIES, Forecast, MissionStatus, Phase
 from soilmoist_ros.foundation import Health, read_json
-from soilmoist_ros.mapping import Field, Samples
+from soilmoist_ros.mapping import Field
 from soilmoist_ros.simulation import PRESETS
 
 Array = NDArray[np.float64]
 
-_PHASES: Final = {
-    Phase.IDLE: "Ready",
-    Phase.PLANNING: "Choosing the next stop",
-    Phase.WAITING: "Waiting to try again",
-    Phase.TRAVELLING: "Driving to {stop}",
-    Phase.COUNTING: "Counting at {stop}",
-    Phase.PAUSED: "Paused",
-    Phase.CANCELLING: "Stopping the robot",
-    Phase.RETURNING: "Driving home",
-    Phase.FINISHED: "Finished",
-}
-_ENDS: Final = {
-    MissionEnd.TIME_UP: "the time is up",
-    MissionEnd.NOTHING_LEFT: "no useful stop is left",
-    MissionEnd.ABORTED: "ended by the operator",
-    MissionEnd.SILENT_SENSOR: "the sensor is silent",
-    MissionEnd.RETURNED: "the robot was sent home",
-    MissionEnd.FAILSAFE: "a failsafe ended the mission",
-    MissionEnd.GOOD_ENOUGH: "the map is good enough",
-    MissionEnd.LITTLE_GAIN: "little more is to be gained",
-    MissionEnd.NOTHING_VARIES: "the field shows no differences",
-}
 MOVING: Final = frozenset({Phase.PLANNING, Phase.WAITING, Phase.TRAVELLING, Phase.COUNTING, Phase.RETURNING})
 """Phases in which the robot moves or may move by itself soon."""
 RECOMMENDED: Final = PRESETS["recommended"]["strategy"]
@@ -75,17 +53,16 @@ def battery_view(charge: float, voltage_v: float) -> dict[str, Any]:
 
 def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, Any]:
     """A mission by its status, and by further values of its message."""
-    stop, forecast, over = status.target, status.forecast, status.phase is Phase.FINISHED
+    stop = status.target
     return {
         "phase": str(status.phase),
-        "headline": headline(status),
         "ready": status.phase is not Phase.IDLE or status.reason.endswith(READY),
-        "reason": f"{_ENDS[status.ended]}: {status.reason}" if over and status.ended else status.reason,
+        "reason": status.reason,
+        "ended": None if status.ended is None else str(status.ended),
         "moving": status.phase in MOVING,
         "running": status.phase not in (Phase.IDLE, Phase.FINISHED),
         "paused": status.phase is Phase.PAUSED,
         "needs_operator": status.needs_operator,
-        "silent": status.silent,
         "emergency": status.emergency,
         "stop_requests": status.stop_requests,
         "stop": None if stop is None else [stop.name, *_place(stop.x_m, stop.y_m)],
@@ -98,29 +75,12 @@ def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, 
         "distance_m": _whole(status.distance_m),
         "stops": status.samples,
         "queue": list(status.queue),
-        "forecast": forecast.text if forecast else values.get("forecast", ""),
+        "forecast": _forecast(status.forecast),
         "last_command": values.get("last_command", ""),
         "guided": float(values.get(GUIDED, 0.0)),
         "settings": _settings(values.get("settings", "")),
         "home_place": _home(values.get("home_place", "")),
     }
-
-
-def headline(status: MissionStatus) -> str:
-    """The state in a few words."""
-    if status.emergency:
-        return "Emergency stop: asking the robot to stop" if status.stop_requests else "Emergency stop"
-    if status.phase is Phase.IDLE and not status.reason.endswith(READY):
-        return "Not ready yet"
-    text = _PHASES[status.phase]
-    if "{stop}" in text:
-        return text.format(stop=status.target.name if status.target else "a stop")
-    if status.phase is Phase.FINISHED and status.ended:
-        stops = f"{text}: {status.samples} stop{'s' * (status.samples != 1)}"
-        return f"{stops}, {status.forecast.now_text}" if status.forecast else stops
-    if status.phase is Phase.CANCELLING and status.stop_requests > 1:
-        return f"{text}: asked {status.stop_requests} times"
-    return f"{text}: the robot needs you" if status.phase is Phase.PAUSED and status.needs_operator else text
 
 
 def count_error_percent(counts: int) -> float | None:
@@ -138,16 +98,8 @@ def health_view(parts: Iterable[Health]) -> list[dict[str, Any]]:
     return [{"name": part.name, "level": int(part.level), "message": part.message} for part in ordered]
 
 
-def sample_views(samples: Samples) -> tuple[list[float], ...]:
-    """Samples as [x, y, counts, effective exposure]."""
-    return tuple(
-        [*_place(float(x_m), float(y_m)), int(counts), round(float(exposure_s), 1)]
-        for (x_m, y_m), counts, exposure_s in zip(samples.xy, samples.counts, samples.exposure_s, strict=True)
-    )
-
-
-def place_views(places: Iterable[tuple[float, float]]) -> list[list[float]]:
-    """Places on the map [m]; ``ValueError`` if one is not finite."""
+def place_views(places: Iterable[Any]) -> list[list[float]]:
+    """Places [x, y] on the map [m]; ``ValueError`` if one is not finite."""
     shown = [_place(float(x_m), float(y_m)) for x_m, y_m in places]
     if not all(math.isfinite(value) for place in shown for value in place):
         raise ValueError("a place is not finite")
@@ -160,26 +112,20 @@ def node_views(names: Iterable[str], xy_m: Array) -> list[list[Any]]:
     return [[name, *_place(x_m, y_m)] for name, (x_m, y_m) in places if math.isfinite(x_m) and math.isfinite(y_m)]
 
 
-def visit_view(visit: Visit, robot: str) -> dict[str, Any]:
-    """A visit."""
-    return {
-        "robot": robot,
-        "stop": visit.name,
-        "place": _place(visit.x_m, visit.y_m),
-        "dwell_s": _whole(visit.dwell_s),
-        "counts": visit.raw_counts,
-        "error_percent": count_error_percent(visit.raw_counts),
-        "choice": visit.reason,
-        "ended": visit.outcome,
-    }
-
-
 def _place(x_m: float, y_m: float) -> list[float]:
     return [round(x_m, PLACE_DIGITS), round(y_m, PLACE_DIGITS)]
 
 
 def _whole(value: float) -> int | None:
     return round(value) if math.isfinite(value) else None
+
+
+def _forecast(one: Forecast | None) -> dict[str, Any] | None:
+    """Standard deviations of the map, now and at the end, as [time [s], its value, low and high of the band]."""
+    if one is None:
+        return None
+    end = [one.times_s[-1], one.sd_end, *one.band_end] if one.times_s else None
+    return {"sd": one.sd, "moisture": one.moisture, "end": end, "hidden": one.hidden}
 
 
 def _home(text: str) -> list[float] | None:

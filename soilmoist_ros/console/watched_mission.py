@@ -13,7 +13,7 @@ from soilmoist_ros.console.board import Board, RobotHistory
 from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.plan_routes import SurveyFiles
 from soilmoist_ros.console.server import ConsoleServer
-from soilmoist_ros.console.views import field_view, mission_view, place_views, sample_views, visit_view
+from soilmoist_ros.console.views import field_view, mission_view, place_views
 from soilmoist_ros.console.visitors import PORT, Access, free_port
 from soilmoist_ros.exploration import Phase
 from soilmoist_ros.mapping import Field, FieldGrid, map_cells
@@ -90,9 +90,7 @@ class WatchedMission:
             self._board.hear(f"mission/{robot}")
         if len(moment.visits) != self._visits:
             self._visits = len(moment.visits)
-            names = [self._robots[visit.robot - 1] for visit in moment.visits]
-            views = (visit_view(visit, name) for visit, name in zip(moment.visits, names, strict=True))
-            self._board.put("visits", tuple(views))
+            self._board.put("visits", tuple(place_views((visit.x_m, visit.y_m) for visit in moment.visits)))
         ended = all(one.status.phase is Phase.FINISHED for one in moment.robots)
         if ended or (len(moment.samples) != self._samples and time.monotonic() >= self._map_s):
             self.show_map(moment)
@@ -107,7 +105,7 @@ class WatchedMission:
         self._samples = len(moment.samples)
         self._picture = MapLayers.after(self._picture, map_cells(self._grid, soil_map))
         self._board.put("map", self._picture.about)
-        self._board.put("samples", sample_views(moment.samples))
+        self._board.put("samples", tuple(place_views(moment.samples.xy)))
         self._board.hear("map")
         ended_s = time.monotonic()
         self._map_s = ended_s + max(MAP_S, _BUSY * (ended_s - begun_s))

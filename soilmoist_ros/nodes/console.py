@@ -54,8 +54,6 @@ from soilmoist_ros.console import (
     node_views,
     place_views,
     reachable,
-    sample_views,
-    visit_view,
 )
 from soilmoist_ros.exploration import TRIGGERS, OperatorRequest, Reply, ReplyCode, Verb, parse_topological_map
 from soilmoist_ros.foundation import Batches, Health, InputError, Level, foreign_text, resource
@@ -200,10 +198,11 @@ class Console(Node):
     def _on_plan(self, robot: str, message: PathMessage) -> None:
         self._board.put(f"plan/{robot}", place_views(path_to_places(message)))
 
-    def _on_visit(self, robot: str, message: Any) -> None:
+    def _on_visit(self, _robot: str, message: Any) -> None:
         from msg_adapters import visit_from_message
 
-        self._visits.add(visit_view(visit_from_message(message), robot))
+        visit = visit_from_message(message)
+        self._visits.add((visit.x_m, visit.y_m))
 
     def _on_map(self, message: PointCloud2) -> None:
         self._cells["map"] = soil_map_from_message(message)
@@ -222,7 +221,7 @@ class Console(Node):
 
     def _on_samples(self, message: PointCloud2) -> None:
         samples = samples_from_message(message)
-        self._board.put("samples", sample_views(samples))
+        self._board.put("samples", tuple(place_views(samples.xy)))
         self._hear_dose(samples=(samples, to_seconds(message.header.stamp)))
 
     def _hear_dose(self, **part: Any) -> None:
@@ -291,7 +290,7 @@ class Console(Node):
 
 
 class ConsoleSteering:
-    """The :class:`Steering` of a node, called by the thread of the server; writes the section ``pressed``."""
+    """The :class:`Steering` of a node, called by the thread of the server."""
 
     def __init__(self, node: Node, robots: Sequence[str], board: Board) -> None:
         self._node, self._board = node, board
@@ -304,7 +303,6 @@ class ConsoleSteering:
             for robot, name in below.items()
             for verb in TRIGGERS
         } if not self._clients else {}  # fmt: skip
-        board.put("pressed", "")
         every(node, REPEAT_S, self._repeat)
 
     def command(self, robot: str, request: OperatorRequest) -> Future[Reply]:
@@ -335,7 +333,6 @@ class ConsoleSteering:
         """Press the emergency stop of all robots, and pause their missions, which names the operator."""
         self._pressed.set()
         self._repeat()
-        self._board.put("pressed", who or "the operator")
         self._node.get_logger().error(f"STOP by {who or 'the operator'}")
         for robot in self._board.get("robots", []):
             self.command(robot, OperatorRequest(Verb.PAUSE, who=who))
@@ -343,7 +340,6 @@ class ConsoleSteering:
     def release(self, who: str) -> None:
         """Release the emergency stop of all robots; nothing moves before somebody resumes."""
         self._pressed.clear()
-        self._board.put("pressed", "")
         self._node.get_logger().warning(f"STOP is released by {who or 'the operator'}")
         for button in self._buttons:
             button.publish(Bool(data=False))

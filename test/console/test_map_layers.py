@@ -44,7 +44,7 @@ def test_limits_only_widen_and_moisture_is_in_percent_by_volume():
     wetter["vwc"] += 0.2
     narrow["vwc"] = narrow["vwc"] / 10 + 0.3
     shown = [MapLayers(one, 1, None, widest).about["layers"][0] for one in (cells(), wetter, narrow)]
-    assert {one["unit"] for one in shown} == {"% by volume"}
+    assert {one["key"] for one in shown} == {"vwc"}
     low, high = zip(*(one["limits"] for one in shown), strict=True)
     assert low[0] == low[1] == low[2] < 5
     assert 35 < high[0] < high[1] == high[2]

@@ -32,8 +32,9 @@ RULES = {
     "runOnly": {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag2aaa", "wcag21a", "wcag21aa", "best-practice"]}
 }
 IDLE = {
-    "headline": "Ready", "reason": "waiting for start", "phase": "idle", "running": False, "paused": False,
-    "moving": False, "emergency": False, "needs_operator": False, "stop_requests": 0, "counts": 0, "queue": [],
+    "reason": "waiting for start", "phase": "idle", "forecast": None, "stops": 0, "running": False,
+    "paused": False, "moving": False, "emergency": False, "needs_operator": False, "stop_requests": 0,
+    "counts": 0, "queue": [],
     "settings": {
         "hours": 2.0, "dwell": "optimal", "strategy": "gcb", "target": "rate", "home": "", "until_sd": 0.0,
         "until_gain": 0.0,
@@ -213,7 +214,11 @@ def test_two_operators_and_ten_viewers(browser, served):
     bo.locator("#stop").click()
     for page in (ada, bo):  # what is slid must not be drawn anew meanwhile
         shows(page, "stop", "STOP is pressed")
-    slide(bo, "Slide to take over")
+    for page, holder, tab in ((bo, "Ada", "Survey"), (ada, "Bo", "Plan"), (bo, "Ada", "Results")):
+        page.get_by_role("button", name=tab, exact=True).click()
+        shows(page, "steer", f"{holder} has the controls")
+        slide(page, "Slide to take over")
+        expect(page.locator("#steer")).to_be_hidden(timeout=LIMIT_MS)
     shows(ada, "actions", "Bo has the controls")
     assert [barriers(ada), barriers(bo)] == ["", ""]
     assert served.robots.asked == [("r1", "start", "Ada"), (True, "Bo")]
@@ -230,8 +235,8 @@ def test_a_slide_stays_under_the_finger_while_the_page_changes(browser, served):
     page.mouse.move(box["x"] + 12, y)
     page.mouse.down()
     page.mouse.move(box["x"] + box["width"] / 2, y)
-    served.board.put("mission/r1", IDLE | {"headline": "On the way", "running": True, "phase": "travelling"})
-    shows(page, "headline", "On the way")
+    served.board.put("mission/r1", IDLE | {"running": True, "phase": "travelling"})
+    shows(page, "headline", "Driving to a stop")
     page.mouse.move(box["x"] + box["width"], y)
     page.mouse.up()
     shows(page, "notice", "Not done: not now")

@@ -216,21 +216,27 @@ def test_the_map_and_its_values(served):
     assert served.get("/at?x=1")[0] == 400
 
 
-@pytest.mark.slow
-def test_viewers_receive_what_changes_twice_a_second_at_most(served):
+def first_messages(served, count, after=lambda number: None):
+    """What a new viewer receives first; something may be done after each message."""
+
     async def look():
-        messages = []
-        async with (
-            aiohttp.ClientSession() as session,
-            session.ws_connect(f"http://127.0.0.1:{served.port}/live") as socket,
-        ):
-            for number in range(4):
-                messages.append(await socket.receive_json(timeout=LIMIT_S))
-                for step in range(100):
-                    served.board.put("a", (*range(number + 1), step))
+        messages, address = [], f"http://127.0.0.1:{served.port}/live"
+        async with aiohttp.ClientSession() as session, session.ws_connect(address) as viewer:
+            for number in range(count):
+                messages.append(await viewer.receive(timeout=LIMIT_S))
+                after(number)
         return messages
 
-    messages = asyncio.run(look())
+    return asyncio.run(look())
+
+
+@pytest.mark.slow
+def test_viewers_receive_what_changes_twice_a_second_at_most(served):
+    def change(number):
+        for step in range(100):
+            served.board.put("a", (*range(number + 1), step))
+
+    messages = [json.loads(one.data) for one in first_messages(served, 4, change)]
     assert messages[0]["set"]["viewer"] == {"may_steer": True, "holds": False, "holder": ""}
     assert messages[0]["set"]["robots"] == ["r1"]
     assert messages[1]["set"] == {"a": [0, 99]}
@@ -238,25 +244,12 @@ def test_viewers_receive_what_changes_twice_a_second_at_most(served):
     assert min(np.diff([message["now"] for message in messages])) > 0.45, "by the clock of the server"
 
 
-def first_message(served):
-    """What a new viewer receives first."""
-
-    async def look():
-        async with (
-            aiohttp.ClientSession() as session,
-            session.ws_connect(f"http://127.0.0.1:{served.port}/live") as viewer,
-        ):
-            return await viewer.receive(timeout=LIMIT_S)
-
-    return asyncio.run(look())
-
-
 def test_a_viewer_whose_update_fails_is_disconnected_and_named(served, caplog):
     served.board.put("a", object())
-    assert first_message(served).type is aiohttp.WSMsgType.CLOSE
+    assert first_messages(served, 1)[0].type is aiohttp.WSMsgType.CLOSE
     assert "a viewer is disconnected" in caplog.text
     served.board.put("a", 1)
-    assert json.loads(first_message(served).data)["set"]["a"] == 1
+    assert json.loads(first_messages(served, 1)[0].data)["set"]["a"] == 1
 
 
 def test_those_who_only_look_keep_no_operator_out(served, monkeypatch):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What viewers see (views.py, robot_history.py)."""
+"""What viewers see (views.py, board.py)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from soilmoist_ros.console.board import MAX_TRAIL, MAX_VISITS, Board, RobotHistory, VisitHistory, changes
-from soilmoist_ros.console.views import headline, mission_view, node_views, place_views
+from soilmoist_ros.console.server import PAGE
+from soilmoist_ros.console.views import mission_view, node_views, place_views
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
 
 NAN = math.nan
+TEXTS = json.loads((PAGE / "en.json").read_text())["texts"]
 STATUS = MissionStatus(
     0.0, Phase.COUNTING, "counting at r1", Stop("r1", 3.0, 4.0), 120.0, 30.0, 0.25, 60.0, 3540.0, 12.0, 2, 90.0,
     400, 0, (), None,
@@ -28,25 +32,22 @@ STATUS = MissionStatus(
 def test_every_phase_has_words_and_is_json(phase):
     for status in (replace(STATUS, phase=phase), replace(STATUS, phase=phase, target=None, planned_dwell_s=NAN)):
         view = json.loads(json.dumps(mission_view(status, {}), allow_nan=False))
-        assert view["headline"]
-        assert "{" not in view["headline"]
+        assert f"phase_{view['phase']}" in TEXTS
 
 
-def test_the_words_say_what_matters_most():
-    assert headline(STATUS) == "Counting at r1"
-    assert headline(replace(STATUS, emergency=True)) == "Emergency stop"
-    assert headline(replace(STATUS, emergency=True, stop_requests=1)) == "Emergency stop: asking the robot to stop"
-    assert headline(replace(STATUS, phase=Phase.PAUSED, needs_operator=True)) == "Paused: the robot needs you"
-    over = replace(STATUS, phase=Phase.FINISHED, ended=MissionEnd.TIME_UP, samples=51, reason="as planned")
-    assert headline(over) == "Finished: 51 stops"
-    sure = Forecast(0.028, (), (), (), 0.02, 4.0, moisture=True)
-    assert headline(replace(over, forecast=sure)) == "Finished: 51 stops, ±2.8 % by volume"
-    assert mission_view(over, {})["reason"] == "the time is up: as planned"
+def test_a_view_has_codes_and_values_of_which_the_page_makes_sentences():
+    over = replace(STATUS, phase=Phase.FINISHED, ended=MissionEnd.TIME_UP, reason="as planned")
+    assert (mission_view(over, {})["ended"], mission_view(over, {})["reason"]) == ("time_up", "as planned")
+    assert {f"ended_{end}" for end in MissionEnd} <= TEXTS.keys()
+    sure = Forecast(0.028, (600.0,), (0.02,), (1.25,), 0.02, 4.0, moisture=True)
+    assert mission_view(replace(over, forecast=sure), {})["forecast"] == {
+        "sd": 0.028, "moisture": True, "end": [600.0, 0.02, 0.016, 0.025], "hidden": None,
+    }  # fmt: skip
     idle = replace(STATUS, phase=Phase.IDLE)
     for reason in ("waiting for start", "aborted by Ada; waiting for start"):
-        assert headline(replace(idle, reason=reason)) == "Ready"
+        assert mission_view(replace(idle, reason=reason), {})["ready"]
     for reason in ("waiting for a position", "waiting for start, which is refused: the battery is empty"):
-        assert headline(replace(idle, reason=reason)) == "Not ready yet"
+        assert not mission_view(replace(idle, reason=reason), {})["ready"]
     assert mission_view(STATUS, {})["error_percent"] == 5.0
     assert mission_view(replace(STATUS, raw_counts=0), {})["error_percent"] is None
 
@@ -93,10 +94,47 @@ def test_the_latest_visits_are_kept_and_viewers_follow():
     history = VisitHistory(board)
     seen, page = board.snapshot(), []
     for number in range(3 * MAX_VISITS):
-        history.add({"stop": str(number)})
+        history.add((0.0, float(number)))
         new = board.snapshot()
-        kept, following = changes(seen, new)["extend"]["visits"] if number else (0, [{"stop": "0"}])
+        kept, following = changes(seen, new)["extend"]["visits"] if number else (0, [[0.0, 0.0]])
         page, seen = [*page[:kept], *following], new
-    assert page[-1] == {"stop": str(3 * MAX_VISITS - 1)}
+    assert page[-1] == [0.0, 3.0 * MAX_VISITS - 1]
     assert page == list(board.get("visits"))
     assert MAX_VISITS // 2 < len(page) <= MAX_VISITS
+
+
+# Sections of the board as readers receive them ------------------------------------------------------------------
+
+VALUES = st.integers(0, 3) | st.lists(st.integers(0, 3)).map(tuple)
+SECTIONS = st.dictionaries(st.sampled_from("abc"), VALUES)
+
+
+def as_read(sections, message):
+    """What the page makes of a message."""
+    read = {**sections, **message.get("set", {})}
+    for name, (kept, items) in message.get("extend", {}).items():
+        read[name] = read.get(name, [])[:kept] + items
+    return read
+
+
+@given(st.lists(SECTIONS, min_size=1))
+@pytest.mark.slow
+def test_a_reader_of_all_changes_has_what_is_there(states):
+    sent, read = {}, {}
+    for state in states:
+        now = {**sent, **state}
+        message = json.loads(json.dumps(changes(sent, now)))
+        read, sent = as_read(read, message), now
+    assert read == {name: list(value) if isinstance(value, tuple) else value for name, value in sent.items()}
+
+
+def test_ages_are_those_of_a_steady_clock():
+    now = [5.0]
+    board = Board(lambda: now[0])
+    assert board.heard_s("map") == float("-inf")
+    board.hear("map")
+    now[0], before = 9.0, board.version
+    board.put("a", [1])
+    assert board.heard_s("map") == 5.0
+    assert board.snapshot() == {"a": [1], "heard": {"map": 5.0}}
+    assert board.version == before + 1

@@ -116,14 +116,8 @@ def test_an_imported_field_is_explored_and_a_stop_without_an_answer_is_said_loud
 def test_a_terminal_watches_too(ros, tmp_path):
     with World(ros, rate=4.0) as world, VirtualNavigation(ros, world):
         planning = Commanded(ros, tmp_path)
-        command = [
-            sys.executable,
-            "-m",
-            "soilmoist_ros.cli.main",
-            "watch",
-            "--field",
-            str(tmp_path / "field.yaml"),
-        ]
+        module = [sys.executable, "-m", "soilmoist_ros.cli.main"]
+        command = [*module, "watch", "--field", str(tmp_path / "field.yaml")]
         watching = NodeProcess(command, ros.environment, tmp_path / "watch.txt")
         program = NodeProcess([*command, "--json"], ros.environment, tmp_path / "watch.json")
         ros.processes += [watching, program]

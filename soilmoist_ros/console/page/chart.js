@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The error of the map against time, as an SVG of 360 x 200.
 
+import { t } from "./texts.js";
 import { duration } from "./widgets.js";
 
 const LEFT = 44, RIGHT = 330, TOP = 24, BOTTOM = 168;
@@ -38,5 +39,5 @@ export function chart(points, wanted, reached) {
     mark("line", { x1: LEFT, x2: RIGHT, y1: y(wanted), y2: y(wanted), stroke: "#a80018", "stroke-width": 2, "stroke-dasharray": "6 4" }),
     mark("polyline", { points: points.map(([h, e]) => `${x(h)},${y(e)}`).join(" "), fill: "none", stroke: "#0b3d66", "stroke-width": 3 }),
     ...found,
-    mark("text", { x: LEFT, y: 14 }, "error of the map [%]")];
+    mark("text", { x: LEFT, y: 14 }, t("chart_axis"))];
 }

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The connection to the console: sections that stay up to date, commands, and the emergency stop.
 
+import { t } from "./texts.js";
+
 export const sections = {};
 export let clockOffS = null;  // clock of the robot's computer, less that of this one [s]
 // A number that only this page knows: who has the controls.
@@ -63,52 +65,33 @@ setInterval(() => {  // a connection that is only silent is lost as well
   }
 }, 1000);
 
-async function post(path, content, limitMs) {
-  const response = await fetch(path, {
-    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ ...content, client }),
-    signal: AbortSignal.timeout(limitMs), cache: "no-store",
-  });
-  return response.json();
+// Answer of the console, or {error}.
+export async function request(path, content, limitMs = 200000, silence = "no_answer") {
+  try {
+    const response = await fetch(path, {
+      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ ...content, client }),
+      signal: AbortSignal.timeout(limitMs), cache: "no-store",
+    });
+    return await response.json();
+  } catch {
+    return { error: t(silence) };
+  }
 }
 
 export const who = () => (localStorage.getItem("who") || "").trim();
+const named = () => ({ who: who() || "console" });
 
 // Reply to a command: {accepted, message}. A reply that does not come is no acceptance.
 export async function command(robot, verb, details = {}) {
-  try {
-    const opens = details.field || details.earlier?.length || details.covariates?.length;
-    const reply = await post("command", { robot, verb, who: who() || "console", ...details }, opens ? CHOICE_MS : COMMAND_MS);
-    return reply.error ? { accepted: false, message: reply.error } : reply;
-  } catch {
-    return { accepted: false, message: "The console did not answer. It is not known whether the command is used." };
-  }
+  const opens = details.field || details.earlier?.length || details.covariates?.length;
+  const reply = await request("command", { robot, verb, ...named(), ...details }, opens ? CHOICE_MS : COMMAND_MS, "no_answer_to_command");
+  return reply.error ? { accepted: false, message: reply.error } : reply;
 }
 
-// Answer of the console, or {error}.
-export async function request(path, content, limitMs = 200000) {
-  try {
-    return await post(path, content, limitMs);
-  } catch {
-    return { error: "The console did not answer." };
-  }
-}
+export const takeControls = async () => (await request("take", named(), COMMAND_MS)).holds === true;
 
-export async function takeControls() {
-  try {
-    return (await post("take", { who: who() || "console" }, COMMAND_MS)).holds === true;
-  } catch {
-    return false;
-  }
-}
-
-// {acknowledged, missing}; error says why there is no answer.
-export async function emergency(path) {
-  try {
-    return await post(path, { who: who() || "console" }, STOP_MS);
-  } catch {
-    return { acknowledged: false, error: "the console did not answer" };
-  }
-}
+// {acknowledged, missing}, or {error}: why there is no answer.
+export const emergency = (path) => request(path, named(), STOP_MS);
 
 export async function valuesAt(x, y) {
   try {

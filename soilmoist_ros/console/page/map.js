@@ -20,6 +20,13 @@ export function showLayer(key) { layer = key; load(); }
 export function showRobot(name) { shownRobot = name; }
 export const shownLayer = () => layer;
 
+export function insideOf(corners, x, y) {
+  return corners.reduce((inside, [ax, ay], index) => {
+    const [bx, by] = corners.at(index - 1);
+    return (ay > y) !== (by > y) && x < (bx - ax) * (y - ay) / (by - ay) + ax ? !inside : inside;
+  }, false);
+}
+
 export function fit() {
   const points = sections.field?.boundary;
   if (!points || !canvas.clientWidth) return;
@@ -121,7 +128,7 @@ function paint() {
   }
   for (const robot of sections.robots ?? []) { const home = sections[`mission/${robot}`]?.home_place; if (home) label("⌂", pixel(home), "#0b5127", "center", 26, true); }
   path(field.boundary); line("#fff", 5); line("#10151b", 2.5);
-  nodes(); samples(); visits();
+  nodes(); measured();
   (sections.robots ?? []).forEach(robotLayer);
   if (draft.shown) drafts();
   if (area) hatch(area, "#6a3a00");
@@ -173,12 +180,9 @@ function nodes() {
   for (const [, x, y] of sections.nodes ?? []) disc([x, y], 2, "#10151b80", null);
 }
 
-function samples() {
-  for (const [x, y] of sections.samples ?? []) disc([x, y], 2.2, "#10151b", null);
-}
-
-function visits() {
-  for (const visit of sections.visits ?? []) disc(visit.place, 5, "#fff", "#10151b");
+function measured() {
+  for (const place of sections.samples ?? []) disc(place, 2.2, "#10151b", null);
+  for (const place of sections.visits ?? []) disc(place, 5, "#fff", "#10151b");
 }
 
 const COLOURS = ["#a80018", "#5a1a8a", "#0b5127", "#10151b"], NEAR = 8;
@@ -232,7 +236,8 @@ function cross([x, y], colour = "#10151b") {
 function scaleBar(width, height) {
   const rough = 90 / view.scale, power = 10 ** Math.floor(Math.log10(rough));
   const length = [1, 2, 5, 10].map((n) => n * power).filter((n) => n <= rough * 1.2).pop() ?? power;
-  const right = width - 14, left = right - length * view.scale, y = height - 14;
+  // On a phone the buttons are above the right corner.
+  const left = width < 500 ? 14 : width - 14 - length * view.scale, right = left + length * view.scale, y = height - 14;
   pen.beginPath(); pen.moveTo(left, y - 6); pen.lineTo(left, y); pen.lineTo(right, y); pen.lineTo(right, y - 6);
   line("#fff", 5); line("#10151b", 2);
   label(`${length} m`, [(left + right) / 2, y - 12], "#10151b", "center", 13, true);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The field that is planned for: drawn on the map, read from a file, walked with the robot, or chosen from the saved ones.
 
+import { fixed, said, t } from "./texts.js";
 import { request, sections } from "./link.js";
 import { draft, draw } from "./map.js";
 import { $, button, element, fill, setText } from "./widgets.js";
@@ -26,7 +27,7 @@ export function field() {
 export async function fieldFile() {
   if (!hasDraft()) return saved;
   const answer = await request("field", { ...field(), who: page.who() });
-  if (answer.error) { page.notice(answer.error, true); return null; }
+  if (answer.error) { page.notice(said(answer.error), true); return null; }
   return answer.file;
 }
 
@@ -38,7 +39,7 @@ export function fieldIsUsed() {
 }
 
 export function addCorner([x, y]) {
-  if (!draft.drawing) { page.notice("Choose what to draw first: boundary or no-go area."); return; }
+  if (!draft.drawing) { page.notice(t("draw_what")); return; }
   draft.drawing.push([Math.round(x * 100) / 100, Math.round(y * 100) / 100]);
   changed();
 }
@@ -52,10 +53,10 @@ function begin(kind) {
 
 // What the map shows while corners are tapped: a text and buttons.
 export function drawingBar() {
-  const count = draft.drawing.length, few = count < 3 ? `${3 - count} more` : "";
-  return [`Tap the corners of the ${draft.drawing === draft.boundary ? "boundary" : "no-go area"}, in order: ${count} so far.`,
-    button("Undo", () => { draft.drawing.pop(); changed(); }, "", count ? "" : "no corner"),
-    button("Cancel", () => { Object.assign(draft, before, { drawing: null }); changed(); }), button("Done", done, "primary", few)];
+  const count = draft.drawing.length, few = count < 3 ? t("corners_more", { n: 3 - count }) : "";
+  return [t(draft.drawing === draft.boundary ? "tap_boundary" : "tap_area", { n: count }),
+    button(t("undo"), () => { draft.drawing.pop(); changed(); }, "", count ? "" : t("no_corner")),
+    button(t("cancel"), () => { Object.assign(draft, before, { drawing: null }); changed(); }), button(t("done"), done, "primary", few)];
 }
 
 function changed() { area = null; page.changed(); draw(); page.render(); }
@@ -68,8 +69,8 @@ async function done() {
   if (!hasDraft()) return;
   const asked = JSON.stringify(field()), answer = await request("plan", { task: "field", ...field() });
   if (JSON.stringify(field()) !== asked) return;  // it was drawn anew meanwhile
-  if (answer.error) page.notice(answer.error, true);
-  else { area = answer.area_m2; page.render(); if (answer.note) page.notice(answer.note); }
+  if (answer.error) page.notice(said(answer.error), true);
+  else { area = answer.area_m2; page.render(); if (answer.note) page.notice(said(answer.note)); }
 }
 
 function take(ring, isArea, more = []) {
@@ -86,16 +87,16 @@ export function save(name, text) {
 
 async function download() {
   const answer = await request("plan", { task: "field", ...field() });
-  if (answer.error) page.notice(answer.error, true); else save("field.yaml", answer.file);
+  if (answer.error) page.notice(said(answer.error), true); else save("field.yaml", answer.file);
 }
 
 async function read(file) {
-  if (file.size > MAX_FILE) { page.notice(`The file has ${(file.size / 1e6).toFixed(1)} MB; 2 MB are read at most. Export the boundary alone.`, true); return; }
+  if (file.size > MAX_FILE) { page.notice(t("file_too_large", { size: fixed(file.size / 1e6, 1) }), true); return; }
   const content = await new Promise((resolve) => { const reader = new FileReader(); reader.onload = () => resolve(reader.result.split(",")[1] ?? ""); reader.readAsDataURL(file); });
   const answer = await request("plan", { task: "outline", name: file.name, content, datum: sections.field?.datum });
-  if (answer.error) { page.notice(answer.error, true); return; }
+  if (answer.error) { page.notice(said(answer.error), true); return; }
   await take(answer.boundary, false, answer.no_go);
-  if (answer.note) page.notice(answer.note);
+  if (answer.note) page.notice(said(answer.note));
 }
 
 async function ruleOut() {
@@ -107,28 +108,28 @@ async function ruleOut() {
 // A walk is recorded by the console, so that a phone may sleep meanwhile.
 async function beginWalk(kind) {
   const answer = await request("walk", { robot: page.robot(), do: "begin", kind, who: page.who() });
-  if (answer.error) page.notice(answer.error, true);
+  if (answer.error) page.notice(said(answer.error), true);
 }
 
 async function endWalk(keep) {
   const answer = await request("walk", { robot: page.robot(), do: "end" });
-  if (answer.error) { page.notice(answer.error, true); return; }
+  if (answer.error) { page.notice(said(answer.error), true); return; }
   if (!keep) return;
   const ring = await request("plan", { task: "walk", places: answer.places ?? [], sd: answer.sd });
-  if (ring.error) { page.notice(ring.error, true); return; }
+  if (ring.error) { page.notice(said(ring.error), true); return; }
   await take(ring.ring, answer.kind === "area");
-  page.notice(`${ring.ring.length} corners from ${answer.count} places. Receiver ${accuracy(ring.sd)}; corners within ${ring.tolerance_m.toFixed(1)} m of the walk; its ends, ${ring.gap_m} m apart, are joined.`, false, 20000);
+  page.notice(t("walk_done", { n: ring.ring.length, places: answer.count, accuracy: accuracy(ring.sd), m: fixed(ring.tolerance_m, 1), gap: fixed(ring.gap_m, 1) }), false, 20000);
 }
 
-const accuracy = (sd) => (sd === null || sd === undefined ? "of unknown accuracy" : `± ${sd.toFixed(2)} m at worst`);
+const accuracy = (sd) => (sd === null || sd === undefined ? t("accuracy_unknown") : t("accuracy", { m: fixed(sd, 2) }));
 
 function about(kind) {
   const now = walk();
-  if (now) return `${now.who || "Somebody"} walks the ${now.kind === "area" ? "no-go area" : "boundary"} with the robot: ${now.count} places, receiver ${accuracy(now.sd)}.`;
+  if (now) return t(now.kind === "area" ? "walks_area" : "walks_boundary", { who: now.who || t("somebody"), n: now.count, accuracy: accuracy(now.sd) });
   if (kind) return "";
-  if (!hasDraft()) return "The next mission explores this field. Draw, walk or import another one, or add no-go areas.";
-  const count = field().no_go.length, size = area ? `, ${(area / 10000).toFixed(2)} ha` : "";
-  return `Drawn: ${drawn() ? "a boundary" : "the present boundary"} with ${count} no-go area${count === 1 ? "" : "s"}${size}. Start with this plan to use it.`;
+  if (!hasDraft()) return t("draft_none");
+  const count = field().no_go.length, size = area ? `, ${fixed(area / 10000, 2)} ha` : "";
+  return t(drawn() ? "draft_drawn" : "draft_present", { areas: t("n_areas", { n: count }), size });
 }
 
 export function renderOutline() {
@@ -139,14 +140,14 @@ export function renderOutline() {
   fill("drawing", [kind, draft.drawing?.length ?? 0, hasDraft(), draft.areas.length, may, Boolean(now), running], () => {
     if (!may) return [];
     const row = (...nodes) => element("div", { class: "buttons" }, ...nodes);
-    if (now) return [row(button("Finish the walk", () => endWalk(true), "primary"), button("Discard it", () => endWalk(false)))];
+    if (now) return [row(button(t("walk_finish"), () => endWalk(true), "primary"), button(t("walk_discard"), () => endWalk(false)))];
     if (kind) return [];
     const nodes = [
-      row(button("Draw boundary", () => begin("boundary")), button("Draw no-go area", () => begin("area"))),
-      row(button("Walk boundary", () => beginWalk("boundary")), button("Walk no-go area", () => beginWalk("area"))),
+      row(button(t("draw_boundary"), () => begin("boundary")), button(t("draw_area"), () => begin("area"))),
+      row(button(t("walk_boundary"), () => beginWalk("boundary")), button(t("walk_area"), () => beginWalk("area"))),
     ];
-    if (hasDraft()) nodes.push(row(button("Download field file", download), button("Clear", () => { Object.assign(draft, { boundary: [], areas: [], drawing: null }); changed(); })));
-    if (draft.areas.length && running) nodes.push(button("Rule these areas out now", ruleOut));
+    if (hasDraft()) nodes.push(row(button(t("download_field"), download), button(t("clear"), () => { Object.assign(draft, { boundary: [], areas: [], drawing: null }); changed(); })));
+    if (draft.areas.length && running) nodes.push(button(t("rule_out_drawn"), ruleOut));
     return nodes;
   });
 }
@@ -155,8 +156,8 @@ export function renderFiles(files) {
   const now = page.mission()?.settings?.field;
   const names = ["(start)", ...(files?.fields ?? [])];
   fill("field-file", [names, now, sections.field?.name], () => [
-    element("option", { value: "" }, `As it is: ${sections.field?.name ?? ""}`),
-    ...names.map((name) => element("option", { value: name, selected: name === saved }, name === "(start)" ? "The field of the start" : name.replace(/\.yaml$/, "")))]);
+    element("option", { value: "" }, t("as_it_is", { name: sections.field?.name ?? "" })),
+    ...names.map((name) => element("option", { value: name, selected: name === saved }, name === "(start)" ? t("field_of_start") : name.replace(/\.yaml$/, "")))]);
 }
 
 export function startOutline(given) {

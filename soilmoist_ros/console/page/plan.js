@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Plan: is everything ready, what is known before, and what will a mission of some hours bring?
 
+import { fixed, language, said, t } from "./texts.js";
 import { request, sections, who } from "./link.js";
 import { chart } from "./chart.js";
 import { checks } from "./checks.js";
@@ -10,13 +11,7 @@ import { $, button, duration, element, fill, setText, slide } from "./widgets.js
 
 export { addCorner, drawingBar } from "./outline.js";
 
-const DWELLS = [
-  ["optimal", "As long as it pays", null],
-  ["fmi", "A fixed time", ["Time at each stop [s]", "60"]],
-  ["ami", "Until the count is good enough", ["Error of a count [%]", "3"]],
-];
-const TRY = "Try it on simulated fields";
-const DRIVES = [["free", "anywhere in the field"], ["lattice", "between the stops of a lattice"], ["rows", "along crop rows"]];
+const DWELLS = { optimal: null, fmi: "60", ami: "3" };  // amounts to begin with
 let page = null, busy = false, found = null, files = null, runs = null, touched = new Set();
 const known = { earlier: null, covariates: null };  // names that are chosen; null: as they are
 
@@ -33,7 +28,8 @@ function dwellText() {
 // A rule as the planner writes it, as a sentence.
 export function dwellWords(text = "") {
   const [kind, amount] = text.split(":");
-  return kind === "fmi" ? `${amount} s at each stop` : kind === "ami" ? `until a count is sure to ± ${+(parseFloat(amount) * (text.endsWith("%") ? 1 : 100)).toPrecision(3)} %` : "as long as it pays";
+  if (kind === "fmi") return t("dwell_words_fmi", { n: Number(amount) });
+  return kind === "ami" ? t("dwell_words_ami", { error: fixed(+(parseFloat(amount) * (text.endsWith("%") ? 1 : 100)).toPrecision(3), 1) }) : t("dwell_words_optimal");
 }
 
 function stops() {
@@ -63,14 +59,14 @@ async function use() {
   if (file) survey.field = file;
   for (const name of ["earlier", "covariates"]) if (known[name] !== null) survey[name] = [...known[name]];
   const shared = Object.keys(survey).length > 0;
-  if (shared) page.notice("The planner opens the field…");
+  if (shared) page.notice(t("opens_field"));
   for (const robot of shared ? sections.robots : []) {
     if (!(await page.ask("change", robot === page.robot() ? { ...own, ...survey } : survey, robot))) return false;
   }
   if (!shared && Object.keys(own).length && !(await page.ask("change", own))) return false;
   if (shared) { fieldIsUsed(); Object.assign(known, { earlier: null, covariates: null }); }
   touched = new Set();
-  if (!shared && !Object.keys(own).length) page.notice("The planner has this plan already.");
+  if (!shared && !Object.keys(own).length) page.notice(t("has_plan"));
   return true;
 }
 
@@ -85,16 +81,16 @@ async function forecast(event) {
     variation: number("variation") / 100, rate_cps: sections.map?.layers?.find((one) => one.key === "rate")?.mean,
   });
   busy = false;
-  if (found.error) { page.notice(found.error, true); found = null; }
+  if (found.error) { page.notice(said(found.error), true); found = null; }
   page.render();
   if (found) $("forecast-part").scrollIntoView({ block: "nearest" });
 }
 
 async function travelMap() {
   const answer = await request("plan", { task: "map", ...field(), stops: stops() });
-  if (answer.error) { page.notice(answer.error, true); return; }
+  if (answer.error) { page.notice(said(answer.error), true); return; }
   save("map.yaml", answer.file);
-  page.notice(answer.summary);
+  page.notice(said(answer.summary));
 }
 
 // Knowledge from before -------------------------------------------------------------------------------------------------
@@ -121,13 +117,13 @@ function choiceList(id, kind, names, facts) {
 
 function renderKnown() {
   const usable = (runs?.runs ?? []).filter((run) => run.finished);
-  choiceList("earlier", "earlier", usable.map((run) => run.name), usable.map((run) => [run.field, run.start ? run.start.slice(0, 10) : "", run.stops ? `${run.stops} stops` : ""].filter(Boolean).join(" · ")));
+  choiceList("earlier", "earlier", usable.map((run) => run.name), usable.map((run) => [run.field, run.start ? run.start.slice(0, 10) : "", run.stops ? t("n_stops", { n: run.stops }) : ""].filter(Boolean).join(" · ")));
   choiceList("covariates", "covariates", files?.covariates ?? [], (files?.covariates ?? []).map(() => ""));
   const names = (kind) => (known[kind] === null ? settings()[kind] : [...known[kind]]);
-  const say = (kind) => (names(kind) === undefined ? "as the nodes were started" : names(kind).join(", ") || "none");
-  const more = known.earlier !== null || known.covariates !== null ? " Start with this plan to use them." : "";
-  setText("known-about", `Earlier surveys: ${say("earlier")}. Covariates: ${say("covariates")}.${more}`);
-  setText("known-none", [usable.length ? "" : `There are no finished runs${runs ? ` in ${runs.folder}` : ""}.`, files?.covariates?.length ? "" : `Put GeoTIFFs into the folder ${files?.covariates_folder ?? "covariates"} to choose them here.`].filter(Boolean).join(" "));
+  const say = (kind) => (names(kind) === undefined ? t("known_as_started") : names(kind).join(", ") || t("none"));
+  const more = known.earlier !== null || known.covariates !== null ? t("known_use") : "";
+  setText("known-about", `${t("earlier")}: ${say("earlier")}. ${t("covariates")}: ${say("covariates")}. ${more}`.trim());
+  setText("known-none", [usable.length ? "" : t("known_no_runs", { folder: runs?.folder ?? "runs" }), files?.covariates?.length ? "" : t("known_no_covariates", { folder: files?.covariates_folder ?? "covariates" })].filter(Boolean).join(" "));
 }
 
 // The form and the forecast ----------------------------------------------------------------------------------------------
@@ -145,29 +141,29 @@ function choice(name, text, options) {
 function makeForm() {
   const part = (id, ...nodes) => element("div", { id, class: "grid" }, ...nodes);
   $("plan-form").append(
-    ...input("hours", "Time for the mission, way home included [h]", { step: "0.1", min: "0.1", max: "12", value: "2", required: true }),
-    ...choice("strategy", "How stops are chosen", []),
-    ...choice("dwell", "How long to count at a stop", DWELLS.map(([key, text]) => [key, text])),
+    ...input("hours", t("plan_hours"), { step: "0.1", min: "0.1", max: "12", value: "2", required: true }),
+    ...choice("strategy", t("strategy"), []),
+    ...choice("dwell", t("dwell"), Object.keys(DWELLS).map((key) => [key, t(`dwell_${key}`)])),
     part("plan-dwell-part", ...input("dwell-by", "", { step: "any", min: "0.1" })),
-    element("details", {}, element("summary", {}, "End early, rows"),
+    element("details", {}, element("summary", {}, t("plan_more")),
       part("plan-more",
-        ...input("good", "", { step: "any", min: "0", placeholder: "never" }),
-        ...input("gain", "End when ten more minutes improve the map by less than [%]", { step: "any", min: "0", placeholder: "never" }),
-        ...choice("drives", "For the forecast, the robot drives", DRIVES),
+        ...input("good", "", { step: "any", min: "0", placeholder: t("never") }),
+        ...input("gain", t("plan_gain"), { step: "any", min: "0", placeholder: t("never") }),
+        ...choice("drives", t("plan_drives"), ["free", "lattice", "rows"].map((key) => [key, t(`drives_${key}`)])),
         part("plan-drives-part",
-          ...input("rows", "Distance between rows [m]", { step: "any", min: "0.2", value: "3" }),
-          ...input("heading", "Direction of the rows from north [°]", { step: "any", min: "-360", max: "360", value: "0" }),
-          ...input("spacing", "Distance between stops [m]", { step: "any", min: "1", value: "10" }),
-          button("Download these stops for the navigation", travelMap)))),
-    ...input("variation", "How much the field varies [% of the rate]", { step: "1", min: "1", max: "100", value: "12" }),
-    ...input("wanted", "Wanted error of the map [% of the rate]", { step: "0.1", min: "0.1", value: "5" }),
-    element("button", { type: "submit", id: "plan-run", class: "primary" }, TRY));
+          ...input("rows", t("plan_rows"), { step: "any", min: "0.2", value: "3" }),
+          ...input("heading", t("plan_heading"), { step: "any", min: "-360", max: "360", value: "0" }),
+          ...input("spacing", t("plan_spacing"), { step: "any", min: "1", value: "10" }),
+          button(t("download_stops"), travelMap)))),
+    ...input("variation", t("plan_variation"), { step: "1", min: "1", max: "100", value: "12" }),
+    ...input("wanted", t("plan_wanted"), { step: "0.1", min: "0.1", value: "5" }),
+    element("button", { type: "submit", id: "plan-run", class: "primary" }, t("try")));
 }
 
 // The form begins with what the planner has; what an operator has typed stays.
 function prefill() {
   const now = settings();
-  fill("plan-strategy", sections.choices?.strategies ?? [], () => (sections.choices?.strategies ?? []).map(([key, label], index) => element("option", { value: key }, index ? label : `${label} (recommended)`)));
+  fill("plan-strategy", sections.choices?.strategies ?? [], () => (sections.choices?.strategies ?? []).map(([key, label], index) => element("option", { value: key }, index ? said(label) : t("recommended", { label: said(label) }))));
   if (now.hours === undefined) return;
   const [kind, amount] = now.dwell.split(":");
   const given = { hours: now.hours, strategy: now.strategy, dwell: kind, good: +(100 * now.until_sd).toPrecision(6) || "", gain: now.until_gain || "" };
@@ -181,36 +177,36 @@ function prefill() {
 function renderForm() {
   prefill();
   const about = (sections.choices?.strategies ?? []).find(([key]) => key === value("strategy"));
-  setText("plan-strategy-about", about?.[2] ?? "");
-  const dwell = DWELLS.find(([key]) => key === value("dwell")) ?? DWELLS[0];
-  setText("plan-dwell-about", dwell[2] ? "" : "Each stop is counted as long as it improves the map more than driving on.");
-  $("plan-dwell-part").hidden = !dwell[2];
-  if (dwell[2]) setText(document.querySelector("label[for=plan-dwell-by]"), dwell[2][0]);
-  if (dwell[2] && !value("dwell-by")) $("plan-dwell-by").value = dwell[2][1];
-  setText(document.querySelector("label[for=plan-good]"), `End when the map is as good as ± [% ${ofMoisture() ? "by volume" : "of the rate"}]`);
+  setText("plan-strategy-about", said(about?.[2] ?? ""));
+  const amount = DWELLS[value("dwell")];
+  setText("plan-dwell-about", amount ? "" : t("dwell_optimal_about"));
+  $("plan-dwell-part").hidden = !amount;
+  if (amount) setText(document.querySelector("label[for=plan-dwell-by]"), t(`dwell_by_${value("dwell")}`));
+  if (amount && !value("dwell-by")) $("plan-dwell-by").value = amount;
+  setText(document.querySelector("label[for=plan-good]"), t(ofMoisture() ? "plan_good_vwc" : "plan_good_rate"));
   const drives = value("drives");
   $("plan-drives-part").hidden = drives === "free";
   for (const name of ["rows", "heading"]) for (const node of [$(`plan-${name}`), document.querySelector(`label[for=plan-${name}]`)]) node.hidden = drives !== "rows";
-  setText("plan-drives-about", drives === "free" ? "On the field, the map of the navigation decides where the robot can stop." : "On the field, the map of the navigation decides: give it the file that you download here.");
+  setText("plan-drives-about", t(drives === "free" ? "drives_free_about" : "drives_stops_about"));
 }
 
 export function renderPlan() {
   const rows = checks(page.robot()), may = page.maySteer(), now = page.mission(), bad = rows.filter(([, level]) => level > 0).length;
-  setText("checks-about", bad ? `${bad} of ${rows.length} need a look.` : `All ${rows.length} checks are good.`);
-  fill("checks", rows, () => rows.map(([name, level, text, remedy]) => element("li", { "data-level": level }, element("b", {}, `${name}: `), text, ...(level && remedy ? [element("span", { class: "remedy" }, `To do: ${remedy}.`)] : []))));
+  setText("checks-about", bad ? t("checks_bad", { n: bad, all: rows.length }) : t("checks_good", { n: rows.length }));
+  fill("checks", rows, () => rows.map(([name, level, text, remedy]) => element("li", { "data-level": level }, element("b", {}, `${name}: `), text, ...(level && remedy ? [element("span", { class: "remedy" }, t("to_do", { remedy }))] : []))));
   renderOutline();
   renderFiles(files);
   renderKnown();
   renderForm();
   $("plan-run").disabled = busy || !may;
-  $("plan-run").textContent = busy ? "Simulating…" : may ? TRY : `${TRY}: only for who has the controls`;
+  $("plan-run").textContent = busy ? t("simulating") : may ? t("try") : `${t("try")}: ${t("only_holder")}`;
   $("forecast-part").hidden = !found;
   if (found) showForecast();
   const running = now?.running ?? null;
   fill("plan-start", [may, running, now?.ready === false && now.reason], () => {
     if (!may || !now) return [];
-    if (running) return [element("p", {}, "A mission is under way: time, strategy, dwell and ends change at once, the field and what is known before with the next mission."), button("Change the mission to this plan", use)];
-    return [slide("Slide to start with this plan", async () => { if (await use() && await page.ask("start")) page.open("survey"); }, "", now.ready === false ? now.reason : ""), button("Only keep this plan for the next start", use)];
+    if (running) return [element("p", {}, t("plan_running")), button(t("plan_change"), use)];
+    return [slide(t("plan_start"), async () => { if (await use() && await page.ask("start")) page.open("survey"); }, "", now.ready === false ? said(now.reason) : ""), button(t("plan_keep"), use)];
   });
 }
 
@@ -228,15 +224,15 @@ function needed(wanted) {
 
 function showForecast() {
   const wanted = number("wanted"), end = found.points.at(-1);
-  if (!end) { setText("forecast-text", "The time is too short for a map."); $("forecast-figures").hidden = true; fill("forecast-chart", [], () => []); return; }
+  if (!end) { setText("forecast-text", t("too_short")); $("forecast-figures").hidden = true; fill("forecast-chart", [], () => []); return; }
   const [s, beyond] = needed(wanted);
   $("forecast-figures").hidden = false;
-  setText("forecast-error", `± ${(100 * end[1]).toFixed(1)} %`); setText("forecast-stops", String(found.stops));
-  setText("forecast-way", found.distance_m < 1000 ? `${found.distance_m} m` : `${(found.distance_m / 1000).toFixed(1)} km`); setText("forecast-end", duration(found.ends_s));
-  setText("forecast-text", s === null ? `± ${wanted} % is not reached, even in four times the time.` : beyond ? `For ± ${wanted} % you need about ${duration(s)}, longer than planned.` : `For ± ${wanted} % you need ${duration(s)}.`);
-  setText("forecast-note", `From simulated missions on random fields of this outline, with ${found.rate_cps} counts/s that vary by ${Math.round(100 * found.variation)} %. Error: root mean square over the field.`);
+  setText("forecast-error", `± ${fixed(100 * end[1], 1)} %`); setText("forecast-stops", String(found.stops)); setText($("forecast-stops").nextElementSibling, t("stops", { n: found.stops }));
+  setText("forecast-way", found.distance_m < 1000 ? `${found.distance_m} m` : `${fixed(found.distance_m / 1000, 1)} km`); setText("forecast-end", duration(found.ends_s));
+  setText("forecast-text", t(s === null ? "wanted_never" : beyond ? "wanted_beyond" : "wanted_in", { error: wanted.toLocaleString(language), duration: duration(s) }));
+  setText("forecast-note", t("forecast_note", { rate: found.rate_cps.toLocaleString(language), variation: Math.round(100 * found.variation) }));
   fill("forecast-chart", [found.points, wanted], () => chart(found.points.map(([t, e]) => [t / 3600, 100 * e]), wanted, beyond ? null : s / 3600));
-  $("forecast-chart").setAttribute("aria-label", `Expected error of the map against time: ± ${(100 * end[1]).toFixed(1)} % after ${duration(end[0])}`);
+  $("forecast-chart").setAttribute("aria-label", `${t("forecast_chart")}: ± ${fixed(100 * end[1], 1)} %, ${duration(end[0])}`);
 }
 
 export function startPlan(given) {

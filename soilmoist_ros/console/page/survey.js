@@ -2,20 +2,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The survey: what the mission does, and what an operator may ask for.
 
+import { fixed, forPerson, language, languages, said, t } from "./texts.js";
 import { command, connect, connected, emergency, listen, lost, nowS, sections, takeControls, valuesAt } from "./link.js";
-import { draft, draw, fade, fit, load, mark, onPlace, showLayer, shownLayer, showRobot, zoom } from "./map.js";
+import { draft, draw, fade, fit, insideOf, load, mark, onPlace, showLayer, shownLayer, showRobot, zoom } from "./map.js";
 import { addCorner, drawingBar, dwellWords, know, renderPlan, showChoices, startPlan } from "./plan.js";
 import { renderResults, reportSince, showRuns, startResults } from "./results.js";
 import { $, button, duration, element, fill, metres, setText, slide } from "./widgets.js";
 
 const OLD_S = 10, GONE_S = 30, SNAP_M = 12, RETRY_MS = 1000, LOOK_MS = 5000;
-const SETTINGS = [
-  ["hours", "Time of the mission from its start [h]", { type: "number", step: "0.1", min: "0.1" }],
-  ["dwell", "How long to count at a stop"], ["strategy", "How stops are chosen"], ["target", "Which map is to be good"],
-];
+const SETTINGS = [["hours", { type: "number", step: "0.1", min: "0.1" }], ["dwell"], ["strategy"], ["target"]];
 const DWELLS = ["optimal", "fmi:30", "fmi:60", "fmi:120", "fmi:300", "ami:5%", "ami:3%", "ami:2%"];
-const TARGETS = [["vwc", "soil moisture"], ["rate", "neutron rate"]];
-const TABS = [["plan", "Plan"], ["survey", "Survey"], ["results", "Results"]];
+const TABS = ["plan", "survey", "results"];
 let tab = "survey", robot = "", place = null, picking = false, stopping = null, noticeTimer = 0, wasStale = "", wasPressed = false, report = {}, lookedMs = 0;
 
 const mission = () => sections[`mission/${robot}`];
@@ -23,15 +20,15 @@ const mayAsk = () => sections.viewer?.may_steer ?? false;  // has the controls, 
 const taken = () => mayAsk() && Boolean(sections.viewer.holder) && !sections.viewer.holds;
 const maySteer = () => connected() && mayAsk() && !taken();
 const heardAgo = () => nowS() - (sections.heard?.[`mission/${robot}`] ?? -Infinity);
-const holder = () => (sections.viewer.holder === "console" ? "Another device" : sections.viewer.holder);
+const holder = () => (sections.viewer.holder === "console" ? t("another_device") : said(sections.viewer.holder));
 const ended = () => mission()?.phase === "finished";
 const anyEmergency = () => (sections.robots ?? []).some((one) => sections[`mission/${one}`]?.emergency);
 
 // Why the state that is shown may be old; empty if it is not.
 function stale() {
   if (ended() || !mission()) return "";
-  if (lost()) return "No connection";
-  return heardAgo() > OLD_S && !sections.watch_only ? `Not heard for ${duration(Math.floor(heardAgo()))}` : "";
+  if (lost()) return t("no_connection");
+  return heardAgo() > OLD_S && !sections.watch_only ? t("not_heard_for", { duration: duration(Math.floor(heardAgo())) }) : "";
 }
 
 // Commands -----------------------------------------------------------------------------------------------------------
@@ -47,7 +44,7 @@ function notice(text, bad = false, ms = bad ? 15000 : 6000, ...more) {
 
 async function ask(verb, details = {}, to = robot) {
   const reply = await command(to, verb, details);
-  notice(reply.accepted ? reply.message : `Not done: ${reply.message}`, !reply.accepted);
+  notice(reply.accepted ? said(reply.message) : t("not_done", { why: said(reply.message) }), !reply.accepted);
   return reply.accepted;
 }
 
@@ -61,7 +58,7 @@ async function stop() {
     const reply = await emergency("stop");
     if (reply.acknowledged) { stopping = null; break; }
     const missing = (reply.missing ?? []).map((name) => name.replace("_", " ")).join(", ");
-    stopping.text = reply.error ?? `no answer from ${missing}`;
+    stopping.text = said(reply.error) || t("no_answer_from", { who: said(missing) });
     render();
     await new Promise((resolve) => { setTimeout(resolve, RETRY_MS); });
   }
@@ -69,13 +66,13 @@ async function stop() {
 }
 
 async function takeOver() {
-  notice(await takeControls() ? "You have the controls." : "The console did not answer.");
+  notice(t(await takeControls() ? "you_have_controls" : "no_answer"));
 }
 
 async function release() {
   stopping = null;
   const reply = await emergency("release");
-  if (!reply.acknowledged) notice(`STOP is still pressed: ${reply.error ?? "another button is pressed, or the planner does not answer"}`, true);
+  if (!reply.acknowledged) notice(t("still_pressed", { why: said(reply.error) || t("other_button") }), true);
 }
 
 // A place of the map ----------------------------------------------------------------------------------------------------
@@ -97,56 +94,48 @@ function octagon(radius) {
   return [...Array(8).keys()].map((n) => [place.x + radius * Math.cos((n + 0.5) * Math.PI / 4), place.y + radius * Math.sin((n + 0.5) * Math.PI / 4)]);
 }
 
-const percent = (share) => (100 * share).toFixed(1);
+const percent = (share) => fixed(100 * share, 1);
 
 function changeText(values) {
   const key = ["change_vwc", "change_rate"].find((one) => values[one] !== undefined);
   if (!key) return "";
-  const [say, unit] = key === "change_vwc" ? [percent, "% by volume"] : [(rate) => rate.toFixed(2), "counts/s"];
-  const sure = values.significant === 0 ? "may be chance" : "significant";
-  return `change ${values[key] < 0 ? "" : "+"}${say(values[key])} ± ${say(values[`${key}_sd`])} ${unit}, ${sure}`;
+  const [say, unit] = key === "change_vwc" ? [percent, t("unit_vwc")] : [(rate) => fixed(rate, 2), t("unit_rate")];
+  const sure = t(values.significant === 0 ? "chance" : "significant");
+  return `${t("change_of")} ${values[key] < 0 ? "" : "+"}${say(values[key])} ± ${say(values[`${key}_sd`])} ${unit}, ${sure}`;
 }
 
 function placeText(values) {
   if (values === undefined) return ["…", ""];
-  if (values === null) return ["The console did not answer", ""];
-  const change = changeText(values);
+  if (values === null) return [t("no_answer"), ""];
+  const change = changeText(values), rate = values.rate === undefined ? "" : `${fixed(values.rate, 2)} ± ${fixed(values.rate_sd, 2)} ${t("unit_rate")}`;
   if (values.vwc !== undefined) {
-    const range = values.vwc_p05 !== undefined ? `90 % between ${percent(values.vwc_p05)} and ${percent(values.vwc_p95)}` : "";
-    return [`${percent(values.vwc)} ± ${percent(values.vwc_sd)} % by volume`, [range, `rate ${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`, change].filter(Boolean).join("; ")];
+    const range = values.vwc_p05 !== undefined ? t("range_90", { low: percent(values.vwc_p05), high: percent(values.vwc_p95) }) : "";
+    return [`${percent(values.vwc)} ± ${percent(values.vwc_sd)} ${t("unit_vwc")}`, [range, `${t("layer_rate")} ${rate}`, change].filter(Boolean).join("; ")];
   }
-  if (values.rate !== undefined) return [`${values.rate.toFixed(2)} ± ${values.rate_sd.toFixed(2)} counts/s`, change];
-  return ["No value here yet", ""];
+  return rate ? [rate, change] : [t("no_value"), ""];
 }
 
 // Corners of an area without stops; as long as it is on the page, it can be lifted.
 async function ruleOut(polygon) {
   const to = robot;
   if (!(await ask("rule_out", { polygon }, to))) return false;
-  notice("No stop is chosen in this area any more.", false, 20000, button("Undo", () => ask("lift", { polygon }, to)));
+  notice(t("area_ruled_out"), false, 20000, button(t("undo"), () => ask("lift", { polygon }, to)));
   return true;
-}
-
-function insideOf(corners, x, y) {
-  return corners.reduce((inside, [ax, ay], index) => {
-    const [bx, by] = corners.at(index - 1);
-    return (ay > y) !== (by > y) && x < (bx - ax) * (y - ay) / (by - ay) + ax ? !inside : inside;
-  }, false);
 }
 
 // Why no stop can be at a place, empty if one can.
 function barred(x, y) {
   const field = sections.field;
-  if (!insideOf(field.boundary, x, y)) return "outside the field";
-  if (field.no_go.some((one) => insideOf(one, x, y))) return "in a no-go area";
+  if (!insideOf(field.boundary, x, y)) return t("outside_field");
+  if (field.no_go.some((one) => insideOf(one, x, y))) return t("in_no_go");
   return "";
 }
 
 function notMeasuring() {
   const now = mission();
-  if (!now?.running) return "no mission is under way";
-  if (now.phase === "returning") return "the robot drives home";
-  return (sections[`ruled_out/${robot}`] ?? []).some((one) => insideOf(one, place.x, place.y)) ? "in an area without stops" : "";
+  if (!now?.running) return t("no_mission");
+  if (now.phase === "returning") return t("drives_home");
+  return (sections[`ruled_out/${robot}`] ?? []).some((one) => insideOf(one, place.x, place.y)) ? t("in_ruled_out") : "";
 }
 
 function renderPlace() {
@@ -155,22 +144,22 @@ function renderPlace() {
   if (!place) return;
   const [value, more] = placeText(place.values);
   setText("place-value", value);
-  const where = `${place.x.toFixed(1)} m east, ${place.y.toFixed(1)} m north`;
+  const where = t("where", { east: fixed(place.x, 1), north: fixed(place.y, 1) });
   setText("place-more", [more, where].filter(Boolean).join(" · "));
   const bar = barred(place.x, place.y), why = bar || notMeasuring();
   fill("place-actions", [place.x, place.y, maySteer(), bar, why], () => {
     if (!maySteer()) return [];
     const target = place.node ? place.node.slice(2) : [place.x, place.y];
-    const name = place.node ? `Slide: measure at ${place.node[1]}` : "Slide: measure here", here = [place.x, place.y];
-    const dwell = element("input", { type: "number", min: 1, id: "place-dwell", placeholder: "as the mission decides" });
-    const size = element("select", { id: "place-size" }, ...[5, 10, 20, 40].map((m) => element("option", { value: m }, `${m} m around`)));
+    const name = place.node ? t("measure_at", { stop: place.node[1] }) : t("measure_here"), here = [place.x, place.y];
+    const dwell = element("input", { type: "number", min: 1, id: "place-dwell", placeholder: t("as_decided") });
+    const size = element("select", { id: "place-size" }, ...[5, 10, 20, 40].map((m) => element("option", { value: m }, t("around", { m }))));
     size.addEventListener("change", () => mark([place.x, place.y], octagon(Number(size.value))));
     return [
-      element("label", { for: "place-dwell" }, "Time at the stop [s]"), dwell,
+      element("label", { for: "place-dwell" }, t("dwell_by_fmi")), dwell,
       slide(name, async () => { if (await ask("measure", { place: target, dwell: dwell.value })) leave(); }, "", why),
-      element("label", { for: "place-size" }, "No stops in an area"), size,
-      slide("Slide: rule this area out", async () => { if (await ruleOut(octagon(Number(size.value)))) leave(); }, "", bar),
-      button("Make this place home", async () => { if (await ask("change", { place: here })) leave(); }, "", bar),
+      element("label", { for: "place-size" }, t("no_stops_in")), size,
+      slide(t("rule_out"), async () => { if (await ruleOut(octagon(Number(size.value)))) leave(); }, "", bar),
+      button(t("home_here"), async () => { if (await ask("change", { place: here })) leave(); }, "", bar),
     ];
   });
 }
@@ -187,16 +176,16 @@ function renderState() {
   const now = mission(), old = stale();
   document.body.classList.toggle("stale", Boolean(old));
   $("state").dataset.kind = old ? "unknown" : kindOf(now);
-  setText("headline", now ? `${old && `${old}. Last known: `}${now.headline}` : "Waiting for the planner");
-  let reason = now?.reason ?? "It has not been heard yet.";
-  if (now?.emergency) reason += now.stop_requests ? `. The robot is not known to stand (asked ${now.stop_requests} times)` : ". The robot stands";
+  setText("headline", now ? `${old && `${t("last_known", { why: old })} `}${headline(now)}` : t("waiting_for_planner"));
+  let reason = now ? [now.ended && now.phase === "finished" ? t(`ended_${now.ended}`) : "", said(now.reason)].filter(Boolean).join(": ") : t("never_heard");
+  if (now?.emergency) reason += `. ${now.stop_requests ? t("not_standing", { n: now.stop_requests }) : t("stands")}`;
   setText("reason", reason);
   const counting = now?.phase === "counting" || (now?.counts ?? 0) > 0 && now?.paused;
   $("counting").hidden = !counting;
   if (counting) {
-    setText("counts", String(now.counts));
-    setText("error", now.error_percent === null ? "–" : `± ${now.error_percent.toFixed(1)} %`);
-    setText("dwell", now.planned_dwell_s ? `${now.dwell_s} of ${now.planned_dwell_s} s` : `${now.dwell_s} s`);
+    setText("counts", String(now.counts)); setText($("counts").nextElementSibling, t("counts", { n: now.counts }));
+    setText("error", now.error_percent === null ? "–" : `± ${fixed(now.error_percent, 1)} %`);
+    setText("dwell", now.planned_dwell_s ? t("s_of", { s: now.dwell_s, of: now.planned_dwell_s }) : `${now.dwell_s} s`);
     $("progress").value = now.planned_dwell_s ? Math.min(1, now.dwell_s / now.planned_dwell_s) : 0;
     spark(sections[`count/${robot}`] ?? []);
   }
@@ -205,11 +194,31 @@ function renderState() {
   fill("actions", shown, () => actions(now));
 }
 
+// The state in a few words.
+function headline(now) {
+  if (now.emergency) return t(now.stop_requests ? "phase_emergency_asking" : "phase_emergency");
+  if (now.phase === "idle" && now.ready === false) return t("phase_not_ready");
+  const stop = now.stop?.[0] ?? t("a_stop"), text = t(`phase_${now.phase}`, { stop });
+  if (ended()) return `${text}: ${[t("n_stops", { n: now.stops }), now.forecast && spread(now.forecast)].filter(Boolean).join(", ")}`;
+  if (now.phase === "cancelling" && now.stop_requests > 1) return `${text}: ${t("asked", { n: now.stop_requests })}`;
+  return now.paused && now.needs_operator ? `${text}: ${t("needs_you")}` : text;
+}
+
+const hundredths = (share) => fixed(100 * share, share < 0.0995 ? 1 : 0);
+// Standard deviation of the map now.
+const spread = (one) => `±${hundredths(one.sd)} ${t(one.moisture ? "unit_vwc" : "unit_of_rate")}`;
+
+function forecastText(one) {
+  const end = one.end && t("forecast_at_end", { error: hundredths(one.end[1]), low: hundredths(one.end[2]), high: hundredths(one.end[3]), min: Math.round(one.end[0] / 60) });
+  const text = [t("forecast_now", { error: spread(one) }), end].filter(Boolean).join(", ");
+  return one.hidden === null ? text : `${text}; ${t("uniform", { error: Math.round(100 * one.hidden) })}`;
+}
+
 // Why the robot cannot be started, sent home, or skip a stop.
 function reasons(now) {
   return {
-    start: now.ready === false ? now.reason : "", home: now.settings?.home === "" ? "there is no home, set it below" : "",
-    skip: now.stop ? "" : "no stop is chosen yet",
+    start: now.ready === false ? said(now.reason) : "", home: now.settings?.home === "" ? t("no_home_below") : "",
+    skip: now.stop ? "" : t("no_stop_yet"),
   };
 }
 
@@ -223,27 +232,27 @@ async function lookForReport(at) {
 // What is left to do after a mission.
 function afterwards() {
   if (!ended()) return [];
-  if (!report.at || report.at !== sections[`ended/${robot}`]) return [button("No report yet: go to the results", () => showTab("results"))];
-  return [element("a", { class: "button", href: report.href, target: "_blank", rel: "noopener" }, `Open the report (${report.name})`)];
+  if (!report.at || report.at !== sections[`ended/${robot}`]) return [button(t("no_report"), () => showTab("results"))];
+  return [element("a", { class: "button", href: report.href, target: "_blank", rel: "noopener" }, t("open_report", { name: report.name }))];
 }
 
 const actions = (now) => [...afterwards(), ...commands(now)];
 
 function commands(now) {
   if (!now || sections.watch_only) return [];
-  if (lost()) return [element("p", {}, "No connection: nothing can be asked for. STOP is tried until it is acknowledged.")];
+  if (lost()) return [element("p", {}, t("nothing_can_be_asked"))];
   const why = reasons(now);
-  if (!mayAsk()) return [element("p", {}, "Read-only: open the address with the token that the console prints.")];
-  if (taken()) return [element("p", {}, `${holder()} has the controls.`)];
-  if (heardAgo() > GONE_S) return [element("p", {}, "The planner is not heard any more: it has ended, or the link to it is lost.")];
-  if (now.emergency) return [slide("Slide to release STOP", release, "danger")];
-  const end = slide("Slide to end the mission", () => ask("abort"), "danger");
-  if (!now.running) return [slide("Slide to start", () => ask("start"), "", why.start)];
-  const home = slide("Slide to drive home and end", () => ask("return_home"), "", why.home);
-  if (now.paused) return [slide("Slide to resume", () => ask("resume")), home, end];
-  if (now.phase === "returning") return [button("Pause", () => ask("pause"), "primary"), end];
+  if (!mayAsk()) return [element("p", {}, t("read_only"))];
+  if (taken()) return [element("p", {}, t("has_controls", { who: holder() }))];
+  if (heardAgo() > GONE_S) return [element("p", {}, t("planner_gone"))];
+  if (now.emergency) return [slide(t("slide_release"), release, "danger")];
+  const end = slide(t("slide_end"), () => ask("abort"), "danger");
+  if (!now.running) return [slide(t("slide_start"), () => ask("start"), "", why.start)];
+  const home = slide(t("slide_home"), () => ask("return_home"), "", why.home);
+  if (now.paused) return [slide(t("slide_resume"), () => ask("resume")), home, end];
+  if (now.phase === "returning") return [button(t("pause"), () => ask("pause"), "primary"), end];
   return [
-    element("div", { class: "buttons" }, button("Pause", () => ask("pause"), "primary"), button("Skip this stop", () => ask("skip"), "", why.skip)),
+    element("div", { class: "buttons" }, button(t("pause"), () => ask("pause"), "primary"), button(t("skip"), () => ask("skip"), "", why.skip)),
     home, end,
   ];
 }
@@ -259,17 +268,17 @@ function spark(counts) {
 function renderMission() {
   const now = mission();
   setText("used", duration(now?.used_s)); setText("left", duration(now?.left_s));
-  setText("stops", String(now?.stops ?? "–")); setText("distance", metres(now?.distance_m));
-  for (const id of ["forecast", "plan-forecast"]) setText(id, now?.forecast ? `Forecast of the map: ${now.forecast}` : "No forecast yet.");
-  setText("ends", now?.running && now.left_s ? `Ends in ${duration(now.left_s)} of mission time at the latest, way home included.` : "");
-  setText("last-command", now?.last_command ? `Last command: ${now.last_command}` : "");
+  setText("stops", String(now?.stops ?? "–")); setText($("stops").nextElementSibling, t("stops", { n: now?.stops })); setText("distance", metres(now?.distance_m));
+  for (const id of ["forecast", "plan-forecast"]) setText(id, now?.forecast ? t("forecast", { forecast: forecastText(now.forecast) }) : t("no_forecast"));
+  setText("ends", now?.running && now.left_s ? t("ends", { duration: duration(now.left_s) }) : "");
+  setText("last-command", now?.last_command ? t("last_command", { command: said(now.last_command) }) : "");
   renderHome(now);
   if (now?.settings?.dwell) renderChoices(now.settings);
   const ruled = sections[`ruled_out/${robot}`] ?? [];
   $("ruled-part").hidden = !ruled.length;
   fill("ruled", [ruled, maySteer()], () => ruled.map((polygon, index) => {
     const wide = Math.round(Math.max(...polygon.map(([x]) => x)) - Math.min(...polygon.map(([x]) => x)));
-    return element("li", {}, element("label", {}, `${index + 1}: ${wide} m across`), button("Show", () => mark(null, polygon)), button("Lift", () => ask("lift", { polygon }), "", maySteer() ? "" : "look on only"));
+    return element("li", {}, element("label", {}, t("across", { number: index + 1, m: wide })), button(t("show"), () => mark(null, polygon)), button(t("lift"), () => ask("lift", { polygon }), "", maySteer() ? "" : t("look_on")));
   }));
   const queue = now?.queue ?? [];
   $("queue-part").hidden = !queue.length;
@@ -279,7 +288,7 @@ function renderMission() {
     const up = button("↑", () => swap(index, index - 1)), down = button("↓", () => swap(index, index + 1));
     const remove = button("✕", () => order((next) => next.splice(index, 1)));
     up.disabled = !maySteer() || index === 0; down.disabled = !maySteer() || index === queue.length - 1; remove.disabled = !maySteer();
-    [[up, "earlier"], [down, "later"], [remove, "remove"]].forEach(([node, text]) => node.setAttribute("aria-label", `${name}: ${text}`));
+    [[up, "queue_up"], [down, "queue_down"], [remove, "queue_remove"]].forEach(([node, key]) => node.setAttribute("aria-label", `${name}: ${t(key)}`));
     return element("li", {}, name, up, down, remove);
   }));
   $("change").hidden = !maySteer();
@@ -288,29 +297,29 @@ function renderMission() {
 function renderHome(now) {
   const name = now?.settings?.home, begun = sections[`start/${robot}`];
   $("home-part").hidden = name === undefined;
-  setText("home", name ? `The robot drives to ${name} at the end.` : "There is no home: the robot stays where the mission ends.");
+  setText("home", name ? t("home_is", { name }) : t("home_none"));
   fill("home-actions", [begun, maySteer(), now?.running], () => (!maySteer() ? [] : [
-    button(now?.running ? "Home is where it started" : "Home is where it stands", () => ask("change", { place: begun }), "", begun ? "" : "not seen by this page"),
-    button("Tap home on the map", () => { picking = true; render(); }),
+    button(t(now?.running ? "home_start" : "home_stands"), () => ask("change", { place: begun }), "", begun ? "" : t("not_seen")),
+    button(t("home_tap"), () => { picking = true; render(); }),
   ]));
 }
 
 // What may be chosen instead of the present settings, in words.
 function renderChoices(now) {
-  const strategies = (sections.choices?.strategies ?? []).map(([key, text]) => [key, text]);
+  const strategies = (sections.choices?.strategies ?? []).map(([key, text]) => [key, said(text)]), targets = ["vwc", "rate"].map((key) => [key, t(`target_${key}`)]);
   const words = (list, key) => list.find(([one]) => one === key)?.[1] ?? key;
-  for (const [name, list] of [["dwell", DWELLS.map((key) => [key, dwellWords(key)])], ["strategy", strategies], ["target", TARGETS]]) {
+  for (const [name, list] of [["dwell", DWELLS.map((key) => [key, dwellWords(key)])], ["strategy", strategies], ["target", targets]]) {
     const present = name === "dwell" ? dwellWords(now[name]) : words(list, now[name]);
-    fill(`set-${name}`, [present, list], () => [["", `as it is: ${present}`], ...list].map(([key, text]) => element("option", { value: key }, text)));
+    fill(`set-${name}`, [present, list], () => [["", t("as_it_is", { name: present })], ...list].map(([key, text]) => element("option", { value: key }, text)));
   }
 }
 
 function settingsForm() {
-  const inputs = SETTINGS.map(([name, text, attributes]) => [name, text, element(attributes ? "input" : "select", { id: `set-${name}`, ...attributes })]);
-  $("settings").append(...inputs.flatMap(([, text, input]) => [element("label", { for: input.id }, text), input]), element("button", { type: "submit", class: "primary" }, "Change"));
+  const inputs = SETTINGS.map(([name, attributes]) => [name, element(attributes ? "input" : "select", { id: `set-${name}`, ...attributes })]);
+  $("settings").append(...inputs.flatMap(([name, input]) => [element("label", { for: input.id }, t(name)), input]), element("button", { type: "submit", class: "primary" }, t("change")));
   $("settings").addEventListener("submit", async (event) => {
     event.preventDefault();
-    const given = inputs.filter(([, , input]) => input.value.trim()).map(([name, , input]) => [name, input.type === "number" ? Number(input.value) : input.value.trim()]);
+    const given = inputs.filter(([, input]) => input.value.trim()).map(([name, input]) => [name, input.type === "number" ? Number(input.value) : input.value.trim()]);
     if (await ask("change", Object.fromEntries(given))) event.target.reset();
   });
 }
@@ -320,68 +329,69 @@ function settingsForm() {
 function renderAges() {
   const heard = sections.heard ?? {}, several = (sections.robots ?? []).length > 1;
   const rows = (sections.robots ?? []).flatMap((one) => {
-    const name = several ? one.replace("_", " ") : "robot";
-    return [[`${name} last heard`, heard[`mission/${one}`]], [several ? `${name}: position` : "position", heard[`fix/${one}`]]];
+    const name = several ? one.replace("_", " ") : t("robot");
+    return [[t("age_heard", { robot: name }), heard[`mission/${one}`]], [several ? `${name}: ${t("position")}` : t("position"), heard[`fix/${one}`]]];
   });
-  rows.push(["map", heard.map, true]);
+  rows.push([t("map"), heard.map, true]);
   const list = rows.map(([text, at, slow]) => {
     const age = at === undefined ? null : Math.max(0, nowS() - at);
     const old = !ended() && (age === null || (!slow && age > OLD_S));
-    return [text, age === null ? "never" : `${duration(Math.floor(age))} ago`, old];
+    return [text, age === null ? t("never") : t("ago", { duration: duration(Math.floor(age)) }), old];
   });
   fill("ages", list, () => list.map(([text, age, old]) => element("li", { "data-kind": old ? "old" : "" }, element("span", {}, text), element("b", {}, age))));
   const node = $("link"), first = heard[`mission/${robot}`], age = first === undefined ? null : Math.max(0, Math.floor(nowS() - first));
   const gone = lost(), over = ended();
   node.dataset.kind = over || !(gone || age === null || (age > OLD_S && !sections.watch_only)) ? "" : "lost";
-  node.textContent = over && (gone || sections.watch_only) ? "finished" : gone ? "connection lost" : age === null ? "robot not heard yet" : age <= 2 ? "live" : `robot last heard ${duration(age)} ago`;
+  node.textContent = over && (gone || sections.watch_only) ? t("link_finished") : gone ? t(heard.map === undefined && !sections.field ? "link_connecting" : "link_lost") : age === null ? t("link_unheard") : age <= 2 ? t("link_live") : t("link_heard", { duration: duration(age) });
   const alarm = $("alarm");
   const text = stopping?.text
-    ? `STOP WAS NOT ACKNOWLEDGED (${stopping.text}). Use the button on the robot. Trying again, ${stopping.tries} so far.`
-    : !sections.field ? "" : !gone ? unheard() : sections.watch_only ? "The simulation has ended." : over ? "The connection has ended, after the mission."
-    : "Connection to the console lost. The robot goes on by itself; STOP may not reach it.";
+    ? t("alarm_stop", { why: stopping.text, n: stopping.tries })
+    : !sections.field ? "" : !gone ? unheard() : sections.watch_only ? t("alarm_simulation_over") : over ? t("alarm_over")
+    : t("alarm_lost");
   if (alarm.textContent !== text) alarm.textContent = text;
   alarm.hidden = !text;
   alarm.classList.toggle("loud", Boolean(stopping?.text));
   alarm.classList.toggle("calm", !stopping && (over || Boolean(sections.watch_only)));
   const stop = $("stop");
   stop.dataset.kind = stopping ? "asking" : anyEmergency() ? "pressed" : "";
-  const word = stopping ? "STOPPING…" : anyEmergency() ? "STOP is pressed" : "STOP";
+  const word = t(stopping ? "stopping" : anyEmergency() ? "stop_pressed" : "stop");
   if (stop.textContent !== word) stop.textContent = word;
 }
 
-const unheard = () => (mission()?.running && heardAgo() > GONE_S ? `The robot has not been heard for ${duration(Math.floor(heardAgo()))}. It goes on by itself; STOP may not reach it.` : "");
+const unheard = () => (mission()?.running && heardAgo() > GONE_S ? t("alarm_unheard", { duration: duration(Math.floor(heardAgo())) }) : "");
 
 function renderHealth() {
   const parts = sections.health ?? [], well = parts.filter((part) => !part.level);
-  const row = (part) => element("li", { "data-level": part.level }, element("b", {}, `${part.name.replace(/^\//, "")}: `), part.message);
+  const row = (part) => element("li", { "data-level": part.level }, element("b", {}, `${said(part.name.replace(/^\//, ""))}: `), said(part.message));
   fill("health", parts.filter((part) => part.level), () => parts.filter((part) => part.level).map(row));
   $("well-part").hidden = !well.length;
-  setText("well-about", stale() || lost() ? `Not known now; ${well.length} parts worked when last heard` : `${well.length === parts.length ? "All well: " : ""}${well.length} of ${parts.length} parts work`);
+  setText("well-about", t(stale() || lost() ? "well_unknown" : well.length === parts.length ? "well_all" : "well_some", { n: well.length, all: parts.length }));
   fill("well", well, () => well.map(row));
 }
 
-const figure = (value, one) => value === null ? "–" : value.toFixed(one.unit.startsWith("%") ? 1 : 2).replace("-", "−");
+const unitOf = (key) => (key.includes("vwc") ? "unit_vwc" : "unit_rate");
+const figure = (value, one) => value === null ? "–" : fixed(value, unitOf(one.key) === "unit_vwc" ? 1 : 2).replace("-", "−");
 
 function renderMap() {
   const about = sections.map;
   const layers = about?.layers ?? [];
   load();
   fill("layers", [layers.map((one) => one.key), shownLayer()], () => layers.map((one) => {
-    const node = button({ vwc: "Moisture", vwc_sd: "± Moisture", rate: "Rate", rate_sd: "± Rate", change_vwc: "Change", change_rate: "Change" }[one.key] ?? one.title, () => { showLayer(one.key); render(); });
+    const node = button(t(`short_${one.key}`), () => { showLayer(one.key); render(); });
     node.setAttribute("aria-pressed", String(one.key === shownLayer()));
     return node;
   }));
   const one = layers.find((each) => each.key === shownLayer());
   $("fade-part").hidden = !sections.background?.version;
   $("photo-error").hidden = !sections.background?.error;
-  setText("photo-error", sections.background?.error ? `No photo: ${sections.background.error}` : "");
+  setText("photo-error", sections.background?.error ? t("no_photo", { why: said(sections.background.error) }) : "");
   $("legend").hidden = !one && Boolean(sections.field) === false;
   fill("legend", one ?? "none", () => {
-    if (!one) return [element("span", {}, "No map yet: it begins with the first samples")];
+    if (!one) return [element("span", {}, t("no_map"))];
     const bar = element("canvas", { width: 190, height: 1 }), pen = bar.getContext("2d"), shade = pen.createLinearGradient(0, 0, 190, 0);
     one.colours.forEach((colour, index) => shade.addColorStop(index / (one.colours.length - 1), colour));
     pen.fillStyle = shade; pen.fillRect(0, 0, 190, 1);
-    return [element("div", {}, `${one.title} [${one.unit}]`), bar, element("div", { class: "row" }, element("span", {}, figure(one.limits[0], one)), element("span", {}, `mean ${figure(one.mean, one)}`), element("span", {}, figure(one.limits[1], one))), ...(one.note ? [element("div", {}, one.note)] : [])];
+    return [element("div", {}, `${t(`layer_${one.key}`)} [${t(unitOf(one.key))}]`), bar, element("div", { class: "row" }, element("span", {}, figure(one.limits[0], one)), element("span", {}, t("mean", { value: figure(one.mean, one) })), element("span", {}, figure(one.limits[1], one))), ...(one.key.startsWith("change") ? [element("div", {}, t("change_note"))] : [])];
   });
   draw();
 }
@@ -392,7 +402,7 @@ function renderMapbar() {
   document.body.classList.toggle("onmap", on);
   $("mapbar").hidden = !on;
   if (!on) return;
-  const [text, ...buttons] = picking ? ["Tap where home is.", button("Cancel", () => { picking = false; render(); })] : drawingBar();
+  const [text, ...buttons] = picking ? [t("tap_home"), button(t("cancel"), () => { picking = false; render(); })] : drawingBar();
   setText("mapbar-text", text);
   fill("mapbar-buttons", [picking, text], () => buttons);
 }
@@ -407,8 +417,8 @@ async function onMap(at) {
 function renderSteer() {
   $("steer").hidden = !taken();
   fill("steer", [sections.viewer, taken()], () => (!taken() ? [] : [
-    element("p", {}, `${holder()} has the controls. STOP works for everybody.`), slide("Slide to take over the controls", takeOver)]));
-  if (wasPressed && !anyEmergency() && !lost()) notice("STOP is released. Nothing moves before somebody resumes.", false, 20000);
+    element("p", {}, `${t("has_controls", { who: holder() })} ${t("stop_for_all")}`), slide(t("slide_take"), takeOver)]));
+  if (wasPressed && !anyEmergency() && !lost()) notice(t("stop_released"), false, 20000);
   wasPressed = lost() ? wasPressed : anyEmergency();
 }
 
@@ -416,13 +426,13 @@ function renderFrame() {
   const robots = sections.robots ?? [];
   if (!robots.includes(robot) && robots.length) robot = robots[0];
   showRobot(robot);
-  setText("field", sections.field?.name ?? "Survey");
+  setText("field", sections.field?.name ?? t("tab_survey"));
   $("dose").hidden = !sections.dose || tab !== "survey";
-  setText("dose", sections.dose ?? "");
+  setText("dose", said(sections.dose ?? ""));
   const only = sections.watch_only ?? "";
   for (const id of ["stop", "health-part", "who-part"]) $(id).hidden = Boolean(only);
   $("watch-only").hidden = !only;
-  setText("watch-only-text", only);
+  setText("watch-only-text", said(only));
   $("robots").hidden = robots.length < 2;
   fill("robots", [robots, robot], () => robots.map((one) => {
     const node = button(one.replace("_", " "), () => { robot = one; render(); });
@@ -432,7 +442,7 @@ function renderFrame() {
 }
 
 function showTab(name) {
-  tab = TABS.some(([one]) => one === name) ? name : "survey";
+  tab = TABS.includes(name) ? name : "survey";
   picking = false;
   document.querySelector("main").dataset.tab = tab;
   $("plan").hidden = tab !== "plan"; $("results").hidden = tab !== "results"; $("panel").hidden = tab !== "survey";
@@ -444,9 +454,9 @@ function showTab(name) {
 }
 
 function renderTabs() {
-  const tabs = TABS.filter(([name]) => !sections.watch_only || name !== "plan");
-  fill("tabs", [tab, tabs.length], () => tabs.map(([name, text]) => {
-    const node = button(text, () => showTab(name));
+  const tabs = TABS.filter((name) => !sections.watch_only || name !== "plan");
+  fill("tabs", [tab, tabs.length], () => tabs.map((name) => {
+    const node = button(t(`tab_${name}`), () => showTab(name));
     node.setAttribute("aria-pressed", String(name === tab));
     return node;
   }));
@@ -461,6 +471,9 @@ function renderGuide() {
 
 function render() { renderGuide(); renderTabs(); renderFrame(); renderSteer(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderMapbar(); renderPlace(); }
 
+document.title = t("title");
+$("language").append(...Object.entries(languages).map(([code, name]) => element("option", { value: code, selected: code === language, title: name }, code.toUpperCase())));
+$("language").addEventListener("change", () => { localStorage.setItem("language", $("language").value); location.reload(); });
 $("stop").addEventListener("click", stop);
 $("place-close").addEventListener("click", leave);
 $("zoom-in").addEventListener("click", () => zoom(1.4));

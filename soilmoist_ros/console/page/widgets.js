@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Small parts of the page.
 
+import { fixed, t } from "./texts.js";
+
 export const $ = (id) => document.getElementById(id);
 
 export function element(tag, attributes = {}, ...children) {
@@ -66,4 +68,4 @@ export function duration(seconds) {
   return minutes < 90 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")}`;
 }
 
-export const metres = (value) => (value === null || value === undefined ? "–" : value < 1000 ? `${value} m` : `${(value / 1000).toFixed(2)} km`);
+export const metres = (value) => (value === null || value === undefined ? "–" : value < 1000 ? `${value} m` : `${fixed(value / 1000, 2)} km`);

@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
+// Texts in the operator's language: en.json, and a file for each other one. What a language lacks is English.
+
+const root = document.documentElement;
+export const languages = JSON.parse(root.dataset.languages);  // names by code, written by the server
+const wanted = [localStorage.getItem("language"), ...navigator.languages.flatMap((one) => [one, one.split("-")[0]])];
+export const language = wanted.find((one) => one in languages) ?? "en";
+root.lang = language;
+
+const read = async (name) => { try { return await (await fetch(`page/${name}.json`)).json(); } catch { return { texts: {} }; } };
+const [own, english] = await Promise.all([read(language), language === "en" ? {} : read("en")]);
+const plurals = new Intl.PluralRules(language);
+let person = false;
+
+// A number with the decimal sign of the language.
+export const fixed = (value, digits) => value.toLocaleString(language, { minimumFractionDigits: digits, maximumFractionDigits: digits, useGrouping: false });
+
+const found = (texts, key) => (person ? texts?.[`${key}@person`] : undefined) ?? texts?.[key];
+export const has = (key) => found(own.texts, key) !== undefined;
+
+// A text with values in it; the value "n" chooses between singular and plural.
+export function t(key, values = {}) {
+  const words = found(own.texts, key) ?? found(english.texts, key) ?? key;
+  const text = typeof words === "string" ? words : words[plurals.select(values.n)] ?? words.other;
+  return text.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "");
+}
+
+// The texts of index.html: content, names for screen readers, titles.
+export function fillTexts() {
+  for (const [name, set] of [["text", (node, text) => { node.textContent = text; }], ["label", (node, text) => node.setAttribute("aria-label", text)], ["title", (node, text) => { node.title = text; }]]) {
+    for (const node of document.querySelectorAll(`[data-${name}]`)) set(node, t(node.dataset[name]));
+  }
+}
+
+// Sentences that come from elsewhere: a language has their English forms, with {} for what varies, and its own words.
+const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
+const rules = [own, english].flatMap((texts) => Object.entries(texts.sentences ?? {})).map(([form, words]) => {
+  const [template, kind] = form.split("@");
+  return { pattern: new RegExp(`^${template.split("{}").map(escaped).join("(.+?)")}$`), words, kind, length: form.length };
+}).sort((one, other) => other.length - one.length);
+const decimal = (1.5).toLocaleString(language)[1];
+let known = new Map();
+
+// A sentence in the operator's language as far as it has words for it, part by part; the rest stays English.
+export function said(text) {
+  if (!text || !rules.length) return text ?? "";
+  if (known.size > 500) known = new Map();
+  if (!known.has(text)) known.set(text, translated(text));
+  return known.get(text);
+}
+
+function translated(text) {
+  for (const { pattern, words, kind } of rules) {
+    const parts = kind && !person ? null : pattern.exec(text);
+    if (parts) return words.replace(/\{(\d+)\}/g, (_, index) => said(parts[index]));
+  }
+  for (const gap of ["; ", ": ", ". ", ", "]) {
+    const at = text.indexOf(gap);
+    if (at > 0) return said(text.slice(0, at)) + gap + said(text.slice(at + gap.length));
+  }
+  return /^[±+-]?\d+\.\d+$/.test(text) ? text.replace(".", decimal) : text;
+}
+
+// "@person" marks texts for a survey whose sensor a person carries.
+export function forPerson(is) {
+  if (person === is) return;
+  person = is;
+  known = new Map();
+  fillTexts();
+}
+
+fillTexts();
