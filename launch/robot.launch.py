@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A survey with the robot: recorder, mapper, planner and sensor driver.
+"""A survey with the robot: recorder, mapper, planner, sensor driver and watchdog.
 
     ros2 launch soilmoist_ros robot.launch.py field:=my_field.yaml site:=my_site.yaml params_file:=my_robot.yaml
 
@@ -21,6 +21,7 @@ from launch_ros.actions import Node
 
 from soilmoist_ros.exploration.planning.properties import property_weights
 from soilmoist_ros.nodes.launching import (
+    SIMULATED_SILENT_S,
     TOPICS,
     LastWords,
     enclave,
@@ -33,6 +34,7 @@ from soilmoist_ros.nodes.launching import (
     remappings,
     with_empty_lists,
 )
+from soilmoist_ros.nodes.planner_parameters import PERSON
 from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.recording.map_sources import open_session
 
@@ -134,6 +136,10 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     values = {
         name: parameters_from(name, arguments) for name in ("recorder", "mapper", "planner", "sensor_driver")
     }
+    if arguments["navigator"] != PERSON:
+        by_pose = arguments["navigator"] == "goal_pose"
+        values["watchdog"] = {"pose_action": arguments["action_name"] or "navigate_to_pose"} if by_pose else {}
+        values["watchdog"] |= {"silent_s": SIMULATED_SILENT_S} if flag("use_sim_time") else {}
     if flag("console"):
         values["console"] = parameters_from("console", arguments)
         values["console"] |= {"runs": arguments["out"]} if arguments["out"] else {}

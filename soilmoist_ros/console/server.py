@@ -119,6 +119,7 @@ class ConsoleServer:
         self._onlookers: Counter[str] = Counter()
         self._asking: WeakSet[asyncio.Transport] = WeakSet()
         self._controls = Controls()
+        self.operators = 0  # open pages that may steer
         self._files, self._walks = files, walks
         self._background = background
         self._jobs: Jobs | None = None
@@ -301,6 +302,7 @@ class ConsoleServer:
         socket = self._web.WebSocketResponse(heartbeat=10.0, compress=True, max_msg_size=1024)
         await socket.prepare(request)
         self._viewers.add(socket)
+        self.operators += may_steer
         client = request.query.get("client", "")[:MAX_CLIENT]
         self._controls.connect(client)
         sender = asyncio.create_task(self._show(socket, client, may_steer))
@@ -309,6 +311,7 @@ class ConsoleServer:
                 pass
         finally:
             self._viewers.discard(socket)
+            self.operators -= may_steer
             self._controls.disconnect(client)
             sender.cancel()
         return socket

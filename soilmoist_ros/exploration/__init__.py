@@ -112,6 +112,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.navigation.goal_client import Request as Request
     from soilmoist_ros.exploration.navigation.goal_client import SendGoal as SendGoal
     from soilmoist_ros.exploration.navigation.goal_client import failure as failure
+    from soilmoist_ros.exploration.navigation.goal_client import goal_mark as goal_mark
     from soilmoist_ros.exploration.navigation.goal_client import progress as progress
     from soilmoist_ros.exploration.navigation.navigator import Ended as Ended
     from soilmoist_ros.exploration.navigation.navigator import Navigator as Navigator
@@ -193,7 +194,7 @@ __getattr__, __dir__, __all__ = open_door(
         "mission.state": "state_from_json",
         "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT OnSilence PUBLISHED_MIN_LAST_DWELL_S Phase Polygons READY Response STATUS_COUNTS STATUS_FLAGS STATUS_FLOATS TRIGGERS Verb status_health status_level",
         "mission.visit": "Visit VisitEnd",
-        "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure progress",
+        "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure goal_mark progress",
         "navigation.navigator": "Ended Navigator",
         "navigation.person": "PERSON_ENTRY_M PersonNavigator person_rules person_watch",
         "navigation.pose_client": "CancelAll PoseClient PoseRequest RobotTrack SendPose drivers",

@@ -122,6 +122,10 @@ class Console(Node):
         self._page = public or f"http://{reachable(host)}:{port}/"
         self.get_logger().info(f"console: {self._page}")
         self._show_token(access.token)
+        self._present = [
+            self.create_publisher(Bool, f"/{robot}/operator_present" if robot else "operator_present", SENSOR)
+            for robot in robots
+        ]
         every(self, SHOW_S, self._show_health)
 
     def close(self) -> None:
@@ -269,6 +273,9 @@ class Console(Node):
             for part, heard_s in self._health.values()
         ]
         self._board.put("health", health_view(parts))
+        if self._server.operators:  # silence says that nobody is there
+            for one in self._present:
+                one.publish(Bool(data=True))
 
     def _show_token(self, token: str) -> None:
         """Print the address that lets one visitor from another machine steer.

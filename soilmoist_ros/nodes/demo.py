@@ -104,6 +104,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
             **_given(others=several, properties=[f"{one.name}:{one.weight}" for one in mission.properties]),
             **simulated,
         }
+        nodes[node_name(robot, "watchdog")] = {"silent_s": 10.0}
     nodes["field_simulator"] = {
         "field": _absolute(mission.field_name),
         **_given(properties=[_absolute(one.field_name) for one in mission.properties]),

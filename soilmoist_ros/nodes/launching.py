@@ -25,6 +25,8 @@ TOPICS: Final = {
 """Launch arguments that name a topic of the robot: our name of the topic, and what is on it."""
 BAD_INPUT: Final = 2
 """Exit code of a node with bad input, or with a port or a journal that another process uses."""
+SIMULATED_SILENT_S: Final = 10.0
+"""Longest silence of the planner in simulations [s]: they run faster than time, and load the computer."""
 OF_LAUNCH: Final = ("emulate_tty", "launch-prefix", "launch-prefix-filter", "sigkill_timeout", "sigterm_timeout")
 """Arguments that ROS's launch itself reads."""
 _MAX_WORDS: Final = 4000

@@ -216,6 +216,17 @@ SENSOR_DRIVER: Final = (
     *SENSOR,
     row("autostart", True, "whether the driver configures and activates itself at the start"),
 )  # fmt: skip
+WATCHDOG: Final = (
+    row("pose_action", "", "action of which all goals are taken for the planner's, such as navigate_to_pose, "
+        "where the planner's navigator is goal_pose; goals that it sends itself are known"),
+    row("silent_s", 0.8, "longest time between two heartbeats of the planner, which come every 0.2 s", "s",
+        0.3, 60),
+    row("heartbeats", [], "further heartbeats (std_msgs/Bool) without which the robot must not drive, such as "
+        "/safety/heartbeat; one that is false, silent or missing cancels the goals"),
+    row("heartbeat_silent_s", 2.0, "longest time between two messages of one of heartbeats", "s", 0.1, 60),
+    row("heartbeat_out", "", "topic for others, such as /warning/heartbeat: true every second while the planner "
+        "is heard and nothing is cancelled; empty for none"),
+)  # fmt: skip
 DRIVER_SETTINGS: Final = ("logger_uri", "logger_format", "gnss_uri", "silence_limit_s", "fix_wait_s")
 """Parameters of the driver that are fields of :class:`DriverSettings`."""
 TABLES: Final = {
@@ -224,6 +235,7 @@ TABLES: Final = {
     "mapper": MAPPER,
     "recorder": RECORDER,
     "sensor_driver": SENSOR_DRIVER,
+    "watchdog": WATCHDOG,
 }
 
 

@@ -72,7 +72,7 @@ OF_OTHERS: Final = ("max_stamp_age_s", "max_stamp_ahead_s", "silence_limit_s")
 """Removed parameters of the planner that mapper or driver still have: only the planner warns of them."""
 _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
 _ROS_KINDS = {bool: "bool", int: "integer", float: "double", str: "string", list: "string_array"}
-NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver")
+NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver", "watchdog")
 """Modules with the tables of the nodes, of which a file for all nodes may have parameters."""
 MISSPELT = 0.85
 """Similarity to a parameter of the node, from 0 to 1, from which a name under ``/**`` is a misspelt one."""

@@ -85,6 +85,7 @@ class Planner(Node):
             settings=settings,
             rules=rules,
             home=self._values.text("home"),
+            start_delay_s=self._values.number("start_delay_s"),
             properties=properties,
             open_survey=partial(chosen_survey, self._values),
         )
@@ -142,6 +143,7 @@ class Planner(Node):
         self._control.tick()
         self._control.check()
         self._outputs.doubt(self._control.doubts())
+        self._outputs.beat(not self._control.stuck, self._control.about_to_move)
         if self._autostart and not self._control.missing() and not self._control.dangers:
             self._autostart = not self._control.command(Verb.START).accepted
         self.finished = self._outputs.all_done and self._values.flag("exit_when_finished")

@@ -16,7 +16,7 @@ from geometry_msgs.msg import Point, PoseWithCovarianceStamped
 from rclpy.node import Node
 from rclpy.task import Future
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 from msg_adapters import (
@@ -46,13 +46,14 @@ from soilmoist_ros.exploration import (
     Transform,
     parse_topological_map,
 )
-from soilmoist_ros.foundation import Health, InputError, read_json
+from soilmoist_ros.foundation import Health, InputError, foreign_text, read_json
 from soilmoist_ros.mapping import Field
 from soilmoist_ros.nodes.node_process import Soon
 from soilmoist_ros.nodes.parameters import Parameters, other_namespaces
 from soilmoist_ros.nodes.topics import (
     DEFAULT,
     LATCHED,
+    NO_EVENTS,
     RECORDS,
     SENSOR,
     TF,
@@ -115,6 +116,8 @@ class PlannerInputs:
 
         node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
         node.create_subscription(BatteryState, "battery_state", self._on_battery, SENSOR)
+        node.create_subscription(Bool, "operator_present", self._on_operator, SENSOR, event_callbacks=NO_EVENTS)
+        hear(DiagnosticStatus, "watchdog", self._on_watchdog)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
         for name in ("", *properties):
             below = f"{name}/" if name else ""
@@ -140,6 +143,17 @@ class PlannerInputs:
     def _on_battery(self, message: BatteryState) -> None:
         if (battery := battery_from_message(message)) is not None:
             self._control.battery(*battery)
+
+    def _on_operator(self, message: Bool) -> None:
+        if message.data:
+            self._control.watch.heard("operator", self._control.now_s())
+
+    def _on_watchdog(self, message: DiagnosticStatus) -> None:
+        watch = self._control.watch
+        watch.heard("watchdog", self._control.now_s())
+        watch.report(
+            Cause.WATCHDOG, foreign_text(message.message) if message.level == DiagnosticStatus.ERROR else ""
+        )
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         fault = logger_fault(diagnostics_from_message(message), self._node.get_namespace())

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import OccupancyGrid, Path
 from rclpy.node import Node
 from rclpy.task import Future
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -31,7 +31,7 @@ from soilmoist_ros.exploration import Fence, Finish, MissionStatus, Polygons, St
 from soilmoist_ros.foundation import Health, PlaneMove, foreign_text
 from soilmoist_ros.nodes.node_process import Soon
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, VISITS, interface_class, ros_now_s
+from soilmoist_ros.nodes.topics import DEFAULT, HEARTBEAT, LATCHED, VISITS, interface_class, ros_now_s
 from soilmoist_ros.sensing import DOUBTS, Doubt
 
 SAVE_LIMIT_S: Final = 120.0
@@ -55,6 +55,9 @@ class PlannerOutputs:
         self._markers = node.create_publisher(MarkerArray, "plan_markers", LATCHED)
         self._publish_visit, self._publish_state = self._typed_publishers()
         self._doubts = node.create_publisher(String, DOUBTS, VISITS)
+        self._beats = node.create_publisher(Bool, HEARTBEAT, DEFAULT)
+        self._warnings = node.create_publisher(Bool, "about_to_move", LATCHED)
+        self._warned: bool | None = None
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         services = ("mapper/save", *(f"{name}/mapper/save" for name in properties))
         self._saves = [node.create_client(Trigger, service) for service in services]
@@ -97,6 +100,13 @@ class PlannerOutputs:
         """Publish doubts about the place that have begun or ended."""
         for doubt in doubts:
             self._doubts.publish(String(data=doubt.to_text()))
+
+    def beat(self, good: bool, about_to_move: bool) -> None:
+        """Tell the watchdog that the planner works, and people when the robot will move."""
+        self._beats.publish(Bool(data=good))
+        if about_to_move != self._warned:
+            self._warned = about_to_move
+            self._warnings.publish(Bool(data=about_to_move))
 
     def diagnose(self, parts: list[Health]) -> None:
         """Publish the planner's health."""

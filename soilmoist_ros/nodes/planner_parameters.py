@@ -115,6 +115,8 @@ PARAMETERS: Final = (
         "stops that leave less are skipped", "s", 0.0),
     row("on_silence", "wait", "what to do when no record of a stop has come for records_old_s",
         choices=tuple(OnSilence)),
+    row("start_delay_s", 0.0, "time from the warning on the topic about_to_move, for a horn or beacon, to the "
+        "first motion after a start, a pause or a hold; 0 for no warning", "s", 0.0, 60.0),
     row("autostart", False, "start the mission as soon as position, map and navigation are there"),
     row("journal_dir", "", "folder of the mission's journal, to survive a crash; no journal if empty"),
     row("resume", "ask", "what to do with an interrupted mission: wait for resume or abort, resume it, or "

@@ -49,6 +49,9 @@ TF_STATIC: Final = _profile(100, latched=True)
 CLOCK: Final = _profile(1, reliable=False)
 """Simulated time: only the latest matters."""
 
+HEARTBEAT: Final = "planner/heartbeat"
+"""Topic of the planner's heartbeat (std_msgs/Bool); false if the planner itself finds that it is stuck."""
+
 
 # Types of interfaces: of the publishers of a topic, and those that are imported at run time ---------------------
 

@@ -295,7 +295,7 @@ class RealNodes:
         for name, path in files.items():
             (content,) = yaml.safe_load(path.read_text()).values()
             files[name] = write_parameters(
-                out, name, content["ros__parameters"] | more[name] | settings.more.get(name, {})
+                out, name, content["ros__parameters"] | more.get(name, {}) | settings.more.get(name, {})
             )
         return files
 

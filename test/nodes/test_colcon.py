@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-NODES = {"sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console"}
+NODES = {"sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console", "watchdog"}
 
 
 @pytest.fixture(scope="module")

@@ -332,9 +332,9 @@ def test_failsafe(watched, cause):
 
 
 def test_the_others_are_tested_where_they_are_found():
-    """TF is in test_planner_frames, a clock that is set in test_mission_control, the others in test_watching."""
+    """TF is in test_planner_frames, a clock that is set in test_mission_control, the rest in test_watching."""
     tested = {cause.__name__ for cause in CAUSES}
     assert {cause.value for cause in Cause} - tested == {
         "frame_mismatch", "clock_step", "fix_frozen", "in_no_go", "off_route", "far_off_route",
-        "other_robot",
+        "other_robot", "watchdog", "watchdog_silent", "operator_gone",
     }  # fmt: skip

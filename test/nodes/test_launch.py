@@ -77,7 +77,7 @@ def test_every_argument_is_described(path, monkeypatch):
 
 def test_the_robot_starts_the_recorder_first_and_leaves_all_parameters_alone(monkeypatch, seen, tmp_path):
     nodes = by_name(stand_in.start(ROBOT, monkeypatch, {}))
-    assert list(nodes) == ["recorder", "mapper", "planner", "sensor_driver"]
+    assert list(nodes) == ["recorder", "mapper", "planner", "sensor_driver", "watchdog"]
     for name, action in nodes.items():
         values = seen(action)
         if name == "planner":
@@ -222,7 +222,7 @@ def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_pa
             resolved[node.get_fully_qualified_name()] = [node.resolve_topic_name(name) for name in topics]
             node.destroy_node()
     ours = ["/gps/fix", "/r1/bms/state", "/r1/tf", "/crns/counts", "/r1/samples"]
-    for name in ("mapper", "planner", "sensor_driver", "console"):
+    for name in ("mapper", "planner", "sensor_driver", "console", "watchdog"):
         assert resolved.pop(f"/r1/{name}") == ours
     # The recorder subscribes to what it finds; the counts of another property are not those of the robot.
     recorder = ["/r1/fix", "/r1/battery_state", "/r1/tf", "/r1/counts", "/r1/samples"]
@@ -236,7 +236,7 @@ def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_pa
 
 def test_nothing_is_recorded_without_record_and_all_ends_with_the_mission_if_wished(monkeypatch):
     nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"record": "false", "exit_when_finished": "true"}))
-    assert list(nodes) == ["mapper", "planner", "sensor_driver"]
+    assert list(nodes) == ["mapper", "planner", "sensor_driver", "watchdog"]
     assert isinstance(ended(nodes["planner"])[0], stand_in.Shutdown)
     assert ended(nodes["mapper"]) == []
     assert all(ended(nodes["planner"], code) == [] for code in (1, -9, -11)), "one that crashed starts again"
@@ -396,7 +396,7 @@ def test_several_simulated_robots_share_mapper_recorder_and_clock(monkeypatch, s
     values = {found["node"]: found for one in actions for found in [seen(one)]}
     assert set(values) == {
         "/recorder", "/mapper", "/rough/mapper", "/field_simulator", "/console",
-        *(f"/robot_{number}/{node}" for number in (1, 2) for node in ("planner", "sensor_driver")),
+        *(f"/robot_{number}/{node}" for number in (1, 2) for node in ("planner", "sensor_driver", "watchdog")),
     }  # fmt: skip
     assert (values["/field_simulator"]["robots"], values["/field_simulator"]["ports_file"]) == (2, "")
     assert values["/console"]["robots"] == ["/robot_1", "/robot_2"]

@@ -227,6 +227,7 @@ SHOWN = {
     "planner": 'strategy (string, default "gcb", greedy | monte_carlo',
     "recorder": "keep_gb (double, default 0.0, in GB, >= 0)",
     "sensor_driver": "silence_limit_s (double, default 35.0, in s,",
+    "watchdog": "silent_s (double, default 0.8, in s, 0.3 to 60",
 }
 
 

@@ -21,7 +21,7 @@ from soilmoist_ros.nodes.parameters import Parameter, Parameters, check_values
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 SCRIPT = ROOT / "scripts" / "parameter_tables"
-NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console")
+NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console", "watchdog")
 
 
 @pytest.fixture(scope="module")

@@ -41,7 +41,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 class Planning:
     """A planner process and its messages."""
 
-    def __init__(self, ros, folder, namespace="", remaps=(), **params):
+    def __init__(self, ros, folder, namespace="", remaps=(), executable="planner", **params):
         self.ros, self.namespace = ros, namespace
         (folder / "field.yaml").write_text(FIELD)
         given = {
@@ -50,7 +50,7 @@ class Planning:
             "strategy": "greedy", "arrival_radius_m": 2.0, "fix_frozen_s": 0.0, **params,
         }  # fmt: skip
         self.messages = ros.collect(DiagnosticStatus, f"{namespace}/mission", LATCHED)
-        self.process = ros.start("planner", params=given, namespace=namespace, remaps=remaps)
+        self.process = ros.start(executable, params=given, namespace=namespace, remaps=remaps)
 
     @property
     def status(self):

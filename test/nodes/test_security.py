@@ -39,14 +39,20 @@ USED = {
     "mapper": [FIELD],
     "planner": [{**FIELD, **navigation} for navigation in PLANNERS],
     "recorder": [{}],
+    "watchdog": [{"silent_s": 0.8}],
     "console": [{**FIELD, "port": 0}],
     "field_simulator": [
         {**FIELD, "logger_port": 0, "gnss_port": 0, "scenario": scenario} for scenario in ("", "thorvald")
     ],
 }  # fmt: skip
 """Parameters with which a node makes all its topics and services."""
-ON_A_ROBOT = {("planner", "client"): {"/toLL"}}
-"""What a node uses where robot_localization knows the datum."""
+_ACTIONS = ("navigate_to_pose", "topological_navigation")
+ON_A_ROBOT = {
+    ("planner", "client"): {"/toLL"},
+    ("watchdog", "client"): {f"/{name}/_action/cancel_goal" for name in _ACTIONS},
+    ("watchdog", "subscriber"): {f"/{name}/_action/status" for name in _ACTIONS},
+}
+"""What a node uses where robot_localization knows the datum, or a navigation is there."""
 
 
 SEE_ALL = ("operator", "r1/console")

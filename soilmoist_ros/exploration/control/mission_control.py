@@ -43,7 +43,7 @@ from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import SDS, Mission
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator, in_frame
+from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator, Outcome, in_frame
 from soilmoist_ros.exploration.navigation.pose_client import MAX_AGE_S
 from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
@@ -69,6 +69,8 @@ RECORD_STAMP = "record_stamp_s"
 _DECISIONS = (Verb.START, Verb.RESUME, Verb.ABORT, Verb.SKIP, Verb.RETURN)
 """Commands after which a mission that was interrupted is an ordinary one again."""
 
+_STUCK_PLANS = 1.25
+"""Multiple of the longest wait for a plan after which the thread that makes it counts as stuck."""
 _log = logging.getLogger(__name__)
 
 
@@ -103,6 +105,7 @@ class MissionSetup:
     rules: MissionRules  # rules of the mission, without its home
     home: str = ""  # name of the stop to return to; empty to stay at the last stop
     map_wait_s: float = 20.0  # longest wait for the map before a stop is chosen [s]
+    start_delay_s: float = 0.0  # time from the warning to the motion after a standstill by order [s]
     properties: Mapping[str, float] | None = None  # namespaces of further properties, and their weights
     open_survey: OpenSurvey | None = None  # opens what an operator chooses; ``None`` for no choice
 
@@ -142,6 +145,8 @@ class MissionControl:
         self._interrupted = ""
         self._last_command = "", math.nan
         self._has_place = self._resume_when_ready = False
+        self._start_delay_s, self._stood = setup.start_delay_s, True
+        self._announced: tuple[events.GoTo, float] | None = None
         self._start(mission or Mission(setup.rules))
         named = (PropertyMap(name, weight) for name, weight in (setup.properties or {}).items())
         self._queue = PlanningQueue(setup.map_wait_s, (OWN, *named))
@@ -241,6 +246,16 @@ class MissionControl:
     def _waiting_for(self) -> str:
         """Part of the navigation, or of its frame, that is missing; empty if nothing is."""
         return (self._frames.waiting_for if self._frames else "") or self.navigator.waiting_for
+
+    @property
+    def about_to_move(self) -> bool:
+        """True while people are warned that the robot will move, after a standstill by order."""
+        return self._announced is not None
+
+    @property
+    def stuck(self) -> bool:
+        """True if a stop is being chosen for far longer than the mission waits for it."""
+        return self._planning.busy_s > _STUCK_PLANS * self._mission.rules.plan_limit_s
 
     @property
     def dangers(self) -> str:
@@ -477,6 +492,10 @@ class MissionControl:
             found.insert(0, none_since(places.fix.time_s + offset_s))
         return found
 
+    def now_s(self) -> float:
+        """Time of the mission [s]."""
+        return self._clock.now_s()
+
     def second(self) -> None:
         """A second of steady time has passed: robots that are not heard are lost some day."""
         for name in self.team.pass_time(1.0):
@@ -497,6 +516,10 @@ class MissionControl:
                 self._feed.give(event)
             self._feed.give(events.Tick(self._clock.now_s()))
         state = self._mission.state
+        self._stood |= not state.under_way or state.phase is Phase.PAUSED
+        if self._announced is not None and self._clock.now_s() >= self._announced[1]:
+            (goal, _), self._announced = self._announced, None
+            self._go(goal)
         ready = state.phase is Phase.PAUSED and state.interrupted and self.watch.places.doubt is None
         if self._resume_when_ready and ready and not (self.missing() or state.hindrance):
             self.command(Verb.RESUME)  # a refused command would be written down five times a second
@@ -626,12 +649,20 @@ class MissionControl:
                 self._queue.ask(action, self._clock.now_s())
                 self._plan_if_due()
             case events.GoTo():
-                self._go(action)
+                announce, self._stood = self._stood and self._start_delay_s > 0, False
+                if announce:
+                    self._announced = action, self._clock.now_s() + self._start_delay_s
+                else:
+                    self._go(action)
             case events.StartCounting():
                 self._learn()
             case events.CancelGoal():
                 self._learned.give_up()
-                self.navigator.cancel(action.goal_id)
+                if self._announced is not None and self._announced[0].goal_id == action.goal_id:
+                    self._announced = None
+                    self.ended(Ended(action.goal_id, Outcome.CANCELED, "cancelled before it was sent"))
+                else:
+                    self.navigator.cancel(action.goal_id)
             case events.VisitDone(visit=visit):
                 self._journal.visit(visit)
                 self._outputs.visit(visit)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import logging
 import math
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -230,6 +231,12 @@ class PlanningThread:
         self._executor = executor or ThreadPoolExecutor(1, "planning")
         self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
         self._explorer: tuple[Terms, Explorer] | None = None
+        self._begun_s = math.nan  # steady time [s]; NaN while nothing is chosen
+
+    @property
+    def busy_s(self) -> float:
+        """Time for which the present choice has been made [s]; NaN without one."""
+        return time.monotonic() - self._begun_s
 
     def submit(self, job: PlanJob, terms: Terms) -> None:
         """Choose a stop; the answer follows in :meth:`answers`."""
@@ -247,7 +254,9 @@ class PlanningThread:
     def _choose(self, job: PlanJob, terms: Terms) -> None:
         if job.late:
             _log.warning("choosing the next stop without what was measured last: the mapper is late")
+        self._begun_s = time.monotonic()
         self._answers.put(answer(lambda: self._explorer_for(terms), job, terms.settings.needs_map))
+        self._begun_s = math.nan
         self._wake()
 
     def _explorer_for(self, terms: Terms) -> Explorer:

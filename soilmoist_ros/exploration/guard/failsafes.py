@@ -47,6 +47,9 @@ class Cause(StrEnum):
     COUNTS_STAMP = "counts_stamp"
     COUNTS_BAD = "counts_bad"
     OTHER_ROBOT = OTHER_ROBOT
+    WATCHDOG = "watchdog"
+    WATCHDOG_SILENT = "watchdog_silent"
+    OPERATOR_GONE = "operator_gone"
 
 
 @dataclass(frozen=True)
@@ -78,12 +81,14 @@ class WatchLimits:
     records_old_s: float = 60.0
     map_old_s: float = 300.0
     navigation_silent_s: float = 10.0
+    operator_gone_s: float = 10.0
     battery_low: float = 0.25
     battery_empty: float = 0.1
     battery_low_v: float = 0.0
     battery_empty_v: float = 0.0
     moving_m: float = 0.5  # motion without a goal: more than the noise of RTK, and less than a step
     counts_bad_s: float = 60.0  # time in which more than half of the records must be good: six records
+    watchdog_silent_s: float = 10.0  # it reports every second
     battery_silent_s: float = 60.0  # batteries report every second or every ten
     clear_s: float = 10.0  # time for which a cause must be over before its alarm ends: none flickers
     min_checks: int = 10  # checks without a message before silence counts: a busy computer first reads what came
@@ -122,6 +127,7 @@ LIMITS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "navigation_silent_s": (
             "s", "longest time without the navigation, or its feedback where that is regular"
         ),
+        "operator_gone_s": ("s", "longest time in a mission without an operator, once one was present"),
         "battery_low": ("", "charge from 0 to 1 below which the battery is low; 0 for no limit"),
         "battery_empty": ("", "charge from 0 to 1 below which the battery is empty; 0 for no limit"),
         "battery_low_v": ("V", "voltage below which the battery is low; 0 for no limit"),
@@ -274,6 +280,22 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "another robot is nearer than the limit while the robot drives, or is to drive first where both met",
             Response.HOLD,
             "the robot drives on by itself when the other one is away or stands; if both wait, move one of them",
+        ),
+        Cause.WATCHDOG: Failsafe(
+            "the watchdog has cancelled the goals: the planner was silent or stuck, or another heartbeat is bad",
+            Response.PAUSE,
+            "look at the robot, and at the entry watchdog of /diagnostics, then resume",
+        ),
+        Cause.WATCHDOG_SILENT: Failsafe(
+            "the watchdog was there, and has not been heard for 10 s",
+            Response.WARN,
+            "start the watchdog again: nothing stops the robot if the planner dies",
+        ),
+        Cause.OPERATOR_GONE: Failsafe(
+            "an operator's page or a dead man's switch was there, and nobody has been present for the limit",
+            Response.WARN,
+            "open the page, or hold the switch; with pause or hold the robot waits for somebody",
+            ("operator_gone_s",),
         ),
     }
 )

@@ -233,6 +233,10 @@ class Watch:
             self._map_stamp_s = stamp_s
             self._hear("map", now_s)
 
+    def heard(self, name: str, now_s: float) -> None:
+        """The watchdog (``watchdog``) or a present operator (``operator``) was heard."""
+        self._hear(name, now_s)
+
     def battery(self, now_s: float, charge: float, voltage_v: float) -> None:
         """The state of the battery has come."""
         if self._battery.take(now_s, charge, voltage_v):
@@ -340,6 +344,8 @@ class Watch:
             (Cause.FIX_OLD, "fix", True, limits.fix_old_s, "no plausible position for", no_fix),
             (Cause.RECORDS_OLD, "record", doing.under_way, limits.records_old_s, "no record for", fault),
             (Cause.MAP_OLD, "map", behind, limits.map_old_s, "the map has taken in no record for", ""),
+            (Cause.WATCHDOG_SILENT, "watchdog", doing.under_way, limits.watchdog_silent_s, "no watchdog for", ""),
+            (Cause.OPERATOR_GONE, "operator", doing.under_way, limits.operator_gone_s, "no operator for", ""),
         ):
             silent_s = self._silent_s(name, now_s) if missed else 0.0
             self.report(cause, f"{what} {silent_s:.0f} s{why}" if silent_s > limit_s else "")

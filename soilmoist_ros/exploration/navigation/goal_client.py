@@ -371,6 +371,11 @@ ENDED: Final = frozenset((4, 5, 6))  # states of a goal that has succeeded, was 
 _MARK, _PROCESS = 8, 12
 
 
+def goal_mark(client: str) -> bytes:
+    """Bytes with which the identities of a client's goals begin, by the name of the client."""
+    return hashlib.sha256(f"soilmoist_ros {client}".encode()).digest()[:_MARK]
+
+
 class ActionStatus:
     """Goals that the servers of an action list, by client.
 
@@ -384,7 +389,7 @@ class ActionStatus:
     """
 
     def __init__(self, client: str) -> None:
-        self._mark = hashlib.sha256(f"soilmoist_ros {client}".encode()).digest()[:_MARK]
+        self._mark = goal_mark(client)
         self._own = self._mark + uuid.uuid4().bytes[: _PROCESS - _MARK]
         self._sent = 0
         self._goals: dict[bytes, int] = {}

@@ -1,0 +1,204 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Cancels the goals of a planner that is silent or stuck: a program of its own, which outlives the planner."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Mapping, Set
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from action_msgs.msg import GoalStatusArray
+from action_msgs.srv import CancelGoal
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.client import Client
+from rclpy.node import Node
+from std_msgs.msg import Bool
+
+from soilmoist_ros.exploration import ACTIVE, goal_mark
+from soilmoist_ros.nodes.node_process import run
+from soilmoist_ros.nodes.parameter_tables import WATCHDOG as PARAMETERS
+from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.nodes.topics import DEFAULT, HEARTBEAT, LATCHED, NO_EVENTS, SENSOR, every
+
+__all__ = ["PARAMETERS", "Heartbeats", "Watchdog", "main"]
+
+TICK_S: Final = 0.05
+SHOW_S: Final = 1.0
+FIRST_S: Final = 5.0  # a planner that is there is heard this long after the start of the watchdog [s]
+AGAIN_S: Final = 0.3  # a goal that has not ended is cancelled again after this time [s]
+ALL_S: Final = 3.0  # where the planner's goals do not end, all of the navigation are cancelled after this time [s]
+RELEASE_S: Final = 2.0  # the watchdog lets go after this time without a fault and without a goal [s]
+ALL_GOALS: Final = bytes(16)  # identity that stands for all goals of an action, as action_msgs defines it
+STATUS: Final = "/_action/status"
+Goal = tuple[str, bytes]
+
+
+@dataclass
+class _Beat:
+    silent_s: float
+    heard_s: float = math.nan
+    good: bool = True
+
+    def fault(self, now_s: float) -> str:
+        if not self.good:
+            return "says that something is wrong"
+        silent_s = now_s - self.heard_s
+        return f"is silent: {silent_s:.1f} s" if silent_s > self.silent_s else ""
+
+
+class Heartbeats:
+    """Decides from heartbeats and goals when to cancel, at times of a steady clock.
+
+    It trips when a heartbeat is missing or bad while a goal drives the robot. Then it cancels every goal of the
+    planner, until all are over and the heartbeats are good for :data:`RELEASE_S`.
+
+    :param silent_s: longest time between two heartbeats of the planner [s]
+    :param others: those of other heartbeats, by topic [s]; one that was never heard is a fault
+    """
+
+    def __init__(self, silent_s: float, others: Mapping[str, float], now_s: float) -> None:
+        self._beats = {"": _Beat(silent_s), **{topic: _Beat(limit_s) for topic, limit_s in others.items()}}
+        for beat in self._beats.values():
+            beat.heard_s = now_s + FIRST_S
+        self._tripped_s = self._quiet_since_s = self._asked_s = -math.inf
+        self._ticked_s, self.tripped, self.reason, self.trips = now_s, False, "", 0
+
+    def hear(self, topic: str, good: bool, now_s: float) -> None:
+        """A heartbeat has come, with an empty topic for that of the planner."""
+        beat = self._beats[topic]
+        beat.heard_s, beat.good = now_s, good
+
+    def fault(self, now_s: float) -> str:
+        """What is wrong, in words; empty if nothing is."""
+        for topic, beat in self._beats.items():
+            if fault := beat.fault(now_s):
+                return f"{f'the heartbeat {topic}' if topic else 'the planner'} {fault}"
+        return ""
+
+    def tick(self, goals: Set[Goal], now_s: float) -> Set[Goal]:
+        """Time has passed; the goals to cancel now, with :data:`ALL_GOALS` of an action if they do not end.
+
+        :param goals: the planner's goals that drive the robot, by action and identity
+        """
+        slept_s, self._ticked_s = now_s - self._ticked_s, now_s
+        if slept_s > AGAIN_S:  # a busy computer: heartbeats wait to be read
+            for beat in self._beats.values():
+                beat.heard_s += slept_s
+        fault = self.fault(now_s)
+        if fault and goals and not self.tripped:
+            self.tripped, self.reason, self.trips = True, fault, self.trips + 1
+            self._tripped_s, self._asked_s = now_s, -math.inf
+        if not self.tripped:
+            return frozenset()
+        if fault or goals:
+            self._quiet_since_s = now_s
+        elif now_s - self._quiet_since_s >= RELEASE_S:
+            self.tripped = False
+        if not goals or now_s - self._asked_s < AGAIN_S:
+            return frozenset()
+        self._asked_s = now_s
+        if now_s - self._tripped_s < ALL_S:
+            return goals
+        return goals | {(action, ALL_GOALS) for action, _ in goals}
+
+
+class Watchdog(Node):
+    """Hears the heartbeats and the states of goals, and asks the navigation to cancel.
+
+    The goals of the planner begin with its mark, whichever action they are sent to.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("watchdog")
+        values = Parameters(self, PARAMETERS)
+        self._mark = goal_mark(f"{self.get_namespace().rstrip('/')}/planner")
+        poses = values.text("pose_action")
+        self._poses = self.resolve_service_name(poses) if poses else ""
+        others = dict.fromkeys(values.texts("heartbeats"), values.number("heartbeat_silent_s"))
+        self._beats = Heartbeats(values.number("silent_s"), others, time.monotonic())
+        self._states: dict[str, dict[bytes, int]] = {}
+        self._cancels: dict[str, Client] = {}
+        self._seen: set[str] = set()
+        self._said = False
+        self._shown = self.create_publisher(DiagnosticStatus, "watchdog", LATCHED)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
+        out = values.text("heartbeat_out")
+        self._out = self.create_publisher(Bool, out, DEFAULT) if out else None
+        self.create_subscription(Bool, HEARTBEAT, partial(self._on_beat, ""), DEFAULT)
+        for topic in others:  # best effort hears every publisher
+            self.create_subscription(Bool, topic, partial(self._on_beat, topic), SENSOR, event_callbacks=NO_EVENTS)
+        every(self, TICK_S, self._tick)
+        every(self, SHOW_S, self._show)
+        self._show()
+
+    def _look(self) -> None:
+        """Hear the goals of actions that have appeared, and forget those of a navigation that has died."""
+        for topic, kinds in self.get_topic_names_and_types():
+            action = topic.removesuffix(STATUS)
+            if action == topic or "action_msgs/msg/GoalStatusArray" not in kinds:
+                continue
+            if not self.count_publishers(topic):
+                self._states.pop(action, None)
+            elif action not in self._seen:
+                self._seen.add(action)
+                with contextlib.suppress(RuntimeError):  # security permits the actions that its policy names
+                    self._cancels[action] = self.create_client(CancelGoal, f"{action}/_action/cancel_goal")
+                    take = partial(self._on_goals, action)
+                    self.create_subscription(GoalStatusArray, topic, take, LATCHED, event_callbacks=NO_EVENTS)
+
+    def _on_beat(self, topic: str, message: Bool) -> None:
+        self._beats.hear(topic, message.data, time.monotonic())
+
+    def _on_goals(self, action: str, message: GoalStatusArray) -> None:
+        self._states[action] = {bytes(one.goal_info.goal_id.uuid): one.status for one in message.status_list}
+        self._tick()
+
+    def _tick(self) -> None:
+        goals = {
+            (action, goal)
+            for action, states in self._states.items()
+            for goal, state in states.items()
+            if state in ACTIVE and (goal.startswith(self._mark) or action == self._poses)
+        }
+        for action, goal in self._beats.tick(goals, time.monotonic()):
+            request = CancelGoal.Request()
+            request.goal_info.goal_id.uuid = list(goal)
+            self._cancels[action].call_async(request)
+        if self._beats.tripped != self._said:
+            self._said = self._beats.tripped
+            self._show()
+            said = (
+                f"{self._beats.reason}: the planner's goals are cancelled" if self._said else "all is well again"
+            )
+            self.get_logger().error(said)
+
+    def _show(self) -> None:
+        self._look()
+        beats, fault = self._beats, self._beats.fault(time.monotonic())
+        said = f"{beats.reason}: the planner's goals are cancelled; look at the robot"
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.ERROR if beats.tripped else DiagnosticStatus.OK,
+            name=f"{self.get_fully_qualified_name()}: watchdog",
+            message=said if beats.tripped else fault or "the planner is heard",
+            values=[KeyValue(key="trips", value=str(beats.trips)), KeyValue(key="last", value=beats.reason)],
+        )
+        self._shown.publish(status)
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(array)
+        if self._out is not None:
+            self._out.publish(Bool(data=not fault and not beats.tripped))
+
+
+def main() -> None:
+    """Run the watchdog."""
+    run(Watchdog)
+
+
+if __name__ == "__main__":
+    main()
