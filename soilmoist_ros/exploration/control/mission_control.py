@@ -552,7 +552,8 @@ class MissionControl:
     def close(self) -> None:
         """Stop the robot: nobody would know what to do when it arrives."""
         self._feed.close()
-        if self._mission.state.goal is not None:
+        announced, self._announced = self._announced, None
+        if self._mission.state.goal is not None and announced is None:
             self.navigator.cancel(self._mission.state.goal.goal_id)
         self._planning.close()
 

@@ -31,7 +31,15 @@ class Around(StandIn):
     """Robot, navigation, sensor, mapper and displays in one."""
 
     def __init__(
-        self, home="", dwell="fmi:30", strategy="greedy", steady=None, surveys=None, frames=None, **rules
+        self,
+        home="",
+        dwell="fmi:30",
+        strategy="greedy",
+        steady=None,
+        surveys=None,
+        frames=None,
+        delay_s=0.0,
+        **rules,
     ):
         self.time_s, self.goals, self.shown, self.saved = 0.0, [], [], []
         self.visits, self.measured = [], []
@@ -39,7 +47,8 @@ class Around(StandIn):
         opening = surveys and (lambda changes: surveys(changes, setup.settings))
         setup = square_setup(
             20, 2.0, strategy, settings={"seed": 0, "motion": RobotMotion()}, speed_mps=0.6, backoff_s=0.0,
-            more={"home": home, "open_survey": opening}, dwell=parse_dwell(dwell), **given,
+            more={"home": home, "open_survey": opening, "start_delay_s": delay_s},
+            dwell=parse_dwell(dwell), **given,
         )  # fmt: skip
         clock = MissionClock(self.now_s, steady, "boot")
         watch = Watch(WatchLimits(place=PlaceLimits(first_fixes=1)))  # one fix makes a place
@@ -173,6 +182,43 @@ def test_closing_stops_the_robot_and_nothing_follows():
     assert not around.control.command(Verb.RESUME).accepted
     assert around.status.phase is Phase.TRAVELLING
     assert around.goals[-1] == (goal_id, None)
+
+
+def test_people_are_warned_before_a_robot_moves_that_stood_by_order():
+    around = Around(delay_s=5.0, budget_s=3600.0)
+    around.begin()
+    assert (around.goals, around.control.about_to_move) == ([], True)
+    around.time_s += 4.9
+    around.control.tick()
+    assert around.goals == []
+    assert around.control.command(Verb.PAUSE).accepted
+    assert (around.status.phase, around.control.about_to_move) == (Phase.PAUSED, False)
+    around.time_s += 60.0
+    around.control.tick()
+    assert around.goals == [], "what was announced and cancelled is never sent"
+    assert around.control.command(Verb.RESUME).accepted
+    around.planned()
+    around.time_s += 5.0
+    around.control.tick()
+    [(_, stop)] = around.goals
+    assert stop == around.status.target
+    assert not around.control.about_to_move
+    around.arrive()
+    around.count()
+    around.map()
+    around.planned()
+    assert len(around.goals) == 2, "no warning between stops"
+    assert around.goals[-1][1] is not None
+    around.control.close()
+
+
+def test_closing_sends_nothing_that_was_only_announced():
+    around = Around(delay_s=5.0)
+    around.begin()
+    around.control.close()
+    around.time_s += 10.0
+    around.control.tick()
+    assert around.goals == []
 
 
 def test_of_two_robots_with_one_target_the_later_in_order_gives_way():

@@ -321,6 +321,28 @@ def test_a_dead_mapper():
     assert observed.overs == ["map_old"]
 
 
+@pytest.mark.parametrize(
+    ("name", "cause", "response"),
+    [("watchdog", "watchdog_silent", Response.WARN), ("operator", "operator_gone", Response.HOLD)],
+)
+def test_who_was_there_is_missed_in_a_mission_only(name, cause, response):
+    observed = Observed(doing=IDLE, responses={Cause.OPERATOR_GONE: Response.HOLD}).run(30)
+    observed.watch.heard(name, observed.now_s)
+    observed.run(30)
+    assert observed.alarms == []
+    observed.doing = MISSION
+    observed.watch.heard(name, observed.now_s)
+    observed.run(10)
+    assert observed.alarms == []
+    observed.run(1)
+    assert [(one.cause, one.response) for one in observed.events] == [(cause, response)]
+    observed.watch.heard(name, observed.now_s)
+    observed.run(9)
+    observed.watch.heard(name, observed.now_s)
+    observed.run(3)
+    assert observed.overs == [cause]
+
+
 def test_navigation_that_goes_away_with_a_goal():
     observed = Observed(doing=replace(MISSION, waiting_for="the navigation /nav")).run(100)
     assert observed.alarms == [], "nothing drives the robot"
