@@ -18,8 +18,7 @@ from ruamel.yaml import YAML
 
 import soilmoist_ros
 from soilmoist_ros.cli.main import COMMANDS, main
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.registry import STRATEGIES
+from soilmoist_ros.exploration import STRATEGIES, parse_dwell
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.lab.campaign_file import load_campaign, missions
 from soilmoist_ros.reporting.exports.registry import EXPORTS

@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 
-from soilmoist_ros.sensing.formats.logger_reader import read_log
-from soilmoist_ros.sensing.moisture.site import load_site
-from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.position.track_file import read_positions
-from soilmoist_ros.sensing.survey.logs import process_logs
+from soilmoist_ros.sensing import Track, load_site, process_logs, read_log, read_positions
 from virtual_survey import serpentine, simulate_log, stop_and_go, write_survey
 
 pytestmark = pytest.mark.slow  # the survey that all use takes long to make

@@ -35,8 +35,7 @@ from real_nodes import NodesSettings, RealNodes
 
 from rehearsal.cases import Faults, random_faults
 from rehearsal.judge import Kind, Violation
-from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.exploration.strategies.registry import BUILT_IN
+from soilmoist_ros.exploration import BUILT_IN, Phase
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.nodes.process_group import free_domain
 from soilmoist_ros.simulation.mission.settings import MissionSettings

@@ -20,10 +20,8 @@ import numpy as np
 import results
 
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.sensing import CountRecord, LoggerRecord, Site, parse_nmea
 from soilmoist_ros.sensing.checks.record_checks import Checked, RecordChecks
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.nmea import parse_nmea
-from soilmoist_ros.sensing.records import CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.survey import Survey
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
 from soilmoist_ros.simulation.robot.scenario import SensorFaults

@@ -17,8 +17,7 @@ from real_nodes import LIMIT_S, UNLIMITED, RealNodes
 
 from rehearsal.cases import OF_MOTION, Fault, Ground, Span
 from rehearsal.judge import Judge, Limits, Violation
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest
-from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
+from soilmoist_ros.exploration import MissionStatus, OperatorRequest, Phase, Verb
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.map_records import MapRecords

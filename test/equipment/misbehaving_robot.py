@@ -43,8 +43,7 @@ from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED
 from soilmoist_ros.recording.run_folder import write_parameters
-from soilmoist_ros.sensing.formats.robot_logger import TUBES, format_header, format_record
-from soilmoist_ros.sensing.records import LoggerRecord, Position
+from soilmoist_ros.sensing import TUBES, LoggerRecord, Position, format_header, format_record
 from soilmoist_ros.simulation.robot.simulated_links import LineServer
 from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences
 

@@ -45,17 +45,14 @@ from msg_adapters.environment import battery_to_message, diagnostics_from_messag
 from msg_adapters.mission import mission_from_message
 from msg_adapters.point_cloud import to_seconds
 from msg_adapters.soilmoist_types import reply_from_message, request_to_message, visit_from_message
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
-from soilmoist_ros.exploration.mission.types import MissionStatus
-from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration import MissionStatus, OperatorRequest, Reply, Visit
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
 from soilmoist_ros.nodes.process_group import ProcessGroup, loopback_environment
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, VISITS
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation import MissionSettings, surrogate_field
 
 Place = tuple[float, float]
 

@@ -14,8 +14,7 @@ from typing import Any
 from unittest.mock import patch
 
 from soilmoist_ros.nodes import field_simulator
-from soilmoist_ros.simulation import system
-from soilmoist_ros.simulation.system import Output, SimulatedRobot
+from soilmoist_ros.simulation import Output, SimulatedRobot, system
 
 
 class WitnessedRobot(SimulatedRobot):

@@ -7,8 +7,7 @@ import threading
 
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.workers import Batches, connect, cores, shared_work
+from soilmoist_ros.foundation import Batches, InputError, connect, cores, shared_work
 
 
 def test_without_processes_the_work_is_done_here():

@@ -61,21 +61,14 @@ from soilmoist_ros.exploration.mission.state import state_from_json
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
-from soilmoist_ros.foundation.errors import SoilmoistError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.foundation import LocalFrame, SoilmoistError, read_json
 from soilmoist_ros.lab.campaign_file import load_campaign
 from soilmoist_ros.lab.mission_store import DamagedMissionError, unpack
-from soilmoist_ros.mapping.covariates import CovariateSource, read_covariates
-from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping import CovariateSource, FieldGrid, load_field, read_covariates
+from soilmoist_ros.pipeline import ReplaySettings, read_run, replay_bag
 from soilmoist_ros.pipeline.bag_lines import fix_topic, logger_topic, read_fixes, text_lines
-from soilmoist_ros.pipeline.bag_map import ReplaySettings, replay_bag
-from soilmoist_ros.pipeline.earlier_runs import read_run
-from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.verify import bag_info, recover_bag
-from soilmoist_ros.recording.journal import ENTRIES, load_journal
-from soilmoist_ros.recording.stored_records import read_records
+from soilmoist_ros.recording import BagReader, bag_info, load_journal, read_records, recover_bag
+from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.reporting.opened_run import open_run
 from soilmoist_ros.sensing.corrections.intensity import read_neutron_monitor
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
@@ -84,8 +77,7 @@ from soilmoist_ros.sensing.moisture.cores import read_soil_cores
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.survey.stream import SensorStream
-from soilmoist_ros.simulation.fields.truth_file import load_surrogate
-from soilmoist_ros.simulation.robot.scenario import load_scenario
+from soilmoist_ros.simulation import load_scenario, load_surrogate
 
 LIMIT_S = 20.0
 RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60"))

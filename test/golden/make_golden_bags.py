@@ -27,18 +27,12 @@ from rclpy.serialization import serialize_message
 from msg_adapters.counts import counts_from_message, counts_to_message, line_to_message, samples_to_message
 from msg_adapters.mission import mission_to_message
 from msg_adapters.soil_map import soil_map_to_message
-from soilmoist_ros.exploration.mission.events import Action, Publish, RequestPlan
-from soilmoist_ros.exploration.mission.types import MissionStatus
+from soilmoist_ros.exploration import Action, MissionStatus, Publish, RequestPlan
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.pipeline.field_survey import open_survey
-from soilmoist_ros.recording.bag.metadata import Qos, Topic, find_definition
-from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.run_folder import write_parameters
-from soilmoist_ros.sensing.formats.logger_reader import parse_log
-from soilmoist_ros.sensing.position.nmea import parse_nmea
-from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.records import NAN, CountRecord
-from soilmoist_ros.sensing.survey.logs import process_logs
+from soilmoist_ros.recording import BagWriter, Qos, Topic, find_definition, write_parameters
+from soilmoist_ros.sensing import CountRecord, Track, parse_log, parse_nmea, process_logs
+from soilmoist_ros.sensing.records import NAN
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.surrogate_field import write_field_file, write_site_file
 from soilmoist_ros.simulation.mission import simulator as mission_simulator

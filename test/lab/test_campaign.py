@@ -17,22 +17,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from soilmoist_ros.foundation.configuration import resource, resource_names
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.lab import mission_store
-from soilmoist_ros.lab.campaign import (
-    CampaignInterrupted,
-    CampaignProgress,
-    Pace,
-    load_campaign,
-    mission_key,
-    missions,
-    run_campaign,
-)
+from soilmoist_ros.foundation import InputError, resource, resource_names
+from soilmoist_ros.lab import CampaignInterrupted, CampaignProgress, mission_store, run_campaign
+from soilmoist_ros.lab.campaign import Pace, load_campaign, mission_key, missions
 from soilmoist_ros.lab.mission_store import DamagedMissionError, pack, unpack
 from soilmoist_ros.lab.table import METRICS
-from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings
-from soilmoist_ros.simulation.mission.simulator import simulate_mission
+from soilmoist_ros.simulation import SETTINGS, MissionSettings, simulate_mission
 
 HERE = Path(__file__).resolve().parents[1] / "simulation"
 SMALL = """

@@ -9,10 +9,8 @@ import zipfile
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.border_file import BorderSource
-from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.mapping import BorderSource, load_field
 
 FRAME = LocalFrame(53.268, -0.5245)
 

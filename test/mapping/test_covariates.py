@@ -15,11 +15,9 @@ from hypothesis import strategies as st
 from pyproj import Transformer
 from rasterio.transform import Affine
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.mapping import Covariates, CovariateSource, FieldGrid, read_covariates, require_covariates
 from soilmoist_ros.mapping.covariate_files import OTHER, derivatives, filled_pits, indicators, upslope_area
-from soilmoist_ros.mapping.covariates import Covariates, CovariateSource, read_covariates, require_covariates
-from soilmoist_ros.mapping.grid import FieldGrid
 
 FRAME = LocalFrame(53.268, -0.5245)
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=2.0)

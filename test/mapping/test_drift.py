@@ -7,24 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.mapping.drift import (
-    MAX_SAMPLES,
-    MIN_PROBABILITY,
-    STILL,
+from soilmoist_ros.mapping import (
     Change,
     Changing,
     Drift,
+    FieldGrid,
+    FieldMap,
+    FieldMapSettings,
+    PoissonKriging,
+    Samples,
     TimedSamples,
-    _drift,
-    _Evidence,
-    find_change,
+    Variogram,
+    make_soil_map,
 )
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.samples import Samples
-from soilmoist_ros.mapping.soil_map import make_soil_map
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.drift import MAX_SAMPLES, MIN_PROBABILITY, STILL, _drift, _Evidence, find_change
 from soilmoist_ros.sensing.records import CountRecord
 
 VARIOGRAM = Variogram("matern32", nugget=0.01, range_m=20.0, sill=0.4)

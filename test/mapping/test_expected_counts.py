@@ -11,12 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
+from soilmoist_ros.mapping import FieldGrid, FieldMap, Samples, Skip, Variogram
 from soilmoist_ros.mapping.expected_counts import MIN_SAMPLES, Expectation, ExpectedCounts
-from soilmoist_ros.mapping.field_map import FieldMap
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.records import Skip
-from soilmoist_ros.mapping.samples import Samples
-from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.records import CountRecord
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 30), (0, 30)], 5.0)

@@ -5,9 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.configuration import config_folder, resource_names
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame, config_folder, resource_names
 from soilmoist_ros.mapping.field import load_field
 
 SQUARE = "datum: {latitude_deg: 53.27, longitude_deg: -0.52}\n"

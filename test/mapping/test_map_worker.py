@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import Level
-from soilmoist_ros.mapping import FieldGrid
-from soilmoist_ros.mapping.drift import Change, Jump
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, MapState
-from soilmoist_ros.mapping.map_worker import MapWorker, map_health
+from soilmoist_ros.mapping import Change, FieldGrid, FieldMap, FieldMapSettings, MapState, MapWorker, map_health
+from soilmoist_ros.mapping.drift import Jump
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 LIMIT_S = 20.0

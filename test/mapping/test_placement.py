@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.knowledge import NOTHING, EarlierSurvey, Knowledge, samples_at_end
 from soilmoist_ros.mapping.placement import PositionSource, require_near

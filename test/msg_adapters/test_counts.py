@@ -27,8 +27,7 @@ from msg_adapters.point_cloud import OtherFrameError, points_to_message, require
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.mapping.samples import path_spread
 from soilmoist_ros.recording.bag.messages import NUMBERS, UNKNOWN_REASON
-from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, Kind
 
 coordinates = st.floats(-5e4, 5e4, width=32)
 positive = st.floats(1e-3, 1e5)

@@ -22,8 +22,7 @@ from msg_adapters.environment import (
     health_to_status,
     weather_to_messages,
 )
-from soilmoist_ros.foundation.errors import Health, Level
-from soilmoist_ros.foundation.plain_values import foreign_text
+from soilmoist_ros.foundation import Health, Level, foreign_text
 from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, diagonal_covariance, fix_from_message
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 

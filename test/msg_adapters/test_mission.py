@@ -25,10 +25,8 @@ from msg_adapters.places import (
     pose_to_message,
     transforms_from_message,
 )
-from soilmoist_ros.exploration.guard.robot_frames import Transform, TransformTree, yaw_rotation
-from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
-from soilmoist_ros.exploration.planning.forecast import Forecast
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration import Forecast, MissionEnd, MissionStatus, Phase, Stop, Transform, yaw_rotation
+from soilmoist_ros.exploration.guard.robot_frames import TransformTree
 from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.sensing.gnss import UNKNOWN_COVARIANCE
 

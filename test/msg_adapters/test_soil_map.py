@@ -27,8 +27,7 @@ from msg_adapters.soil_map import (
     uncertainty_to_message,
 )
 from soilmoist_ros.exploration.guard.fence import KeepoutMask
-from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
-from soilmoist_ros.mapping.soil_map import map_cells
+from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map, map_cells
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 STAMP_S = 1780000000.1234567

@@ -34,11 +34,7 @@ from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionSt
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.plain_values import foreign_text
-from soilmoist_ros.mapping.field_map import MapState
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.samples import Samples
-from soilmoist_ros.mapping.soil_map import SoilMap
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping import FieldGrid, MapState, Samples, SoilMap, Variogram
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 words = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20).map(foreign_text)

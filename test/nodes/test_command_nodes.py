@@ -25,18 +25,12 @@ from msg_adapters.counts import counts_from_message, samples_to_message
 from msg_adapters.mission import mission_to_message
 from msg_adapters.point_cloud import to_seconds, to_time
 from msg_adapters.soil_map import soil_map_from_message, soil_map_to_message
-from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.mapping import Samples
-from soilmoist_ros.mapping.soil_map import map_cells
+from soilmoist_ros.exploration import MissionStatus, Phase, Stop
+from soilmoist_ros.mapping import Samples, map_cells
 from soilmoist_ros.nodes.command_nodes import NodeMonitor
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, published_qos
-from soilmoist_ros.pipeline import replay_bag
-from soilmoist_ros.pipeline.field_survey import open_survey
-from soilmoist_ros.recording.bag.metadata import Qos, Topic, find_definition
-from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.run_folder import read_parameters
+from soilmoist_ros.pipeline import open_survey, replay_bag
+from soilmoist_ros.recording import BagReader, BagWriter, Qos, Topic, find_definition, read_parameters
 from soilmoist_ros.reporting.live_view import LiveMap, LiveMission
 from soilmoist_ros.sensing.records import CountRecord
 

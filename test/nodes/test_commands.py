@@ -25,11 +25,9 @@ from std_srvs.srv import Trigger
 from test_planner import Planning
 from virtual_navigation import FIELD, START_S, STOPS, VirtualNavigation, World
 
-from msg_adapters.counts import counts_to_message
-from msg_adapters.soil_map import soil_map_from_message
-from msg_adapters.soilmoist_types import mission_state_from_message, request_from_message, request_to_message
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest
-from soilmoist_ros.exploration.mission.types import Phase, Verb
+from msg_adapters import counts_to_message, request_from_message, request_to_message, soil_map_from_message
+from msg_adapters.soilmoist_types import mission_state_from_message
+from soilmoist_ros.exploration import OperatorRequest, Phase, Verb
 from soilmoist_ros.mapping.soil_map import CELL
 from soilmoist_ros.nodes.planner import PARAMETERS
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS

@@ -22,9 +22,8 @@ from soilmoist_ros.cli.main import main
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS
 from soilmoist_ros.pipeline import replay_bag
-from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording import BagReader, bag_info
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.bag.verify import bag_info
 from soilmoist_ros.recording.journal import decode
 
 # rclpy warns when a server of the test disappears during an answer.

@@ -17,12 +17,9 @@ import pytest
 import rasterio
 
 pytest.importorskip("rclpy")
-from soilmoist_ros.mapping.covariates import CovariateSource
-from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.mapping import CovariateSource, load_field
 from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
-from soilmoist_ros.recording.bag.messages import points
-from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters
+from soilmoist_ros.recording import CONFIGURATION, BagReader, points, read_parameters
 from soilmoist_ros.simulation import MissionSettings, PropertySettings, surrogate_field
 
 LIMIT_S = 480.0

@@ -25,11 +25,9 @@ from std_srvs.srv import Trigger
 from topological_navigation_msgs.action import GotoNode
 from virtual_navigation import FIELD, STOPS, VirtualNavigation, World, make_map
 
-from msg_adapters.counts import quarantined_to_message
-from msg_adapters.environment import battery_to_message, diagnostics_from_message
-from msg_adapters.mission import mission_from_message
-from soilmoist_ros.exploration.guard.failsafes import Cause
-from soilmoist_ros.exploration.mission.types import MissionEnd, Phase
+from msg_adapters import diagnostics_from_message, mission_from_message, quarantined_to_message
+from msg_adapters.environment import battery_to_message
+from soilmoist_ros.exploration import Cause, MissionEnd, Phase
 from soilmoist_ros.nodes.topics import RECORDS, SENSOR, VISITS
 from soilmoist_ros.sensing.records import CountRecord
 

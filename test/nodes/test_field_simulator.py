@@ -22,8 +22,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from msg_adapters.counts import counts_from_message
-from msg_adapters.point_cloud import to_seconds
+from msg_adapters import counts_from_message, to_seconds
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS

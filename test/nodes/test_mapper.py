@@ -39,9 +39,7 @@ from soilmoist_ros.mapping.soil_map import make_soil_map, map_cells
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.nodes.mapper import ChangeOutput
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS
-from soilmoist_ros.pipeline.earlier_runs import run_change
-from soilmoist_ros.pipeline.field_survey import open_survey
-from soilmoist_ros.pipeline.run import EarlierRun
+from soilmoist_ros.pipeline import EarlierRun, open_survey, run_change
 from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.sensing.records import NAN, CountRecord
 

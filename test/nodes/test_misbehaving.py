@@ -14,8 +14,7 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 pytest.importorskip("nav2_msgs")
-from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration import MissionStatus, Phase, Stop
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.sensing.records import CountRecord
 

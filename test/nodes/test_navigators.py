@@ -21,10 +21,8 @@ from rclpy.node import Node
 from topological_navigation_msgs.action import GotoNode
 from virtual_navigation import SPEED_MPS, STOPS, Nav2, VirtualNavigation, World
 
-from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
+from soilmoist_ros.exploration import GoalClient, GoalLimits, PoseClient, RobotTrack, Stop, Way
 from soilmoist_ros.exploration.navigation.navigator import Outcome
-from soilmoist_ros.exploration.navigation.pose_client import PoseClient, RobotTrack
-from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.action_navigator import action_class
 from soilmoist_ros.nodes.navigators import GoalPoseNavigator, GotoNodeNavigator, NavigateToPoseNavigator

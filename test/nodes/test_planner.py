@@ -26,12 +26,10 @@ from msg_adapters.counts import counts_to_message
 from msg_adapters.mission import mission_from_message, mission_to_message
 from msg_adapters.places import path_to_places
 from msg_adapters.soilmoist_types import visit_from_message
+from soilmoist_ros.exploration import Phase, Visit, VisitEnd
 from soilmoist_ros.exploration.mission.journal import VISIT
-from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS, VISITS
-from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.journal import load_journal
+from soilmoist_ros.recording import BagReader, load_journal
 from soilmoist_ros.sensing.records import CountRecord
 
 # rclpy warns when a server of the test disappears during an answer.

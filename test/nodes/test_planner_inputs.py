@@ -27,10 +27,7 @@ from test_planner import Planning
 from tf2_msgs.msg import TFMessage
 from virtual_navigation import FRAME, START_S, VirtualNavigation, World
 
-from msg_adapters.counts import counts_to_message
-from msg_adapters.environment import diagnostics_from_message
-from msg_adapters.model import Model, model_to_message
-from msg_adapters.point_cloud import to_time
+from msg_adapters import Model, counts_to_message, diagnostics_from_message, model_to_message, to_time
 from soilmoist_ros.exploration.control.field_access import AccessRules, CurrentAccess
 from soilmoist_ros.exploration.guard.robot_frames import (
     FIELD,
@@ -46,12 +43,9 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.errors import Level
-from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove, move_between
-from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.foundation import Level, LocalFrame, PlaneMove, move_between
+from soilmoist_ros.mapping import Change, Changing, Drift, Field, TimedSamples, estimate_variogram
 from soilmoist_ros.mapping.samples import as_samples
-from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.nodes.planner_inputs import PlannerFrames, PlannerInputs
 from soilmoist_ros.nodes.topics import DEFAULT, RECORDS, TF, TF_STATIC
 from soilmoist_ros.sensing.records import CountRecord

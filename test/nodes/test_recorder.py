@@ -17,11 +17,8 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from soilmoist_ros.nodes import recorder
-from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording import BagReader, read_parameters, recorder_notes, recover_bag
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.bag.storage import recorder_notes
-from soilmoist_ros.recording.bag.verify import recover_bag
-from soilmoist_ros.recording.run_folder import read_parameters
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -19,11 +19,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
 from std_msgs.msg import Float64, String
 
-from msg_adapters.counts import counts_from_message, line_from_message
-from msg_adapters.environment import diagnostics_from_message, fix_to_message
-from msg_adapters.point_cloud import to_seconds, to_time
-from soilmoist_ros.foundation.errors import Level
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from msg_adapters import counts_from_message, diagnostics_from_message, fix_to_message, to_seconds, to_time
+from msg_adapters.counts import line_from_message
+from soilmoist_ros.foundation import Level, LocalFrame
 from soilmoist_ros.nodes.sensor_driver import NAME, StoredHeader
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS, SENSOR, VISITS
 from soilmoist_ros.recording.map_sources import DRIVER, RecordTail

@@ -17,8 +17,7 @@ pytest.importorskip("topological_navigation_msgs")
 from diagnostic_msgs.msg import DiagnosticStatus
 from rosgraph_msgs.msg import Clock
 
-from msg_adapters.mission import mission_from_message
-from msg_adapters.point_cloud import to_seconds
+from msg_adapters import mission_from_message, to_seconds
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag

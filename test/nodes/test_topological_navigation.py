@@ -26,10 +26,8 @@ from topological_navigation_msgs.action import GotoNode
 from topological_navigation_msgs.msg import ClosestEdges
 from virtual_navigation import SPEED_MPS, STOPS, Nav2, World, make_map
 
-from soilmoist_ros.exploration.navigation.goal_client import GoalClient
+from soilmoist_ros.exploration import GoalClient, RobotTrack, Way
 from soilmoist_ros.exploration.navigation.navigator import Outcome
-from soilmoist_ros.exploration.navigation.pose_client import RobotTrack
-from soilmoist_ros.exploration.travel.stop import Way
 from soilmoist_ros.nodes.navigators import GotoNodeNavigator
 from soilmoist_ros.nodes.topics import LATCHED
 

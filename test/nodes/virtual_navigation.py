@@ -25,16 +25,11 @@ from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
 from std_msgs.msg import String
 from topological_navigation_msgs.action import GotoNode
 
-from msg_adapters.counts import counts_to_message, samples_to_message
-from msg_adapters.model import Model, model_to_message
-from msg_adapters.point_cloud import to_time
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.topological_map import make_topological_map
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from msg_adapters import Model, counts_to_message, model_to_message, samples_to_message, to_time
+from soilmoist_ros.exploration import Stop, TravelGraph, make_topological_map
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping import Variogram, VariogramFit
 from soilmoist_ros.mapping.samples import as_samples
-from soilmoist_ros.mapping.variogram.fit import VariogramFit
-from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR
 from soilmoist_ros.sensing.records import CountRecord
 

@@ -12,9 +12,8 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.pipeline import ReplaySettings, replay_bag
+from soilmoist_ros.pipeline import MapSettings, ReplaySettings, map_logs, replay_bag
 from soilmoist_ros.pipeline.bag_lines import fix_topic, logger_topic, read_fixes
-from soilmoist_ros.pipeline.log_map import MapSettings, map_logs
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.sensing.position.track_file import read_positions
 from virtual_survey import write_survey

@@ -18,8 +18,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field_map import FieldMap
-from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping import FieldGrid, FieldMap
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.pipeline import bag_map as no_map
 from soilmoist_ros.pipeline.bag_lines import STATUS

@@ -12,11 +12,8 @@ import numpy as np
 import pytest
 from earlier_folders import FRAME, JUNE_S, MAY_S, records, run_folder
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping import EarlierSurvey, Samples
-from soilmoist_ros.mapping.field_map import FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.mapping import EarlierSurvey, FieldGrid, FieldMapSettings, Samples
 from soilmoist_ros.pipeline.earlier_runs import (
     EarlierTarget,
     earlier_doubts,

@@ -9,18 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
-from soilmoist_ros.mapping.records import Skip
+from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.mapping import FieldGrid, Samples, Skip, Variogram, make_soil_map
 from soilmoist_ros.pipeline.field_survey import make_run, open_survey
 from soilmoist_ros.recording.stored_records import read_earlier
-from soilmoist_ros.reporting import write_outputs
-from soilmoist_ros.reporting.run_summary import summary
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.footprint import Footprint
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.records import NAN, CountRecord
+from soilmoist_ros.reporting import summary, write_outputs
+from soilmoist_ros.sensing import CalibrationCurve, CountRecord, Footprint, Site
+from soilmoist_ros.sensing.records import NAN
 
 
 def records(n=8):

@@ -9,11 +9,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.configuration import config_folder
-from soilmoist_ros.foundation.errors import Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.field import Field, load_field
-from soilmoist_ros.mapping.placement import PositionSource
+from soilmoist_ros.foundation import LocalFrame, Mistake, config_folder
+from soilmoist_ros.mapping import Field, PositionSource, load_field
 from soilmoist_ros.pipeline.file_facts import (
     contradictions,
     field_findings,
@@ -22,8 +19,7 @@ from soilmoist_ros.pipeline.file_facts import (
     site_findings,
 )
 from soilmoist_ros.pipeline.logs import log_positions, read_logs
-from soilmoist_ros.sensing.formats.logger_format import load_logger_format
-from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing import Site, load_logger_format, load_site
 
 EXAMPLE = load_field(config_folder() / "fields" / "example.yaml")
 KANSAS = load_site("gypsum_transect")

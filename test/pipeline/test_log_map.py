@@ -10,22 +10,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.configuration import config_folder
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.covariates import CovariateSource
-from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.pipeline import MapSettings, map_logs
+from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, config_folder
+from soilmoist_ros.mapping import CovariateSource, PoissonKriging, load_field
+from soilmoist_ros.pipeline import MapSettings, NoteCode, map_logs
 from soilmoist_ros.pipeline.log_map import loss_rows, with_side
 from soilmoist_ros.pipeline.logs import require_standing
-from soilmoist_ros.pipeline.run import NoteCode
+from soilmoist_ros.reporting import notes, summary
 from soilmoist_ros.reporting.page.statistics import mean_sd
-from soilmoist_ros.reporting.page.wording import notes
-from soilmoist_ros.reporting.run_summary import summary
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.problems import Kind, Problem
-from soilmoist_ros.sensing.records import Position
+from soilmoist_ros.sensing import Kind, Position, Problem, Site
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
 from virtual_survey import half_wet_field, simulate_log, stop_and_go, write_survey
 

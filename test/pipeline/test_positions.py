@@ -20,9 +20,8 @@ from rosbags.rosbag2 import Writer as FolderWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.cli.main import main
+from soilmoist_ros.sensing import LoggerRecord, format_header, format_record
 from soilmoist_ros.sensing.formats.log_values import nmea_checksum
-from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
-from soilmoist_ros.sensing.records import LoggerRecord
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 T0 = 1_778_749_200.0  # 2026-05-14 09:00 UTC

@@ -15,8 +15,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.pipeline.bag_lines import CLOUD, RunTopics

@@ -12,16 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED
-from soilmoist_ros.recording.map_records import (
-    LIST_S,
-    MAX_RECORDS,
-    RECEIVED,
-    START,
-    TEAM,
-    TEAM_S,
-    MapRecords,
-    RecordExchange,
-)
+from soilmoist_ros.recording import LIST_S, MAX_RECORDS, RECEIVED, START, TEAM, TEAM_S, MapRecords, RecordExchange
 from soilmoist_ros.sensing.position.place_doubt import Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import CountRecord
 

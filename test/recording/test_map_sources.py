@@ -28,8 +28,7 @@ from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field_map import FieldMap
-from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping import FieldGrid, FieldMap
 from soilmoist_ros.recording import map_sources
 from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords

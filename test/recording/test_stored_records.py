@@ -17,8 +17,7 @@ from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.journal import Journal
-from soilmoist_ros.recording.stored_records import COLUMNS, RECORDS, read_earlier, read_records, write_records
+from soilmoist_ros.recording import COLUMNS, RECORDS, Journal, read_earlier, read_records, write_records
 from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, CountRecord
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)

@@ -23,8 +23,7 @@ from soilmoist_ros.recording.journal import Journal, load_journal
 from soilmoist_ros.recording.map_records import MapRecords
 from soilmoist_ros.recording.map_sources import DRIVER, MapSources, RecordLog, RecordTail, open_session
 from soilmoist_ros.recording.stored_records import stored_counts
-from soilmoist_ros.sensing.position.place_doubt import Doubt
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, Doubt
 
 FRAME = "map"
 CLOUD, FIELD = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/PointField"

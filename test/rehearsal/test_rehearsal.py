@@ -23,13 +23,9 @@ from rehearsal.cases import (
 )
 from rehearsal.judge import Kind, Violation
 from rehearsal.rehearsal import Outcome, rehearse
+from soilmoist_ros.exploration import Cause, Fence, Listed, MissionRules, Response, Watch
 from soilmoist_ros.exploration.control.watching import Watching
-from soilmoist_ros.exploration.guard.failsafes import Cause
-from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.motion import Motion, Standing
-from soilmoist_ros.exploration.guard.watch import Watch
-from soilmoist_ros.exploration.mission.types import MissionRules, Response
-from soilmoist_ros.exploration.navigation.goal_client import Listed
 
 
 @pytest.fixture(scope="module")

@@ -20,8 +20,7 @@ from rehearsal.servers import (
     straight_route,
 )
 from rehearsal.world import Receiver
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.exploration import Stop, TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 

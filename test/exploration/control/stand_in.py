@@ -7,11 +7,7 @@ from concurrent.futures import Executor, Future
 
 import numpy as np
 
-from soilmoist_ros.exploration.control.explorer import ExplorerSettings
-from soilmoist_ros.exploration.control.mission_control import MissionSetup
-from soilmoist_ros.exploration.mission.types import MissionRules
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.exploration import ExplorerSettings, MissionRules, MissionSetup, RobotMotion, parse_dwell
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 

@@ -19,12 +19,10 @@ from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome, in_fr
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Way
 from soilmoist_ros.exploration.travel.travel import RobotMotion
-from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.foundation.geodesy import PlaneMove
+from soilmoist_ros.foundation import InputError, Level, PlaneMove
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.sensing.position.place_judge import PlaceLimits
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, PlaceLimits
 
 
 class Around(StandIn):

@@ -29,8 +29,7 @@ from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.sensing.position.place_judge import PlaceFix
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, PlaceFix
 
 EAST = Stop("east", 30.0, 0.0)
 RECORD = CountRecord(

@@ -19,10 +19,8 @@ from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping import Change, Changing, Drift, Field, TimedSamples, estimate_variogram
 from soilmoist_ros.mapping.samples import as_samples
-from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
 SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])
 FIT = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, extent_m=20.0)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.guard.fence import FREE, KEPT_OUT, MAX_CELLS, RIM_M, Fence, keepout_mask
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove
+from soilmoist_ros.foundation import InputError, LocalFrame, PlaneMove
 from soilmoist_ros.mapping.field import Field
 
 SQUARE = np.array([[0, 0], [60, 0], [60, 40], [0, 40]], float)

@@ -9,12 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.fence import Fence
-from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph, Outside
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.exploration import Fence, FencedGraph, Outside, Stop, TravelGraph
+from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.field import Field
 
 FRAME = LocalFrame(53.0, 0.0)

@@ -9,23 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.robot_frames import (
-    ASKED_M,
-    FrameCheck,
-    FrameSettings,
-    RobotFrames,
-    Transform,
-    TransformTree,
-    datum_text,
-    parse_datum,
-    yaw_rotation,
-)
-from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove, move_between
+from soilmoist_ros.exploration import ASKED_M, FrameSettings, RobotFrames, Transform, yaw_rotation
+from soilmoist_ros.exploration.guard.robot_frames import FrameCheck, TransformTree, datum_text, parse_datum
+from soilmoist_ros.foundation import InputError, Level, LocalFrame, PlaneMove, move_between
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.sensing.gnss import Fix, FixStatus
-from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms
-from soilmoist_ros.sensing.records import Position
+from soilmoist_ros.sensing import NO_ARMS, Fix, FixStatus, LeverArms, Position
 
 DATUM = LocalFrame(52.0, 13.0)
 FIELD = Field("test", DATUM, np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]))

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause, WatchLimits
-from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, RobotSurroundings, Watch
+from soilmoist_ros.exploration import FAILSAFES, Alarm, Cause, Response, Watch, WatchLimits
+from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, RobotSurroundings
 from soilmoist_ros.exploration.mission.events import AlarmOver
-from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.sensing.position.place_judge import PlaceFix
 

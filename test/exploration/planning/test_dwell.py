@@ -6,15 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from soilmoist_ros.exploration import DWELL_RULES, Optimal, parse_dwell
 from soilmoist_ros.exploration.planning.dwell import (
-    DWELL_RULES,
     MAX_DWELL_S,
     AdaptiveInterval,
     DwellKind,
     FixedInterval,
     MarginalValue,
-    Optimal,
-    parse_dwell,
 )
 from soilmoist_ros.foundation.errors import InputError
 

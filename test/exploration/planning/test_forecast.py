@@ -8,19 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from soilmoist_ros.exploration import Forecast, Property, forecast_from_text, forecast_to_text
 from soilmoist_ros.exploration.planning import forecast as forecaster
 from soilmoist_ros.exploration.planning.forecast import (
     CERTAIN,
     MAX_HIDDEN,
     SHOWN,
-    Forecast,
     Forecaster,
     differences,
-    forecast_from_text,
-    forecast_to_text,
     map_forecast,
 )
-from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.mapping import Variogram
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid

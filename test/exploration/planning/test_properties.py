@@ -19,11 +19,8 @@ from soilmoist_ros.exploration.planning.properties import Property, property_nam
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping import Variogram
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Variogram, estimate_variogram
 from soilmoist_ros.mapping.samples import as_samples
-from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [40, 0], [40, 20], [0, 20]], float), 2.5)
 STOPS = cell_stops(GRID)

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
+from soilmoist_ros.exploration import Counting, FreeTravel, RobotMotion, Stop
 from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S, MarginalValue
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel
-from soilmoist_ros.exploration.planning.prospect import Counting, Prospect
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
+from soilmoist_ros.exploration.planning.prospect import Prospect
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 
 X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(2.5, 60.0, 5.0), np.arange(2.5, 50.0, 5.0)))

@@ -18,8 +18,7 @@ from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTo
 from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import open_lattice
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.simulation.fields.catalogue import known_field
 

@@ -7,12 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration import FreeTravel, RobotMotion, Situation, Stop, parse_dwell
 from soilmoist_ros.exploration.strategies.lattice import Lattice, least_tour_s
 from soilmoist_ros.exploration.strategies.route import open_route
-from soilmoist_ros.exploration.strategies.strategy import RECORDS_OF_10_S, Situation, whole_records
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
+from soilmoist_ros.exploration.strategies.strategy import RECORDS_OF_10_S, whole_records
 
 X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(12) * 5.0, np.arange(10) * 5.0))
 PLACES = np.column_stack([X, Y])

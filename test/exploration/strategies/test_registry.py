@@ -6,24 +6,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from soilmoist_ros.exploration.strategies.registry import (
+from soilmoist_ros.exploration import (
     STRATEGIES,
+    Choice,
+    FreeTravel,
+    RobotMotion,
+    Situation,
+    Stop,
     StrategyKind,
     make_strategy,
     strategy_kind,
     warm_up,
 )
 from soilmoist_ros.exploration.strategies.route import timed_route
-from soilmoist_ros.exploration.strategies.strategy import (
-    PRESETS,
-    AdaptiveSampling,
-    Choice,
-    Preset,
-    Situation,
-    weighted_order,
-)
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
+from soilmoist_ros.exploration.strategies.strategy import PRESETS, AdaptiveSampling, Preset, weighted_order
 from soilmoist_ros.foundation.errors import InputError
 
 X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(12) * 5.0, np.arange(10) * 5.0))

@@ -18,8 +18,7 @@ from soilmoist_ros.exploration.travel.topological_map import (
     read_topological_map,
 )
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame
 
 NOON = datetime(2024, 5, 17, 12, 0, 3)
 

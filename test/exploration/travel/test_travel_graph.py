@@ -10,10 +10,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph, crop_rows, open_lattice
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.exploration import Stop, TravelGraph, crop_rows, open_lattice
+from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.field import Field
 
 NODES = [Stop("a", 0, 0), Stop("b", 3, 0), Stop("c", 3, 4), Stop("d", 0, 4)]

@@ -14,12 +14,11 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.foundation.errors import IllConditionedError
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
+from soilmoist_ros.mapping import Amplitude, PoissonKriging, Samples, Variogram, sample_correlation
+from soilmoist_ros.mapping.kriging.poisson_kriging import clip_negative
 from soilmoist_ros.mapping.kriging.rows import RasterKriging
-from soilmoist_ros.mapping.kriging.system import Points, sample_correlation
-from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.mapping.kriging.system import Points
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
-from soilmoist_ros.mapping.variogram.model import Amplitude, Variogram
 
 MODEL = Variogram("matern32", 0.02, 40.0, 0.3)
 

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.mapping import PoissonKriging, Variogram
+from soilmoist_ros.mapping import Amplitude, PoissonKriging, Variogram
 from soilmoist_ros.mapping.kriging import raster as raster_module
 from soilmoist_ros.mapping.kriging.raster import _TileShape, find_skeleton, find_tiles
 from soilmoist_ros.mapping.kriging.system import KrigingSystem
-from soilmoist_ros.mapping.variogram.model import Amplitude
 
 SMOOTH = ("exponential", "gaussian", "matern32", "matern52")
 OF_SILL = 1e-8

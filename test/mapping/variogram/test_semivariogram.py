@@ -9,17 +9,9 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.distance import cdist
 
-from soilmoist_ros.mapping import Variogram
+from soilmoist_ros.mapping import Variogram, default_edges, empirical_semivariogram
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
-from soilmoist_ros.mapping.variogram.semivariogram import (
-    MAX_NUGGET,
-    MAX_SILL,
-    OUTLIER,
-    RANGES,
-    default_edges,
-    empirical_semivariogram,
-    fit_soft_l1,
-)
+from soilmoist_ros.mapping.variogram.semivariogram import MAX_NUGGET, MAX_SILL, OUTLIER, RANGES, fit_soft_l1
 
 
 def test_empirical_semivariogram_against_reference(reference_data):

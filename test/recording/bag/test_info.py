@@ -30,8 +30,7 @@ from msg_adapters import counts_to_message, fix_to_message, line_to_message, qua
 from msg_adapters.environment import health_to_status
 from msg_adapters.point_cloud import points_to_message
 from soilmoist_ros.exploration import Visit, VisitEnd
-from soilmoist_ros.foundation import Health, Level
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import Health, InputError, Level
 from soilmoist_ros.recording import PlainTopics, count_records, find_definition
 from soilmoist_ros.recording.bag.info import info_table, print_plain, recovery_table
 from soilmoist_ros.recording.bag.plain_topics import GNSS_FRAME

@@ -11,15 +11,8 @@ from rosbags.typesys import get_types_from_msg, get_typestore
 from rosbags.typesys.stores import Stores
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.metadata import (
-    INFINITE_NS,
-    Qos,
-    find_definition,
-    qos_from_yaml,
-    request_for,
-    search_prefixes,
-    to_yaml,
-)
+from soilmoist_ros.recording import Qos, find_definition, request_for
+from soilmoist_ros.recording.bag.metadata import INFINITE_NS, qos_from_yaml, search_prefixes, to_yaml
 
 QOS = st.builds(
     Qos,

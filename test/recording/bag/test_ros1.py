@@ -13,10 +13,9 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording import BagReader, bag_info
 from soilmoist_ros.recording.bag.ros1 import MAGIC
 from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES
-from soilmoist_ros.recording.bag.verify import bag_info
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 TEXT, FIX, CAMERA = "std_msgs/msg/String", "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/CameraInfo"

@@ -23,11 +23,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.cli.bag import command
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording import BagReader, BagWriter, bag_info, recover_bag
 from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.storage import findings
-from soilmoist_ros.recording.bag.verify import bag_info, recover_bag
-from soilmoist_ros.recording.bag.writer import BagWriter
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 

@@ -15,9 +15,8 @@ from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording import BagWriter, recover_bag
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.bag.verify import recover_bag
-from soilmoist_ros.recording.bag.writer import BagWriter
 
 HERE = str(Path(__file__).parents[1])
 
