@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -35,13 +36,28 @@ experiments:
 """
 
 
-@pytest.fixture
-def fake(monkeypatch):
+@pytest.fixture(scope="module")
+def fake():
     """The fake simulator, importable in this process and in its children."""
-    monkeypatch.syspath_prepend(str(HERE))
-    import fake_mission
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(HERE))
+        import fake_mission
 
-    return fake_mission.simulate
+        yield fake_mission.simulate
+
+
+@pytest.fixture(scope="module")
+def whole(fake, tmp_path_factory):
+    """Folder and outcome of the whole campaign, computed once."""
+    path = tmp_path_factory.mktemp("whole")
+    return path, run_campaign(written(path / "small.yaml", SMALL), path, fake, workers=0)
+
+
+@pytest.fixture
+def computed(whole, campaign, tmp_path):
+    """The campaign, all of whose missions are stored in the folder of the test."""
+    shutil.copytree(whole[0] / "runs", tmp_path / "runs")
+    return campaign
 
 
 @pytest.fixture
@@ -131,26 +147,26 @@ experiments:
 
 
 @pytest.mark.slow
-def test_tables(campaign, tmp_path, fake):
-    outcome = run_campaign(campaign, tmp_path, fake, workers=0)
+def test_tables(campaign, whole):
+    folder, outcome = whole
     assert outcome.complete
     assert (outcome.total, outcome.computed, outcome.reused, outcome.remarks) == (10, 10, 0, ())
-    table = pd.read_parquet(tmp_path / "results.parquet")
+    table = pd.read_parquet(folder / "results.parquet")
     assert list(table.columns) == ["key", *SETTINGS, "time_s", *METRICS]
     assert len(table) == 10 * 13
     pd.testing.assert_frame_equal(
-        pd.read_csv(tmp_path / "results.csv"), table, check_dtype=False, rtol=1e-6, check_like=False
+        pd.read_csv(folder / "results.csv"), table, check_dtype=False, rtol=1e-6, check_like=False
     )
     mission = missions(campaign)[0]
-    stored = mission_store.MissionStore(tmp_path / "runs").read(mission)
+    one = mission_store.MissionStore(folder / "runs").read(mission)
     mine = table[table["key"] == mission.key].set_index("time_s")
-    row = next(row for row in stored.series if row.time_s == 1800)
+    row = next(row for row in one.series if row.time_s == 1800)
     assert mine.loc[1800, ["distance_m", "samples", "mse"]].tolist() == [row.distance_m, row.samples, row.mse]
     assert mine.loc[1800, "counting_share"] == pytest.approx(row.counting_s / 1800)
     assert mine.loc[0, "samples"] == 0
     assert np.isnan(mine.loc[0, "mse"])
-    final = pd.read_parquet(tmp_path / "missions.parquet").set_index("key")
-    assert final.loc[mission.key, "mse"] == stored.series[-1].mse
+    final = pd.read_parquet(folder / "missions.parquet").set_index("key")
+    assert final.loc[mission.key, "mse"] == one.series[-1].mse
     assert final.loc[mission.key, "experiments"] == "first second"
     assert final["border_share"].between(0, 1).all()
     assert final[final["strategy"] == "greedy"]["border_share"].mean() > 0.7
@@ -206,9 +222,8 @@ def test_an_interrupted_campaign_resumes(campaign, tmp_path, fake):
 
 
 @pytest.mark.slow
-def test_damaged_files_are_computed_again(campaign, tmp_path, fake):
-    run_campaign(campaign, tmp_path, fake, workers=0)
-    keys = [mission.key for mission in missions(campaign)]
+def test_damaged_files_are_computed_again(computed, tmp_path, fake):
+    keys = [mission.key for mission in missions(computed)]
     paths = [tmp_path / "runs" / f"{key}.npz" for key in keys]
     whole = paths[0].read_bytes()
     paths[0].write_bytes(whole[: len(whole) // 2])
@@ -218,7 +233,7 @@ def test_damaged_files_are_computed_again(campaign, tmp_path, fake):
     paths[2].write_bytes(paths[3].read_bytes())
     paths[4].write_bytes(b"")
     again = Counted(fake)
-    outcome = run_campaign(campaign, tmp_path, again, workers=0)
+    outcome = run_campaign(computed, tmp_path, again, workers=0)
     assert (outcome.computed, outcome.reused) == (4, 6)
     assert len(outcome.remarks) == 4
     assert all("computed again" in remark for remark in outcome.remarks)
@@ -227,14 +242,13 @@ def test_damaged_files_are_computed_again(campaign, tmp_path, fake):
 
 
 @pytest.mark.slow
-def test_changed_settings_and_code_do_not_mix(campaign, tmp_path, fake, monkeypatch):
-    run_campaign(campaign, tmp_path, fake, workers=0)
+def test_changed_settings_and_code_do_not_mix(computed, tmp_path, fake, monkeypatch):
     longer = written(tmp_path / "longer.yaml", SMALL.replace("hours: 1", "hours: 1.5"))
     changed = Counted(fake)
     assert run_campaign(longer, tmp_path, changed, workers=0).computed == 10
     assert set(pd.read_parquet(tmp_path / "missions.parquet")["hours"]) == {1.5}
     monkeypatch.setattr(mission_store, "code_version", lambda: "9.9")
-    outcome = run_campaign(campaign, tmp_path, changed, workers=0)
+    outcome = run_campaign(computed, tmp_path, changed, workers=0)
     assert outcome.computed == 10
     assert outcome.remarks == ("10 stored missions were computed by another version of the code: computed again",)
 
@@ -256,14 +270,12 @@ def test_a_failing_mission_does_not_end_the_campaign(campaign, tmp_path, fake):
 
 
 @pytest.mark.slow
-def test_processes_do_not_change_the_results(campaign, tmp_path, fake):
-    for workers in (0, 1, 2):
-        assert run_campaign(campaign, tmp_path / str(workers), fake, workers).complete
-    here, one, two = (folder(tmp_path / str(workers)) for workers in (0, 1, 2))
-    assert here == one == two
+def test_processes_do_not_change_the_results(campaign, tmp_path, fake, whole):
+    assert run_campaign(campaign, tmp_path, fake, workers=2).complete
+    assert stored(tmp_path) == stored(whole[0])
 
 
-def folder(path):
+def stored(path):
     return {item.name: item.read_bytes() for item in sorted([*path.glob("runs/*.npz"), path / "results.csv"])}
 
 
