@@ -31,8 +31,7 @@ _RULED_OUT: Final = ColorRGBA(r=0.8, g=0.1, b=0.1, a=0.9)
 _STOP_M: Final = 1.0
 _TEXT_M: Final = 1.2
 _LINE_M: Final = 0.15
-_UNKNOWN_M2: Final = 1e6
-"""Variance of a coordinate that is unknown [m^2]."""
+_UNKNOWN_M2: Final = 1e6  # variance of a coordinate that is unknown [m^2]
 _UNKNOWN_RAD2: Final = math.tau**2
 _KNOWN_RAD2: Final = 0.1**2
 _YAW: Final = 35

@@ -28,10 +28,8 @@ CHANGE: Final = {
 }  # fmt: skip
 """Fields of ``change``, and the rasters of :class:`FieldChange` that they have."""
 CHANGE_CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *CHANGE)])
-OUTSIDE: Final = -1
-"""Uncertainty of a cell outside the field."""
-KEEPOUT_TYPE: Final = 0
-"""Number of the keep-out filter among the filters of Nav2."""
+OUTSIDE: Final = -1  # uncertainty of a cell outside the field
+KEEPOUT_TYPE: Final = 0  # number of the keep-out filter among the filters of Nav2
 
 
 def soil_map_to_message(

@@ -10,8 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-MAX_NAMES = 12
-"""Maximum number of names in a message."""
+MAX_NAMES = 12  # maximum number of names in a message
 
 
 @dataclass(frozen=True)

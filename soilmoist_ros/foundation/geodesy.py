@@ -31,18 +31,14 @@ Array = NDArray[np.float64]
 LatLon = tuple[float, float]
 """Latitude and longitude, WGS-84, north and east positive [deg]."""
 
-SEMI_MAJOR_M = 6378137.0
-"""Semi-major axis of the WGS-84 ellipsoid [m]."""
+SEMI_MAJOR_M = 6378137.0  # semi-major axis of the WGS-84 ellipsoid [m]
 FLATTENING = 1 / 298.257223563
-ECCENTRICITY2 = FLATTENING * (2 - FLATTENING)
-"""Square of the first eccentricity."""
+ECCENTRICITY2 = FLATTENING * (2 - FLATTENING)  # square of the first eccentricity
 DEGREE = math.pi / 180
 _AROUND_M = np.array([(0.0, 0.0), (100.0, 0.0), (0.0, 100.0), (-100.0, 0.0), (0.0, -100.0)])
 _COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
-_SAME_DATUM_M = 0.05
-"""Datums this close are the same one, written with fewer digits [m]."""
-_NEAR_M = 30_000.0
-"""Distance up to which a place is near a town [m]."""
+_SAME_DATUM_M = 0.05  # datums this close are the same one, written with fewer digits [m]
+_NEAR_M = 30_000.0  # distance up to which a place is near a town [m]
 
 
 def floats(values: ArrayLike) -> Array:

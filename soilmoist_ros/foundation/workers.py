@@ -33,8 +33,7 @@ THREADS = (
     "BLIS_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-CONNECT_S = 10.0
-"""Time limit for the answer of a Dask scheduler, and then of its first worker [s]."""
+CONNECT_S = 10.0  # time limit for the answer of a Dask scheduler, and then of its first worker [s]
 
 _KEYS = "make keys with scripts/keystore FOLDER --cluster, then export DASK_CONFIG=FOLDER/dask.yaml"
 

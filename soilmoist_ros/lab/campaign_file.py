@@ -252,10 +252,7 @@ def _field_file(field: str) -> Path | None:
 
 
 def _file_digest(path: Path) -> str:
-    """Digest of a file and of the files that it names.
-
-    :raises InputError: if the file cannot be read
-    """
+    """Digest of a file and of the files that it names; raises ``InputError`` if the file cannot be read."""
     digest = hashlib.sha256(read_limited(path))
     for name in sorted(set(_texts(read_yaml(path)))):
         named = path.parent / name

@@ -100,10 +100,7 @@ def _lost(scheduler: str) -> WorkersLostError:
 
 
 def _threads(client: Any, scheduler: str) -> int:
-    """Number of threads of all workers.
-
-    :raises WorkersLostError: if the scheduler does not answer
-    """
+    """Number of threads of all workers; raises ``WorkersLostError`` if the scheduler does not answer."""
     if client.status != "running":
         raise _lost(scheduler)
     try:

@@ -54,10 +54,7 @@ def write_campaign_report(
 
 
 def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ()) -> str:
-    """The page as HTML.
-
-    :raises InputError: if no mission is finished
-    """
+    """The page as HTML; raises ``InputError`` if no mission is finished."""
     if data.missions.empty:
         raise InputError(
             "no mission of the campaign is finished", "run the campaign, and see why its missions failed"

@@ -62,10 +62,7 @@ Finished = Sequence[tuple[CampaignMission, MissionRow]]
 
 
 def mission_row(stored: CampaignRun, every_s: float) -> MissionRow:
-    """The rows of a mission.
-
-    :param every_s: time between two rows of the time grid [s]
-    """
+    """The rows of a mission; ``every_s``: time between two rows of the time grid [s]."""
     times_s = time_grid(stored.settings.hours, every_s)
     metrics = metrics_at(stored, times_s)
     quarter_s = np.array([QUARTER * 3600 * stored.settings.hours])

@@ -39,29 +39,22 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 WGS84 = "EPSG:4326"
-VECTORS = (".shp", ".gpkg", ".fgb")
-"""Formats that need pyogrio."""
+VECTORS = (".shp", ".gpkg", ".fgb")  # formats that need pyogrio
 FORMATS = (*VECTORS, ".geojson", ".json", ".kml", ".kmz", ".gpx", ".wkt", ".xml", ".zip")
 MAX_GAP_SHARE = 0.05
 """Distance between the ends of a line, as a share of its length, up to which it is a border that was walked."""
-MAX_INSIDE_SHARE = 0.5
-"""Share of a field from which on polygons inside it are rather its parts than no-go areas."""
-MAX_EXTENT_DEG = 2.0
-"""Extent from which on corners in degrees are rather metres [deg]."""
+MAX_INSIDE_SHARE = 0.5  # share of a field from which on polygons inside it are rather its parts than no-go areas
+MAX_EXTENT_DEG = 2.0  # extent from which on corners in degrees are rather metres [deg]
 MAX_UNZIPPED_BYTES, MAX_MEMBERS = 100_000_000, 1000
 """Size and number of files in an archive beyond which it is refused."""
 _SLIVER_M2 = 1.0
-_MAX_SHARED = 0.1
-"""Share of another polygon in the field from which it is rather an obstacle than a neighbour."""
-_MIN_HOLE_M2 = 0.01
-"""Area below which a hole is an error of the drawing [m^2]; a post has more."""
+_MAX_SHARED = 0.1  # share of another polygon in the field from which it is rather an obstacle than a neighbour
+_MIN_HOLE_M2 = 0.01  # area below which a hole is an error of the drawing [m^2]; a post has more
 _NEAR_ORIGIN_M = 5000.0
 """Distance from the origin of a projection within which coordinates are rather metres from a datum [m]."""
-_BEYOND_USE_DEG = 1.0
-"""Distance from the area for which a reference system is made that is still plausible [deg]."""
+_BEYOND_USE_DEG = 1.0  # distance from the area for which a reference system is made that is still plausible [deg]
 _NAME_CRS = "name the system in the field file: border: {file: ..., crs: EPSG:...}"
-_MAX_STATED_ERROR_M = 0.5
-"""Error of a conversion to WGS-84 from which it is stated [m]."""
+_MAX_STATED_ERROR_M = 0.5  # error of a conversion to WGS-84 from which it is stated [m]
 _NO_GO_OF_ISOXML = {"3": "water", "4": "building", "6": "obstacle"}
 _NAMES = ("name", "Name", "NAME", "id", "ID", "fid", "OBJECTID", "FID")
 

@@ -35,8 +35,7 @@ KINDS = (
 )  # fmt: skip
 """Formats, by their names in GDAL, that hold their own pixels. Others (VRT, WMS, tile indices) name files or
 addresses, which GDAL would read, whatever the ending of their own name is."""
-MAX_VALUE = 1e30
-"""Magnitude from which a value is a gap, as -3.4e38 and infinity are."""
+MAX_VALUE = 1e30  # magnitude from which a value is a gap, as -3.4e38 and infinity are
 BEGINNINGS = {
     ".gpkg": b"SQLite format 3\0",
     ".shp": b"\0\0\x27\x0a",
@@ -46,20 +45,15 @@ BEGINNINGS = {
 }
 """First bytes of files that hold polygons, by their endings. GDAL looks at contents alone: a file that is
 something else may name other files or addresses, which it would read."""
-_PIPELINE = b"gdal_streamed_alg"
-"""Type of JSON that names what GDAL shall read and do."""
+_PIPELINE = b"gdal_streamed_alg"  # type of JSON that names what GDAL shall read and do
 REMEDY = "give GeoJSON or GeoPackage"
-MAX_CLASSES = 8
-"""Classes up to which each has a column of its own; the rarer ones are taken together."""
-MIN_SHARE = 0.02
-"""Share of the field below which a class is taken together with other rare ones."""
+MAX_CLASSES = 8  # classes up to which each has a column of its own; the rarer ones are taken together
+MIN_SHARE = 0.02  # share of the field below which a class is taken together with other rare ones
 OTHER = "other"
 NEIGHBOURS: tuple[Offset, ...] = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 """Steps to the eight neighbours: rows to the north, columns to the east."""
-MIN_SLOPE = 0.001
-"""Slope below which the wetness index takes the ground as level [m/m]."""
-FLAT_STEP = 1e-5
-"""Slope given to filled pits and flats, towards their outlet [m/m]."""
+MIN_SLOPE = 0.001  # slope below which the wetness index takes the ground as level [m/m]
+FLAT_STEP = 1e-5  # slope given to filled pits and flats, towards their outlet [m/m]
 
 
 class RasterBands:

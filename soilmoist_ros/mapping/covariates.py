@@ -39,8 +39,7 @@ EXTENDED_M = 15.0
 """Distance up to which a missing cell has the value of the nearest known one, the less certain the farther [m]."""
 MAX_TERRAIN_CELLS = 100_000
 """Cells of the raster on which elevations are evaluated; a larger one gets larger cells."""
-TERRAIN_MARGIN = 1.0
-"""Width of the surroundings whose water may run into the field, as a share of its extent."""
+TERRAIN_MARGIN = 1.0  # width of the surroundings whose water may run into the field, as a share of its extent
 MIN_SPREAD = 1e-9
 """Standard deviation of a covariate, as a share of its largest value, below which it is the same everywhere."""
 

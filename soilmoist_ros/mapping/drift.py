@@ -36,42 +36,31 @@ from soilmoist_ros.mapping.variogram.model import Variogram
 Array = NDArray[np.float64]
 DriftModel = Literal["auto", "off"]
 
-WINDOW_S = 300.0
-"""Records of one place become one sample only within this time [s]."""
-STILL, JUMPS = 0.8, 0.05
-"""Prior probabilities of no drift, and of a jump; of a trend otherwise."""
+WINDOW_S = 300.0  # records of one place become one sample only within this time [s]
+STILL, JUMPS = 0.8, 0.05  # prior probabilities of no drift, and of a jump; of a trend otherwise
 MIN_PROBABILITY = 0.6
 """Least posterior probability of a drift for a map to allow for it. Of 324 missions on fields that did not change,
 3 ended above 0.5 and one above 0.6; at 0.7, more of the real changes of 10 % are missed."""
 GUESSED_TREND, GUESSED_JUMP = 0.05, 0.06
 """Prior medians of the standard deviations: of a trend in an hour, and of a jump, as shares of the rate."""
-LOG_SD = 0.3
-"""Prior standard deviation of the logarithm of both."""
-WANDER_H = 0.02
-"""Variance of the random walk per hour, relative to that of the trend in an hour [h]."""
-KNOT_S = 300.0
-"""Time between the knots of u, which is linear between them; jumps last as long, as rain does."""
-MAX_KNOTS = 49
-"""Greatest number of knots; they are farther apart in long surveys."""
-QUANTILE_95_SD = 1.96
-"""Standard deviations from the mean to the ends of a 95 % interval."""
+LOG_SD = 0.3  # prior standard deviation of the logarithm of both
+WANDER_H = 0.02  # variance of the random walk per hour, relative to that of the trend in an hour [h]
+KNOT_S = 300.0  # time between the knots of u, which is linear between them; jumps last as long, as rain does
+MAX_KNOTS = 49  # greatest number of knots; they are farther apart in long surveys
+QUANTILE_95_SD = 1.96  # standard deviations from the mean to the ends of a 95 % interval
 MIN_JUMP = 3.5
 """Least size of a jump that is reported, in standard errors. In one of 324 simulated missions of two hours without
 rain, 264 of them on real surfaces, a change of this size came by chance where the map allowed for a drift."""
-RECENT_S = 1800.0
-"""A fall of the rate within this time means that rain is likely now [s]."""
-MIN_SAMPLES = 10
-"""Least number of places for a drift."""
-MAX_SAMPLES = 1000
-"""Greatest number of samples to which a drift is fitted; of more, every k-th is used."""
+RECENT_S = 1800.0  # a fall of the rate within this time means that rain is likely now [s]
+MIN_SAMPLES = 10  # least number of places for a drift
+MAX_SAMPLES = 1000  # greatest number of samples to which a drift is fitted; of more, every k-th is used
 _MIN_FACTOR = 0.1
 _STEPS = np.linspace(-3.0, 3.0, 13)
 """Logarithms of the standard deviations that are compared, in standard deviations of their prior."""
 _MIN_INFORMATION = 1e-6
 _SURFACE_RCOND = 1e-9
 """Least share of the greatest for a dimension of the surfaces to count: samples on a line have fewer."""
-_KEPT = 1e-3
-"""Least variance of a component of u that is kept, relative to the greatest."""
+_KEPT = 1e-3  # least variance of a component of u that is kept, relative to the greatest
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,8 +242,7 @@ class Change:
         return f"the rate {verb} by ({100 * abs(change):.0f} ± {100 * sd:.0f}) % during the survey"
 
 
-NO_CHANGE = Change()
-"""Nothing is known of a change."""
+NO_CHANGE = Change()  # nothing is known of a change
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,16 +26,13 @@ Array = NDArray[np.float64]
 Where = tuple[int, Array]
 """Index of a record in the track, and spread of its counts: what the map needs to use it later."""
 
-UNEXPECTED: Final = Kind.UNEXPECTED_COUNT.value
-"""Reason why such a record is quarantined."""
+UNEXPECTED: Final = Kind.UNEXPECTED_COUNT.value  # reason why such a record is quarantined
 
 MAX_PROBABILITY: Final = 1e-5
 """Probability of a count, or of one farther out on its side, below which it is unexpected. Both sides together are
 a false alarm in six days of records of 10 s."""
-MIN_SAMPLES: Final = 10
-"""Number of samples from which the map is trusted."""
-NEAR: Final = 16
-"""Number of nearest samples from which the rate is predicted."""
+MIN_SAMPLES: Final = 10  # number of samples from which the map is trusted
+NEAR: Final = 16  # number of nearest samples from which the rate is predicted
 CLEARLY: Final = 1.5
 """Difference of the square roots of counts (standard deviation 0.5) by which a record must lie outside all near
 samples before its rate is predicted: it saves the kriging of nearly all good records."""
@@ -47,8 +44,7 @@ RAIN_ROW: Final = 3
 """Number of records in a row that are too low, wherever they are, from which the field has changed: it rains."""
 MIN_RAIN: Final = 0.6
 """Least rate that rain leaves, relative to what the map expects. No rain of an hour lowers it further."""
-MAX_HELD: Final = 200
-"""Number of records that can be held back; the oldest are no longer waited for."""
+MAX_HELD: Final = 200  # number of records that can be held back; the oldest are no longer waited for
 
 
 @dataclass(frozen=True)

@@ -36,16 +36,12 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-MAX_AREA_M2 = 1e9
-"""Area above which a boundary is a mistake [m^2]."""
-MIN_NO_GO_M2 = 1.0
-"""Area below which a no-go area in metres is a mistake of units, such as degrees [m^2]."""
-MIN_POST_M2 = 0.01
-"""Area below which a no-go area in degrees is a mistake; a post has more [m^2]."""
+MAX_AREA_M2 = 1e9  # area above which a boundary is a mistake [m^2]
+MIN_NO_GO_M2 = 1.0  # area below which a no-go area in metres is a mistake of units, such as degrees [m^2]
+MIN_POST_M2 = 0.01  # area below which a no-go area in degrees is a mistake; a post has more [m^2]
 MAX_DATUM_DISTANCE_M = 50_000.0
 """Distance of the boundary from its datum beyond which it is a mistake: the plane stretches by 0.5 m there [m]."""
-_DEGREES = 1.0
-"""Numbers this close to the field's datum in degrees are degrees."""
+_DEGREES = 1.0  # numbers this close to the field's datum in degrees are degrees
 _FOOT_M = 0.3048
 Vertex = tuple[float, float]
 Ring = Annotated[list[Vertex], Setting(min_length=3)]

@@ -57,10 +57,8 @@ Array = NDArray[np.float64]
 _Some = TypeVar("_Some", Samples, TimedSamples, None)
 _Made = TypeVar("_Made")
 
-OBJECTION = 2.0
-"""Loss of log-likelihood from which on the counts object to a footprint."""
-_WEIGHED_PLACES = 200
-"""Number of samples by which a footprint is weighed; of more, every k-th is used."""
+OBJECTION = 2.0  # loss of log-likelihood from which on the counts object to a footprint
+_WEIGHED_PLACES = 200  # number of samples by which a footprint is weighed; of more, every k-th is used
 REFIT_GROWTH = 0.1
 """Relative growth of samples or exposure after which the variogram is refitted: always while they are few."""
 LATER_REFIT_GROWTH, MANY_SAMPLES = 0.2, 40
@@ -71,8 +69,7 @@ CHANGE_GROWTH = 0.05
 """Relative growth after which the drift of the mean rate, and with it the time of the map, is refitted."""
 RECENT_GROWTH = 1.3
 """Growth of the number of samples up to which a variogram is good enough to judge single records."""
-RECENT = 30
-"""Number of last records by which the stream of records is judged."""
+RECENT = 30  # number of last records by which the stream of records is judged
 _MEDIANS = attrgetter("f_pressure", "f_humidity", "x_m", "y_m")
 
 

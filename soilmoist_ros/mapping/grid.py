@@ -19,12 +19,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MAX_CELLS = 4_000_000
-"""Cells of the bounding box beyond which a grid counts as a mistake."""
-USUAL_CELLS = 70_000
-"""Cells that :func:`default_cell_m` does not exceed."""
-USUAL_CELLS_ACROSS = 50
-"""Cells that :func:`default_cell_m` puts across the longer side."""
+MAX_CELLS = 4_000_000  # cells of the bounding box beyond which a grid counts as a mistake
+USUAL_CELLS = 70_000  # cells that default_cell_m does not exceed
+USUAL_CELLS_ACROSS = 50  # cells that default_cell_m puts across the longer side
 
 
 @dataclass(frozen=True, eq=False, repr=False)

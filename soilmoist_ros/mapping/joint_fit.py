@@ -44,20 +44,14 @@ from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
 
-MAX_LOST = 0.01
-"""Maximum share of the pattern's variance lost at a place, as long as :data:`MAX_RANK` allows."""
-MAX_RANK = 250
-"""Maximum number of inducing places."""
-MAX_CANDIDATES = 1000
-"""Maximum number of places among which the inducing places are chosen."""
-_MIN_KEPT, _MAX_KEPT = 200, 6
-"""Number of places from which features are kept, and of sets of places."""
-LOADINGS = np.array([0.0, 0.2, 0.4, 0.55, 0.7, 0.8, 0.88, 0.94, 0.98])
-"""Values of a loading."""
+MAX_LOST = 0.01  # maximum share of the pattern's variance lost at a place, as long as MAX_RANK allows
+MAX_RANK = 250  # maximum number of inducing places
+MAX_CANDIDATES = 1000  # maximum number of places among which the inducing places are chosen
+_MIN_KEPT, _MAX_KEPT = 200, 6  # number of places from which features are kept, and of sets of places
+LOADINGS = np.array([0.0, 0.2, 0.4, 0.55, 0.7, 0.8, 0.88, 0.94, 0.98])  # values of a loading
 PRIOR_OF_LOADINGS = np.array([0.50, 0.03, 0.03, 0.03, 0.06, 0.08, 0.10, 0.10, 0.07])
 """Prior probabilities of the loadings: a survey may be unrelated; with less than 0.5, small maps suffer."""
-PRIOR_WORTH = 1.0
-"""Number of earlier surveys that the prior of the loadings is worth."""
+PRIOR_WORTH = 1.0  # number of earlier surveys that the prior of the loadings is worth
 SCALES = np.array([0.0, 0.1, 0.16, 0.25, 0.4, 0.63, 1.0])
 """Possible standard deviations of an effect, in units of a wide prior's."""
 MULTIPLICITY = 1.25
@@ -76,14 +70,11 @@ MAX_FITTED = 500
 """Maximum number of earlier samples to which the variogram is fitted; of more, the last surveys are used."""
 DECAYS_DAYS = (math.inf, 365.0, 120.0, 40.0, 14.0)
 """Times in which the correlation of the persistent pattern falls to 1/e."""
-NO_DECAY = 0.5
-"""Prior probability that the pattern does not change with time."""
+NO_DECAY = 0.5  # prior probability that the pattern does not change with time
 MIN_DECAYING = 3
 """Minimum number of earlier surveys that tell whether the pattern changes with time, or which of them is odd."""
-MAX_ODD = 2
-"""Maximum number of surveys left out at the beginning of a history."""
-WIDE = 1.0
-"""Standard deviation of the wide prior of an effect, in standard deviations of the structured rate."""
+MAX_ODD = 2  # maximum number of surveys left out at the beginning of a history
+WIDE = 1.0  # standard deviation of the wide prior of an effect, in standard deviations of the structured rate
 _ROUNDS = 2
 
 

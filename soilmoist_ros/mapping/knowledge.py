@@ -90,5 +90,4 @@ class Knowledge:
         return not self.earlier and not self.covariates
 
 
-NOTHING = Knowledge()
-"""Nothing is known besides the counts of the survey."""
+NOTHING = Knowledge()  # nothing is known besides the counts of the survey

@@ -27,8 +27,7 @@ from soilmoist_ros.mapping.field import Field
 
 Array = NDArray[np.float64]
 
-PLANE_M = 100_000.0
-"""Distance up to which distances in the plane of the field are used; beyond, geodesics [m]."""
+PLANE_M = 100_000.0  # distance up to which distances in the plane of the field are used; beyond, geodesics [m]
 
 
 @dataclass(frozen=True)

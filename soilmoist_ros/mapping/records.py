@@ -28,14 +28,10 @@ from soilmoist_ros.sensing import CountRecord
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-MAX_RATE_CPS = 1e4
-"""Rate that no cosmic-ray neutron sensor reaches, by orders of magnitude [counts/s]."""
-MAX_RECORD_S = 86400.0
-"""Exposure beyond which a record counts as a mistake [s]."""
-MAX_PLANE_M = 100_000.0
-"""Distance beyond which the plane of a field has no true distances [m]."""
-FACTORS = (0.01, 100.0)
-"""Products of the correction factors beyond which a record counts as a mistake."""
+MAX_RATE_CPS = 1e4  # rate that no cosmic-ray neutron sensor reaches, by orders of magnitude [counts/s]
+MAX_RECORD_S = 86400.0  # exposure beyond which a record counts as a mistake [s]
+MAX_PLANE_M = 100_000.0  # distance beyond which the plane of a field has no true distances [m]
+FACTORS = (0.01, 100.0)  # products of the correction factors beyond which a record counts as a mistake
 _MIN_GAP, _MAX_GAP = 0.9, 2.5
 """Times between the ends of successive records of one sensor, in exposures; the next but one if one was lost."""
 

@@ -30,8 +30,7 @@ MIN_SPREAD_M2 = 1.0
 """Spreads with a smaller trace count as points: the noise of positions makes as much where a robot stands."""
 _TINY_M2 = 1e-12
 """Rounding allowed in the moments of a spread: of tiny lengths, one product may vanish and another not."""
-_BLOCK_ELEMENTS = 2_000_000
-"""Elements of a temporary distance block (16 MB)."""
+_BLOCK_ELEMENTS = 2_000_000  # elements of a temporary distance block (16 MB)
 _COLUMNS = ("xy", "counts", "exposure_s", "spread")
 
 

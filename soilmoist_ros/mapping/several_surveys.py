@@ -36,13 +36,10 @@ PERSISTENCES = (0.0, 0.2, 0.4, 0.55, 0.7, 0.8, 0.87, 0.92, 0.95, 0.975, 0.99, 0.
 """Correlations between patterns that are compared."""
 DECAYS = (math.inf, 4.0, 1.0, 0.3)
 """Times in which the correlation falls to 1/e, as multiples of the time from the first to the last survey."""
-DECAY_EVIDENCE = 2.0
-"""Increase of the log-likelihood from which the pattern counts as fading."""
-MAX_FITTED = 600
-"""Number of samples from which the correlation is estimated; of more, the last surveys are used."""
+DECAY_EVIDENCE = 2.0  # increase of the log-likelihood from which the pattern counts as fading
+MAX_FITTED = 600  # number of samples from which the correlation is estimated; of more, the last surveys are used
 _TILE_ELEMENTS = 400_000
-MEAN_PLACES = 500
-"""About the largest number of places whose mean stands for that of the field."""
+MEAN_PLACES = 500  # about the largest number of places whose mean stands for that of the field
 _Z95 = 1.959963984540054
 _SLOPE_STEP = 1e-4
 

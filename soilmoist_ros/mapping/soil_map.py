@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-ORDERS, _NODES = 5, 24
-"""Orders of the expansion of the moisture; nodes of the quadrature over the rate."""
+ORDERS, _NODES = 5, 24  # orders of the expansion of the moisture; nodes of the quadrature over the rate
 UNITS = {
     "rate": "counts/s", "rate_sd": "counts/s",
     "vwc": "m3/m3", "vwc_sd": "m3/m3", "vwc_p05": "m3/m3", "vwc_p95": "m3/m3",

@@ -42,14 +42,11 @@ from soilmoist_ros.exploration import (
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.topics import LATCHED, NO_EVENTS, interface_class
 
-LOOK_EVERY_S = 1.0
-"""Time between looks for servers that publish lists of goals [s]."""
-LIST_WAIT_S = 1.5
-"""Time in which the list of a server comes that has had goals [s]."""
+LOOK_EVERY_S = 1.0  # time between looks for servers that publish lists of goals [s]
+LIST_WAIT_S = 1.5  # time in which the list of a server comes that has had goals [s]
 _LIST: Final = "/_action/status"
 _UNKNOWN: Final = int(CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID)
-KEPT_GOALS = 10
-"""Latest goals that can be cancelled: one follows the other, and an earlier one may still run."""
+KEPT_GOALS = 10  # latest goals that can be cancelled: one follows the other, and an earlier one may still run
 
 
 class ActionNavigator(ABC):

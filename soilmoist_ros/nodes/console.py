@@ -66,13 +66,11 @@ from soilmoist_ros.sensing import fix_from_message
 
 __all__ = ["PARAMETERS", "Console", "main"]
 
-STALE_S: Final = 30.0
-"""Age at which the health of a part is shown as unknown [s]."""
+STALE_S: Final = 30.0  # age at which the health of a part is shown as unknown [s]
 SHOW_S: Final = 1.0
 REPEAT_S: Final = 0.5
 """Time between two messages of a pressed stop [s]; a planner takes silence of 2 s for a release."""
-DOSE_PAUSE_S: Final = 10.0
-"""Shortest time from one dose to the next [s]."""
+DOSE_PAUSE_S: Final = 10.0  # shortest time from one dose to the next [s]
 
 
 class Console(Node):

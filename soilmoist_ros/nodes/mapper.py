@@ -62,16 +62,13 @@ __all__ = ["PARAMETERS", "Mapper", "main"]
 
 _POLL_S: Final = 1.0
 _FLUSH_S: Final = 5.0
-_SLICE: Final = 500
-"""Records that are added at a time, so that reports and services need not wait for a flood."""
-CHANGE_PAUSE_S: Final = 5.0
-"""Shortest time from one change to the next [s]."""
+_SLICE: Final = 500  # records that are added at a time, so that reports and services need not wait for a flood
+CHANGE_PAUSE_S: Final = 5.0  # shortest time from one change to the next [s]
 CHANGE_PART: Final = "change"
 _Queued = tuple[FieldSurvey, SoilMap | None, float]
 """A map, the field that it is of, and the end of its last record [s since 1970-01-01 UTC]."""
 NO_CHANGE_YET: Final = Health(CHANGE_PART, Level.OK, "waiting for enough samples for a map")
-_REPEAT: Final = 6
-"""One of this many unchanged lists is published, for receivers that have lost one."""
+_REPEAT: Final = 6  # one of this many unchanged lists is published, for receivers that have lost one
 _SETTLED: Final = 3
 """Unchanged lists before one more is published: other mappers skip spans with records of the last seconds."""
 

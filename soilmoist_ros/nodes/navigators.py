@@ -48,8 +48,7 @@ GOTO_NODE_TYPE: Final = "topological_navigation_msgs/action/GotoNode"
 NAVIGATE_TO_POSE: Final = "navigate_to_pose"
 NAVIGATE_TO_POSE_TYPE: Final = "nav2_msgs/action/NavigateToPose"
 TOPIC: Final = "goal_pose"
-KEPT_POSES: Final = 100
-"""Own poses that are recognised when they come back."""
+KEPT_POSES: Final = 100  # own poses that are recognised when they come back
 POSE_OBSERVERS: Final = (
     "recorder*", "rosbag2*", "_ros2cli*", "rviz*", "rqt*", "foxglove*", "rosbridge*", "plotjuggler*",
 )  # fmt: skip

@@ -37,8 +37,7 @@ from soilmoist_ros.nodes.parameters import NODES
 _SWITCH_S: Final = 5e-4
 """Longest wait of a callback for Python's lock while another thread computes [s]; each takes it several times, and
 Python's own 5 ms would add up to a late abort."""
-_LAST_ORDERS_S: Final = 2.0
-"""Longest time for what a node drives to hear that it is to stop [s]."""
+_LAST_ORDERS_S: Final = 2.0  # longest time for what a node drives to hear that it is to stop [s]
 _LAST_MESSAGES_S: Final = 3.0
 """Longest wait for the receivers of the last messages; launch files end a node by force after 5 s more [s]."""
 BAD_INPUT: Final = 2
@@ -53,10 +52,8 @@ _PERMISSIONS: Final = (
 )
 HELP = ("-h", "--help")
 _WIDTH = 100
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
-"""Names in ``malloc.h`` of the limits below."""
-_KEPT_BYTES: Final = 2 << 20
-"""Free memory at the end of a heap above which it goes back to the system [bytes]."""
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # names in malloc.h of the limits below
+_KEPT_BYTES: Final = 2 << 20  # free memory at the end of a heap above which it goes back to the system [bytes]
 _MAPPED_BYTES: Final = 1 << 20
 """Size from which an array has memory of its own, which goes back when it is freed [bytes]."""
 

@@ -45,10 +45,8 @@ __all__ = ["PARAMETERS", "Planner", "main"]
 MISSION_TICK_S: Final = 1.0
 TICK_S: Final = 0.2
 SHOW_S: Final = 1.0
-LOOK_S: Final = 0.5
-"""Time between two checks whether a release of the emergency stop counts [s]."""
-WHO: Final = "ros2 param"
-"""Name for clients that set a parameter: ROS does not report them."""
+LOOK_S: Final = 0.5  # time between two checks whether a release of the emergency stop counts [s]
+WHO: Final = "ros2 param"  # name for clients that set a parameter: ROS does not report them
 
 
 class Planner(Node):

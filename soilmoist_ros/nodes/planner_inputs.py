@@ -68,12 +68,9 @@ from soilmoist_ros.nodes.topics import (
 from soilmoist_ros.recording import quarantined_topic
 from soilmoist_ros.sensing import FIX_TYPE, CountRecord, Fix, LeverArms, fix_from_message, logger_fault
 
-_AGAIN_TICKS: Final = 10
-"""Seconds after which a map of the navigation that could not be used is tried again."""
-SLICE: Final = 100
-"""Records that are taken at a time; some 20 ms of work."""
-PAUSE_S: Final = 0.05
-"""Shortest time between the slices of different messages [s]: each costs a sync of the disk."""
+_AGAIN_TICKS: Final = 10  # seconds after which a map of the navigation that could not be used is tried again
+SLICE: Final = 100  # records that are taken at a time; some 20 ms of work
+PAUSE_S: Final = 0.05  # shortest time between the slices of different messages [s]: each costs a sync of the disk
 MAX_MESSAGES: Final = 20_000
 ASK_AGAIN_S: Final = 5.0
 DATUM_TYPE: Final = "robot_localization/srv/ToLL"

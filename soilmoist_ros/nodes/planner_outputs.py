@@ -34,8 +34,7 @@ from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.topics import DEFAULT, HEARTBEAT, LATCHED, VISITS, interface_class, ros_now_s
 from soilmoist_ros.sensing import DOUBTS, Doubt
 
-SAVE_LIMIT_S: Final = 120.0
-"""Longest wait for the saved map at the end of the process [s]."""
+SAVE_LIMIT_S: Final = 120.0  # longest wait for the saved map at the end of the process [s]
 INFO_TOPIC: Final = "costmap_filter_info"
 CELL_M: Final = 0.2
 MIN_CELL_M: Final = 0.05

@@ -39,11 +39,9 @@ from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.pipeline import EarlierTarget, read_earlier_runs
 from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, load_site
 
-PERSON: Final = "person"
-"""Navigator of a person: no navigation is needed, and nothing stops the person."""
+PERSON: Final = "person"  # navigator of a person: no navigation is needed, and nothing stops the person
 _PLACE = PlaceLimits()
-_FASTER: Final = 2.0
-"""Highest speed as a multiple of the robot's usual one, where it is not given."""
+_FASTER: Final = 2.0  # highest speed as a multiple of the robot's usual one, where it is not given
 
 
 WATCH_PARAMETERS: Final = (

@@ -22,13 +22,10 @@ _PR_SET_PDEATHSIG = 1
 _POLL_S = 0.02
 # Loaded here: between fork and exec a process must not load a library.
 _prctl = ctypes.CDLL(None).prctl if sys.platform == "linux" else None
-DOMAINS = range(100, 0, -1)
-"""Domains whose ports are below the ephemeral ports of Linux; people choose low ones."""
-PORTS_EACH = 250
-"""Number of ports of a domain."""
+DOMAINS = range(100, 0, -1)  # domains whose ports are below the ephemeral ports of Linux; people choose low ones
+PORTS_EACH = 250  # number of ports of a domain
 FIRST_PORT = 7400
-LAST_PORT = FIRST_PORT + PORTS_EACH - 1
-"""The first and the last port of domain 0."""
+LAST_PORT = FIRST_PORT + PORTS_EACH - 1  # the first and the last port of domain 0
 
 
 class ProcessGroup:

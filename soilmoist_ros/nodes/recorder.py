@@ -60,22 +60,18 @@ __all__ = ["PARAMETERS", "Recorder", "main"]
 
 _RECORDED: Final = ("sensor_driver", "mapper", "planner")
 """Nodes whose parameters are stored with the bag, in addition to the parameters of the property mappers."""
-_TAKE_S: Final = 0.1
-"""Time between two looks for messages [s]; each subscription keeps 500 messages or more."""
+_TAKE_S: Final = 0.1  # time between two looks for messages [s]; each subscription keeps 500 messages or more
 _DISCOVERY_S: Final = 0.2
 _OTHER_PUBLISHERS_S: Final = 1.0
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
 _LIMITS_S: Final = 60.0
 _OPEN_S: Final = 5.0
-_LOOK_S: Final = 0.01
-"""Pause between looks for messages in transit, before the bag is closed [s]."""
-_QUIET_LOOKS: Final = 20
-"""Looks without messages after which it is closed."""
+_LOOK_S: Final = 0.01  # pause between looks for messages in transit, before the bag is closed [s]
+_QUIET_LOOKS: Final = 20  # looks without messages after which it is closed
 _MAX_LOOKS: Final = 100
 _ASK_S: Final = 1.0
-_AGAIN_S: Final = 10.0
-"""Time between two requests to a node [s]; a restart may change its values."""
+_AGAIN_S: Final = 10.0  # time between two requests to a node [s]; a restart may change its values
 _OF_EVERY_NODE: Final = ("qos_overrides.", "start_type_description_service")
 
 

@@ -19,8 +19,7 @@ from soilmoist_ros.recording import Qos, Request
 NO_EVENTS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
 """For subscriptions whose publishers may offer less: no warning, and none of the callbacks with which the executor
 may crash when the subscription is destroyed."""
-_KEEP: Final = 100
-"""Depth of a publisher if the recorded depth is unknown."""
+_KEEP: Final = 100  # depth of a publisher if the recorded depth is unknown
 
 
 def _profile(depth: int, latched: bool = False, reliable: bool = True) -> QoSProfile:
@@ -36,18 +35,12 @@ RECORDS: Final = _profile(100)
 """Records: none may be lost, even if a receiver is busy for a quarter of an hour."""
 SENSOR: Final = _profile(5, reliable=False)
 """Fixes and weather: only the latest matters, and drivers of other makers use this profile."""
-LATCHED: Final = _profile(1, latched=True)
-"""Maps, plans and states: a late receiver gets the last one."""
-VISITS: Final = _profile(100, latched=True)
-"""Visits: a late receiver gets the visits of the last hours."""
-DEFAULT: Final = _profile(10)
-"""``/diagnostics`` and goal poses: other tools expect this profile."""
-TF: Final = _profile(100)
-"""``/tf``: the profile of tf2; several nodes publish parts of the tree at high rates."""
-TF_STATIC: Final = _profile(100, latched=True)
-"""``/tf_static``: each publisher sends its transforms once."""
-CLOCK: Final = _profile(1, reliable=False)
-"""Simulated time: only the latest matters."""
+LATCHED: Final = _profile(1, latched=True)  # maps, plans and states: a late receiver gets the last one
+VISITS: Final = _profile(100, latched=True)  # visits: a late receiver gets the visits of the last hours
+DEFAULT: Final = _profile(10)  # /diagnostics and goal poses: other tools expect this profile
+TF: Final = _profile(100)  # /tf: the profile of tf2; several nodes publish parts of the tree at high rates
+TF_STATIC: Final = _profile(100, latched=True)  # /tf_static: each publisher sends its transforms once
+CLOCK: Final = _profile(1, reliable=False)  # simulated time: only the latest matters
 
 HEARTBEAT: Final = "planner/heartbeat"
 """Topic of the planner's heartbeat (std_msgs/Bool); false if the planner itself finds that it is stuck."""

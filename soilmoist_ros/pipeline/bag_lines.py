@@ -34,10 +34,8 @@ FIX: Final = FIX_TYPE
 SENTENCE: Final = "nmea_msgs/msg/Sentence"
 GPS_FIX: Final = ("gps_msgs/msg/GPSFix", "gps_common/msg/GPSFix")
 STATUS: Final = "diagnostic_msgs/msg/DiagnosticStatus"
-MAX_DIFFERENCE_S = 5.0
-"""Difference of stamps and times of receipt that is told [s]."""
-_SNIFFED = 20
-"""Number of messages that show whether texts are NMEA."""
+MAX_DIFFERENCE_S = 5.0  # difference of stamps and times of receipt that is told [s]
+_SNIFFED = 20  # number of messages that show whether texts are NMEA
 _COORDINATES = re.compile(r'^\s*(float|double|u?int)\w*\s+(lat|latitude\w*)\b|"latitude"', re.MULTILINE)
 _GNSS_TYPE = re.compile(
     r"gnss|gps|nav_?sat|navpvt|pvt|geo(point|pose)|location_?fix|bestpos|inspva", re.IGNORECASE

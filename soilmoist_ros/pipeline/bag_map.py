@@ -181,10 +181,7 @@ class RawSurvey(NamedTuple):
 
 
 def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: LeverArms) -> RawSurvey:
-    """Process the raw lines of a robot.
-
-    :raises InputError: if the lines contain no usable record
-    """
+    """Process the raw lines of a robot; raises ``InputError`` if the lines contain no usable record."""
     reader, site, shift_s = topics.reader, survey.site, chosen.gnss_shift_s
     name = logger_topic(reader, chosen.logger_topic or f"{topics.counts.rpartition('/')[0]}/raw/logger")
     lines = text_lines(reader, name)

@@ -50,18 +50,15 @@ from soilmoist_ros.sensing import UNKNOWN_SENSOR, CountRecord, MoistureCurve, lo
 if TYPE_CHECKING:
     from soilmoist_ros.simulation import MappedProperty, MissionSettings
 
-FIRST_NAMES = ("", "moisture")
-"""Names of the robot's own property, which is no name to compare."""
+FIRST_NAMES = ("", "moisture")  # names of the robot's own property, which is no name to compare
 SAME_RECORDS = 0.5
 """Share of equal stamps and counts from which two runs are one survey; by chance it is a twentieth."""
-SAME_SENSOR = 0.01
-"""Relative difference of their rates over equal soil up to which two sensors are one."""
+SAME_SENSOR = 0.01  # relative difference of their rates over equal soil up to which two sensors are one
 MAX_AHEAD_S = DAY_S
 """Time after that of the report up to which a record may be dated [s]: clocks of loggers are local."""
 MAX_RATE_RATIO = 2.0
 """Largest ratio of the mean rates of two surveys without a doubt: dry to saturated soil (Desilets 2010)."""
-MAX_YEARS = 5.0
-"""Longest time between two surveys without a doubt."""
+MAX_YEARS = 5.0  # longest time between two surveys without a doubt
 _YEAR_S = 365.25 * DAY_S
 MAX_SAMPLES = 1500
 """Number of samples of all surveys up to which a change is computed; the latest earlier surveys come first."""

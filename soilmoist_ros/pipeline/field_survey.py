@@ -76,8 +76,7 @@ from soilmoist_ros.sensing import (
     why_no_soil,
 )
 
-MAX_BEYOND_AREA_DEG = 6.0
-"""Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
+MAX_BEYOND_AREA_DEG = 6.0  # largest distance of a field from the area of its reference system: one UTM zone [deg]
 _SNOW = "counts have no air temperature, so nothing says if snow lay, which would count as soil water"
 
 

@@ -60,22 +60,16 @@ from soilmoist_ros.simulation import SurrogateField
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
 """Areas beyond which a field is unusual for a survey with a neutron sensor [m^2]."""
-MAX_FROM_TOWN_M = 50_000.0
-"""Distance of a field from any town beyond which its coordinates may be swapped [m]."""
+MAX_FROM_TOWN_M = 50_000.0  # distance of a field from any town beyond which its coordinates may be swapped [m]
 MAX_FROM_SITE_M = 100_000.0
 """Distance of records from the place of their site beyond which one of them is wrong [m]."""
 MAX_FROM_REFERENCE_HPA = 40.0
 """Distance of the reference pressure from that of the altitude beyond which it is unusual [hPa]."""
-PREVIEW = 3
-"""Number of first records that are shown as they were understood."""
-MAX_FAULTS = 5
-"""Number of kinds of faults that are shown."""
-WEAK_TUBE = 0.2
-"""Share of the mean count of the tubes below which a tube counts too little."""
-_MAX_N0_SD = 0.3
-"""Standard deviation of N0 beyond which it is in another unit, as a share of N0."""
-_DRY, _WET = 0.05, 0.40
-"""Moisture of dry and wet soil, for examples [m^3/m^3]."""
+PREVIEW = 3  # number of first records that are shown as they were understood
+MAX_FAULTS = 5  # number of kinds of faults that are shown
+WEAK_TUBE = 0.2  # share of the mean count of the tubes below which a tube counts too little
+_MAX_N0_SD = 0.3  # standard deviation of N0 beyond which it is in another unit, as a share of N0
+_DRY, _WET = 0.05, 0.40  # moisture of dry and wet soil, for examples [m^3/m^3]
 _NOTED = (Kind.ASSUMED_TIME, Kind.CHOSEN_POSITIONS, Kind.DOUBTFUL_POSITIONS, Kind.CHECKSUM)
 
 

@@ -74,10 +74,8 @@ from soilmoist_ros.sensing import (
     utc_text,
 )
 
-REFERENCE_KNOTS = 25
-"""Times at which the error of a reference sensor is known; it is linear between them."""
-MAX_EXTENT_M = 300_000.0
-"""Extent of a track beyond which some of its positions are wrong [m]."""
+REFERENCE_KNOTS = 25  # times at which the error of a reference sensor is known; it is linear between them
+MAX_EXTENT_M = 300_000.0  # extent of a track beyond which some of its positions are wrong [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,10 +278,7 @@ def sensor_of(logs: Sequence[LogFile]) -> SensorModel | None:
 
 
 def survey_air(logs: Sequence[LogFile], places: NDArray[np.float64]) -> SurveyAir:
-    """Median place and air of logs.
-
-    :param places: latitude and longitude of the records, shape (n, 2) [deg]
-    """
+    """Median place and air of logs; ``places``: latitude and longitude of the records, shape (n, 2) [deg]."""
     records = [record for log in logs for record in log.records]
     names = "pressure_hpa", "temperature_degc"
     air = (_median([getattr(record, name) for record in records]) for name in names)

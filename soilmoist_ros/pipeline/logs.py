@@ -47,16 +47,12 @@ MAX_GAP_S = 60.0
 """Time between two fixes up to which a record counts as placed in the first check of the places [s]."""
 MAX_MOVED_M = 100.0
 """Distance from its usual place within which nine in ten positions of a stationary sensor lie [m]."""
-MAX_AWAY_M = 10_000.0
-"""Greatest distance of a reference sensor from the survey [m]."""
-MAX_APART_M = 2.0
-"""Greatest distance of the positions of two files at the same time [m]."""
+MAX_AWAY_M = 10_000.0  # greatest distance of a reference sensor from the survey [m]
+MAX_APART_M = 2.0  # greatest distance of the positions of two files at the same time [m]
 MAX_APART_AT_ONCE_M = 10.0
 """Greatest distance of positions of one file with one time: a fast vehicle, with times in whole seconds [m]."""
-MIN_COMMON = 5
-"""Least number of common times at which two files are compared."""
-COMMON_GAP_S = 10.0
-"""Time between two fixes of a file up to which those of another file are compared with it [s]."""
+MIN_COMMON = 5  # least number of common times at which two files are compared
+COMMON_GAP_S = 10.0  # time between two fixes of a file up to which those of another file are compared with it [s]
 Progress = Callable[[str, float], None]
 """Called with the current step and its finished share [0..1]."""
 

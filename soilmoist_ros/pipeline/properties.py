@@ -35,15 +35,12 @@ from soilmoist_ros.simulation import MapErrors, SurrogateField, map_errors
 _OF_RATE = ("rate", "rate_sd")
 _OF_MOISTURE = ("vwc", "vwc_sd", "vwc_p05", "vwc_p95")
 """Compared if the map has all of them: in earlier versions moisture had no limits and no quantiles."""
-_ROUNDING = 1e-4
-"""Relative difference below which maps differ only by rounding."""
+_ROUNDING = 1e-4  # relative difference below which maps differ only by rounding
 Array = NDArray[np.float64]
 
-FIRST = "moisture"
-"""Name of the property with the topic ``counts`` in the robot's own namespace."""
+FIRST = "moisture"  # name of the property with the topic counts in the robot's own namespace
 _NUMBERS: Final = ("hours", "seed", "until_sd", "until_gain")
-_TEXTS: Final = ("target", "preset")
-"""Parameters of a planner that a report shows."""
+_TEXTS: Final = ("target", "preset")  # parameters of a planner that a report shows
 
 
 @dataclass(frozen=True)
@@ -187,10 +184,7 @@ class PropertyComparison:
 
 
 def read_published_map(topics: RunTopics) -> PublishedMap | None:
-    """The last map in a bag, ``None`` if there is none.
-
-    :raises InputError: if it cannot be read
-    """
+    """The last map in a bag, ``None`` if there is none; raises ``InputError`` if it cannot be read."""
     last = _last_cloud(topics, "soil_map")
     if last is None:
         return None

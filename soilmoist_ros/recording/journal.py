@@ -22,8 +22,7 @@ from soilmoist_ros.recording.run_folder import sync_folder, write_whole
 _CHECKSUM: Final = re.compile(rb',"crc":"([0-9a-f]{8})"\}')
 _TAIL_LENGTH: Final = len(b',"crc":"00000000"}')
 _MAX_PROBLEMS: Final = 100
-ENTRIES: Final = "journal.jsonl"
-"""Name of the file with the entries; it identifies the folder of a journal."""
+ENTRIES: Final = "journal.jsonl"  # name of the file with the entries; it identifies the folder of a journal
 _SNAPSHOT: Final = "snapshot.json"
 _BEFORE: Final = "journal_before.jsonl"
 """Name of the file with the entries before the last :meth:`Journal.turn_over`."""

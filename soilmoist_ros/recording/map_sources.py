@@ -21,16 +21,13 @@ from soilmoist_ros.sensing import CountRecord
 
 DRIVER: Final = "sensor_driver"
 """Name of the driver's log in the folder of a session."""
-RECORD: Final = "record"
-"""Kind of the entries that hold a record."""
+RECORD: Final = "record"  # kind of the entries that hold a record
 MAX_WAITING: Final = 100_000
 """Records that may wait for a full disk: eleven days of one each 10 s; the oldest are lost first."""
-RESET: Final = "reset"
-"""Kind of the entries after which a map starts again."""
+RESET: Final = "reset"  # kind of the entries after which a map starts again
 SESSION: Final = "session.json"
 """File that marks the folder of a session: one map, from the first launch to the end of its mission."""
-OWN: Final = "mapper"
-"""Name of the mapper's log in the folder of a session."""
+OWN: Final = "mapper"  # name of the mapper's log in the folder of a session
 
 _log = logging.getLogger(__name__)
 

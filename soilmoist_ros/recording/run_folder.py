@@ -26,8 +26,7 @@ from typing import Any, Final
 from soilmoist_ros.foundation import InputError
 
 BAG = "bag"
-BAG_FILES = (".mcap", ".db3", ".bag")
-"""Endings of files with messages: of ROS 2, and of ROS 1."""
+BAG_FILES = (".mcap", ".db3", ".bag")  # endings of files with messages: of ROS 2, and of ROS 1
 SUMMARY = "summary.json"
 """All figures of a run that was mapped, for programs."""
 CONFIGURATION = "configuration"
@@ -37,8 +36,7 @@ _KINDS: Final = {"field": "fields", "site": "sites", "graph": "graphs", "logger_
 _NAMED: Final = {"field": ("geojson",), "site": ("corrections", "intensity", "file")}
 """Keys of these files that name another file, by a relative path."""
 
-_CHOSEN: Final = ("field", "earlier", "covariates")
-"""Parameters that an operator may choose while the nodes run."""
+_CHOSEN: Final = ("field", "earlier", "covariates")  # parameters that an operator may choose while the nodes run
 
 
 def write_whole(path: Path, content: bytes) -> None:

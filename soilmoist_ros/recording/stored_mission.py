@@ -15,8 +15,7 @@ from soilmoist_ros.recording.journal import ENTRIES, Journal, LoadedJournal, loa
 from soilmoist_ros.recording.run_folder import write_whole
 
 MARK: Final = "process.json"
-MAX_CRASHES: Final = 3
-"""Crashes within :data:`WINDOW_S` after which a restart is not trusted."""
+MAX_CRASHES: Final = 3  # crashes within WINDOW_S after which a restart is not trusted
 WINDOW_S: Final = 600.0
 
 
@@ -49,17 +48,11 @@ class ProcessMark:
         self._content: dict[str, Any] = {"boot": boot, "crashes": crashes, "ended": False}
 
     def begin(self) -> None:
-        """Mark the folder: the journal is being written now.
-
-        :raises OSError: if the mark cannot be written
-        """
+        """Mark the folder: the journal is being written now. Raises ``OSError`` if the mark cannot be written."""
         self._write()
 
     def end(self) -> None:
-        """The process ends by itself or on request.
-
-        :raises OSError: if the mark cannot be written
-        """
+        """The process ends by itself or on request; raises ``OSError`` if the mark cannot be written."""
         self._content["ended"] = True
         self._write()
 

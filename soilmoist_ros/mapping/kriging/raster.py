@@ -39,28 +39,19 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-MIN_SAMPLES, MIN_CELLS = 50, 16_000
-"""Minimum numbers of samples and of cells from which tiles are faster."""
+MIN_SAMPLES, MIN_CELLS = 50, 16_000  # minimum numbers of samples and of cells from which tiles are faster
 MIN_PIVOT = 1e-6
 """Minimum share of a sample's variance unexplained by earlier samples; below, the inverse of L is too inexact."""
-MARGIN = 2.0
-"""Minimum distance of a far sample from a tile, in half sides."""
+MARGIN = 2.0  # minimum distance of a far sample from a tile, in half sides
 EVERYWHERE, MAX_ANALYTIC = -1.0, 0.6
 """Margin of an analytic correlation: no sample is near; and the largest half side, in ranges, for that."""
-CELLS = 1200
-"""Target number of cells of a tile; about the optimum for 70 to 1000 samples."""
-TOLERANCE = 3e-11
-"""Correlation, root mean square over the sources, that the skeleton may leave unexplained."""
-_POINTS = 14
-"""Chebyshev points of a tile along each axis, among which the skeleton is chosen."""
-_PRODUCT_POINTS = 18
-"""Chebyshev points of a tile along each axis for products of two smooth functions."""
-_SOURCES, _SKETCH = 600, 140
-"""Sources, and random combinations of them that represent all."""
-_REACH = 20.0
-"""Distance of the farthest sources, in half sides; correlations with farther ones are no less smooth."""
-_AT_ONCE = 8
-"""Tiles processed at a time."""
+CELLS = 1200  # target number of cells of a tile; about the optimum for 70 to 1000 samples
+TOLERANCE = 3e-11  # correlation, root mean square over the sources, that the skeleton may leave unexplained
+_POINTS = 14  # Chebyshev points of a tile along each axis, among which the skeleton is chosen
+_PRODUCT_POINTS = 18  # Chebyshev points of a tile along each axis for products of two smooth functions
+_SOURCES, _SKETCH = 600, 140  # sources, and random combinations of them that represent all
+_REACH = 20.0  # distance of the farthest sources, in half sides; correlations with farther ones are no less smooth
+_AT_ONCE = 8  # tiles processed at a time
 
 
 def krige_raster(

@@ -22,10 +22,8 @@ from soilmoist_ros.mapping.variogram.support import Supports
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MAX_TARGETS, MAX_SAMPLES = 1000, 400
-"""Numbers of cells and of samples up to which covariances are kept."""
-_MIN_ROOM = 64
-"""Samples for which memory is allocated at the start."""
+MAX_TARGETS, MAX_SAMPLES = 1000, 400  # numbers of cells and of samples up to which covariances are kept
+_MIN_ROOM = 64  # samples for which memory is allocated at the start
 
 
 class RasterKriging:

@@ -21,8 +21,7 @@ Array = NDArray[np.float64]
 
 JITTER = (0.0, 1e-13, 1e-11, 1e-9)
 """Values added to the diagonal, relative to its mean, until the Cholesky factor exists."""
-_AT_ONCE = 16384
-"""Correlations computed at a time, so that intermediate results stay in the cache."""
+_AT_ONCE = 16384  # correlations computed at a time, so that intermediate results stay in the cache
 _NO_FEATURES = np.empty((0, 0))
 _log = logging.getLogger(__name__)
 _TILE_ELEMENTS = 400_000

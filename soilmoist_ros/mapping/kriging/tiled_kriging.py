@@ -42,15 +42,12 @@ Indices = NDArray[np.intp]
 Compute = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 """Applies a function to each item and returns the results in order, like the built-in ``map``."""
 
-NEAREST = (300, 600, 1200)
-"""Candidate numbers of nearest samples; each is compared with twice as many."""
-TOLERANCE = 0.0075
-"""Acceptable error of the rate, as a share of the kriging sd."""
+NEAREST = (300, 600, 1200)  # candidate numbers of nearest samples; each is compared with twice as many
+TOLERANCE = 0.0075  # acceptable error of the rate, as a share of the kriging sd
 _TILE_RADIUS = 0.4
 """Maximum ratio of the half diagonal of a tile to the radius of the circle around its nearest samples."""
 _PILOT_TILES = 4
-_BLOCK_PLACES = 300
-"""Places of a block, and minimum number of places before it, in the estimate of the mean."""
+_BLOCK_PLACES = 300  # places of a block, and minimum number of places before it, in the estimate of the mean
 _MAX_QUARTERINGS = 40
 
 

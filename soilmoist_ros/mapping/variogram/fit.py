@@ -197,8 +197,7 @@ def estimate_variogram(
     return fit if found is None else replace(fit, variogram=found[0], local=found[1])
 
 
-_Classes = tuple[Array, Array, Array, Array]
-"""The empirical semivariogram: lag_m, gamma, weight, and edges_m."""
+_Classes = tuple[Array, Array, Array, Array]  # the empirical semivariogram: lag_m, gamma, weight, and edges_m
 
 
 def _classes(places: Samples, edges: ArrayLike | None) -> _Classes:

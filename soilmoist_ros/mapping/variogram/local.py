@@ -47,32 +47,22 @@ from soilmoist_ros.mapping.variogram.support import correlation_by_range
 
 Array = NDArray[np.float64]
 
-MAX_POOLS = 128
-"""Maximum number of pools of neighbouring samples from which the rate is estimated."""
-MIN_SHARE = 0.1
-"""Lower limit of the estimate, as a share of the mean rate: kriging may undershoot."""
-MAX_KNOWN = 2000
-"""Maximum number of places, asked for together, whose rates are kept."""
+MAX_POOLS = 128  # maximum number of pools of neighbouring samples from which the rate is estimated
+MIN_SHARE = 0.1  # lower limit of the estimate, as a share of the mean rate: kriging may undershoot
+MAX_KNOWN = 2000  # maximum number of places, asked for together, whose rates are kept
 _JITTER = 1e-9
-MIN_PLACES = 30
-"""Minimum number of places for a test."""
-MAX_PLACES = ONE_BLOCK_PLACES
-"""Maximum number of places; with more, the model is stationary."""
-MIN_SCORE = 0.5
-"""Logarithm of the Bayes factor that the score test must predict for a fit."""
-MIN_EVIDENCE = 1.0
-"""Logarithm of the Bayes factor from which the amplitude is used."""
-LOG_SD = 0.7
-"""Prior standard deviation of the logarithm of the amplitude."""
+MIN_PLACES = 30  # minimum number of places for a test
+MAX_PLACES = ONE_BLOCK_PLACES  # maximum number of places; with more, the model is stationary
+MIN_SCORE = 0.5  # logarithm of the Bayes factor that the score test must predict for a fit
+MIN_EVIDENCE = 1.0  # logarithm of the Bayes factor from which the amplitude is used
+LOG_SD = 0.7  # prior standard deviation of the logarithm of the amplitude
 RANGE_LOG_SD = 0.3
 """Prior standard deviation of the logarithm of the range about that of the stationary model. With a free range, a
 long one would make the amplitude explain the mean of the rate."""
-_KNOTS, _REACH = 0.8, 1.2
-"""Distance of the knots, and range of the amplitude's prior, in ranges of the variogram."""
+_KNOTS, _REACH = 0.8, 1.2  # distance of the knots, and range of the amplitude's prior, in ranges of the variogram
 _NEGLIGIBLE = 0.01
 """Share of the largest eigenvalue of the amplitude's prior below which eigenvectors are left out."""
-_MAX_INTERVALS = 12
-"""Maximum number of intervals between knots along each axis."""
+_MAX_INTERVALS = 12  # maximum number of intervals between knots along each axis
 _BOUND, _TOLERANCE, _MAX_STEPS = 6.0, 0.01, 25
 
 

@@ -24,10 +24,8 @@ from soilmoist_ros.foundation import InputError, Registry
 
 Array = NDArray[np.float64]
 
-MAX_LOG = 5.0
-"""Largest absolute value of the logarithm of an amplitude."""
-_TERMS = 4
-"""Splines along each axis that are not 0 at a place."""
+MAX_LOG = 5.0  # largest absolute value of the logarithm of an amplitude
+_TERMS = 4  # splines along each axis that are not 0 at a place
 
 
 @dataclass(frozen=True)
@@ -194,8 +192,7 @@ ModelName = Annotated[str, _KnownModel()]
 
 Indices = NDArray[np.intp]
 Corner = tuple[float, float]
-Box = tuple[Corner, Corner]
-"""South-west and north-east corner [m]."""
+Box = tuple[Corner, Corner]  # south-west and north-east corner [m]
 
 
 @dataclass(frozen=True)

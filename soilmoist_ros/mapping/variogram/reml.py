@@ -26,35 +26,25 @@ Expansion = tuple[float, Array, Array]
 _MIN_CURVATURE = 0.1
 _ROUNDING = 1e-11
 _FIRST_DAMPING, _MIN_DAMPING, _MAX_DAMPING = 1e-3, 1e-6, 1e8
-ONE_BLOCK_PLACES = 1000
-"""Maximum number of places for the full likelihood."""
-BLOCK_PLACES = 500
-"""Maximum number of places in a block of the composite likelihood."""
+ONE_BLOCK_PLACES = 1000  # maximum number of places for the full likelihood
+BLOCK_PLACES = 500  # maximum number of places in a block of the composite likelihood
 MAX_BLOCKS = 16
 """Maximum number of blocks. With more, the fit uses some of them, plus blocks of places from the whole field."""
 _MIN_POOLS = 8
-_FEW_PLACES = 100
-"""Number of places beyond which one start is enough if the model's likelihood has only one peak."""
-ANISOTROPIES = (2.0, 4.0, 8.0)
-"""Candidate ratios of the longest to the shortest range."""
-ANGLES_DEG = tuple(22.5 * step for step in range(8))
-"""Candidate directions of the longest range."""
+_FEW_PLACES = 100  # number of places beyond which one start is enough if the model's likelihood has only one peak
+ANISOTROPIES = (2.0, 4.0, 8.0)  # candidate ratios of the longest to the shortest range
+ANGLES_DEG = tuple(22.5 * step for step in range(8))  # candidate directions of the longest range
 ANISOTROPIC_SHARE = 1 / 4
 """Prior probability that the range depends on the direction; all candidates are equally likely."""
 MIN_ANISOTROPY = 1.2
 """Posterior mean ratios below this count as isotropic: such maps are as good and take less time."""
-MIN_ANISOTROPIC = 15
-"""Minimum number of places for a search of the direction."""
-ISOTROPIC = (1.0, 0.0)
-"""Anisotropy and angle of an isotropic variogram."""
-_DIRECTED_PLACES = 120
-"""Number of places used to weigh the directions."""
+MIN_ANISOTROPIC = 15  # minimum number of places for a search of the direction
+ISOTROPIC = (1.0, 0.0)  # anisotropy and angle of an isotropic variogram
+_DIRECTED_PLACES = 120  # number of places used to weigh the directions
 _DIRECTED_STEP = 1.5
 """Maximum change of a parameter, in prior standard deviations, between the peaks of two directions."""
-_LARGEST_STEP = 5.0
-"""Search bounds of the parameters, in prior standard deviations."""
-_TOLERANCE = 1e-4
-"""Distance from the mode at which the optimiser stops, in posterior standard deviations."""
+_LARGEST_STEP = 5.0  # search bounds of the parameters, in prior standard deviations
+_TOLERANCE = 1e-4  # distance from the mode at which the optimiser stops, in posterior standard deviations
 _ROUGH = 0.3
 """Tolerance of searches from further starts [posterior sd]; misses peaks higher by less than half its square."""
 

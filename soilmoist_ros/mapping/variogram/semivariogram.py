@@ -24,23 +24,15 @@ from soilmoist_ros.mapping.variogram.model import CorrelationModel, ModelName, c
 
 Array = NDArray[np.float64]
 
-CLASSES, FEW_CLASSES = 15, 6
-"""Largest number of distance classes, and their number while pairs are few."""
-MIN_PAIRS = 30
-"""Pairs that a distance class should have."""
+CLASSES, FEW_CLASSES = 15, 6  # largest number of distance classes, and their number while pairs are few
+MIN_PAIRS = 30  # pairs that a distance class should have
 _PAIRS_AT_ONCE = 1_000_000
-OUTLIER = 0.25
-"""Residuals above this share of the unit count as outliers."""
-RANGES = 0.01, 3.0
-"""Bounds of the range in units of the largest lag."""
-MAX_NUGGET = 10.0
-"""Upper bound of the nugget in units of the semivariance."""
-MAX_SILL = 20.0
-"""Upper bound of the structured sill in units of the semivariance."""
-_USUAL = np.array([0.1, 1.0])
-"""Nugget and structured sill where the classes do not determine them."""
-_USUAL_REACH = 0.6
-"""Practical range, in units of the largest lag, where the classes do not determine it."""
+OUTLIER = 0.25  # residuals above this share of the unit count as outliers
+RANGES = 0.01, 3.0  # bounds of the range in units of the largest lag
+MAX_NUGGET = 10.0  # upper bound of the nugget in units of the semivariance
+MAX_SILL = 20.0  # upper bound of the structured sill in units of the semivariance
+_USUAL = np.array([0.1, 1.0])  # nugget and structured sill where the classes do not determine them
+_USUAL_REACH = 0.6  # practical range, in units of the largest lag, where the classes do not determine it
 _TIE = 1e-6
 _TIES = _TIE * np.array([1.0, 0.0, 1.0, *_USUAL])
 """Terms of the normal equations that pull nugget and structured sill towards the usual values."""

@@ -39,10 +39,8 @@ from soilmoist_ros.sensing import Footprint
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_MIN_WIDTH_M2 = MIN_SPREAD_M2 / 2
-"""Areas with a smaller variance across count as lines."""
-_MAX_SMALL_M2 = 5.0
-"""Areas with a larger variance along have more than three points."""
+_MIN_WIDTH_M2 = MIN_SPREAD_M2 / 2  # areas with a smaller variance across count as lines
+_MAX_SMALL_M2 = 5.0  # areas with a larger variance along have more than three points
 _LINE_WEIGHT, _LINE_ARM = 1 / 2, 1.0
 _SMALL_WEIGHT, _SMALL_ARMS = 1 / 3, np.array([[0.0, np.sqrt(2.0)], [np.sqrt(1.5), -np.sqrt(0.5)]])
 _AREA_WEIGHT, _AREA_ARM = 1 / 6, np.sqrt(3.0)
@@ -50,8 +48,7 @@ _AREA_WEIGHT, _AREA_ARM = 1 / 6, np.sqrt(3.0)
 points of a small area across and along."""
 NEAR_RADII, _RING_RADII = 0.23, 0.82
 """Radii within which counts of a footprint count as from the place itself; distance of the others."""
-_RADII_M = np.geomspace(1.0, 1000.0, 31)
-"""Radii at which the share of the counts from near is computed."""
+_RADII_M = np.geomspace(1.0, 1000.0, 31)  # radii at which the share of the counts from near is computed
 _LOG_STEP = 0.5
 _MAX_TOGETHER = 600
 """Maximum number of points at which a function is evaluated in one call; more would leave the cache."""

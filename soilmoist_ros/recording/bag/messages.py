@@ -38,10 +38,8 @@ _KINDS: Final = (
 )
 REASONS: Final[Mapping[int, str]] = MappingProxyType({number: kind.value for number, kind in enumerate(_KINDS, 1)})
 """Reason codes by number. Bags hold the numbers: they never change, new ones are added at the end."""
-UNKNOWN_REASON: Final = "unknown_reason"
-"""Reason code of a number that is not in the table, such as 0."""
-_MAX_RECORDS: Final = 10_000
-"""Records of a message at most; a day has 8640. Drivers publish one in each message."""
+UNKNOWN_REASON: Final = "unknown_reason"  # reason code of a number that is not in the table, such as 0
+_MAX_RECORDS: Final = 10_000  # records of a message at most; a day has 8640. Drivers publish one in each message
 _MAX_IN_ALL: Final = 3_000_000
 """Records of a bag at most, about a year of them: a small file could unpack to more than the memory has."""
 

@@ -25,13 +25,11 @@ _PRIMITIVE: Final = re.compile(r"bool|byte|char|float(32|64)|u?int(8|16|32|64)|w
 _FIELD: Final = re.compile(r"^\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]\w*")
 _MAX_FIELDS: Final = 100_000
 _TYPE: Final = re.compile(r"(\w+)/msg/(\w+)")
-INFINITE_NS: Final = 2**63 - 1
-"""An infinite duration, as ROS writes it [ns]."""
+INFINITE_NS: Final = 2**63 - 1  # an infinite duration, as ROS writes it [ns]
 
 _VERSION: Final = 9
 _GIGA: Final = 1_000_000_000
-_KEEP_AT_LEAST: Final = 500
-"""Messages of a topic that wait for the recorder, which takes them ten times a second."""
+_KEEP_AT_LEAST: Final = 500  # messages of a topic that wait for the recorder, which takes them ten times a second
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagGoneError, BagWrite
 
 _LOG = logging.getLogger(__name__)
 _RETRY_S: Final = 2.0
-_SIZES, _SIZE_S = 60, 10.0
-"""Sizes of the bag from which its growth is computed, and time between two of them [s]."""
+_SIZES, _SIZE_S = 60, 10.0  # sizes of the bag from which its growth is computed, and time between two of them [s]
 _NO_SPACE: Final = (errno.ENOSPC, errno.EDQUOT)
 _RECOVER: Final = "to restore what it has: soilmoist bag recover"
 
@@ -477,10 +476,7 @@ def find_excess(out: Path, size_bytes: float) -> Excess:
 
 
 def next_number(out: Path) -> int:
-    """The number of the next bag in a folder.
-
-    :raises OSError: if the folder cannot be read
-    """
+    """The number of the next bag in a folder; raises ``OSError`` if the folder cannot be read."""
     return 1 + max((bag.number for bag in _closed_bags(out)[0]), default=0) if out.is_dir() else 1
 
 

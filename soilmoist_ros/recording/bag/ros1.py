@@ -23,8 +23,7 @@ from soilmoist_ros.recording.bag.metadata import BagMessage, Content, Definition
 from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
-ROS1: Final = "ros1msg"
-"""Encoding of definitions of ROS 1."""
+ROS1: Final = "ros1msg"  # encoding of definitions of ROS 1
 
 
 class Ros1File:
@@ -160,10 +159,7 @@ def _store_of(topic: str, type_name: str, definition: str) -> Any:
 
 
 def converted(topic: str, type_name: str, definition: str, data: bytes) -> bytes:
-    """A message of ROS 1 in CDR.
-
-    :raises ValueError: if it is damaged, or its type has other fields in ROS 2
-    """
+    """A message of ROS 1 in CDR; raises ``ValueError`` if it is damaged, or its type has other fields in ROS 2."""
     store = _store_of(topic, type_name, definition)
     try:
         return bytes(store.ros1_to_cdr(data, type_name))

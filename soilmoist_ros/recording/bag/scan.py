@@ -28,8 +28,7 @@ from soilmoist_ros.recording.bag.metadata import Definition, Topic, qos_from_yam
 MAX_CHUNK_BYTES: Final = 64 << 20
 """Largest chunk that is unpacked, and largest record that is read [bytes]; recorders write 1 to 8 MB."""
 _MAX_WAITING_BYTES: Final = 2 * MAX_CHUNK_BYTES
-_OVERHEAD: Final = 300
-"""Memory of a message without its data [bytes]."""
+_OVERHEAD: Final = 300  # memory of a message without its data [bytes]
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _RECORD: Final = struct.Struct("<BQ")
 _CHUNK: Final = struct.Struct("<QQQII")
@@ -40,13 +39,10 @@ _INDEX: Final = struct.Struct("<QQQ")
 _KNOWN: Final = frozenset(map(int, Opcode))
 _READ: Final = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
 _SKIPPED: Final = frozenset((Opcode.HEADER, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA))
-_A_CHUNK: Final = re.compile(rb"(?=\x06[\x00-\xff]{5}\x00{3})")
-"""Opcode of a chunk, and a length below a terabyte."""
-_WINDOW: Final = 64 << 10
-"""Part of a file in which a chunk is searched at once [bytes]."""
+_A_CHUNK: Final = re.compile(rb"(?=\x06[\x00-\xff]{5}\x00{3})")  # opcode of a chunk, and a length below a terabyte
+_WINDOW: Final = 64 << 10  # part of a file in which a chunk is searched at once [bytes]
 _PIECE: Final = 1 << 20
-_MAX_SEARCHES: Final = 10_000
-"""Places that look like a chunk and are unpacked after a damaged one."""
+_MAX_SEARCHES: Final = 10_000  # places that look like a chunk and are unpacked after a damaged one
 _FAULTS: Final = (McapError, struct.error, ValueError, KeyError, MemoryError, OverflowError)
 
 Record = tuple[int, bytes]

@@ -32,8 +32,7 @@ from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES, McapScan
 from soilmoist_ros.recording.bag.writer import is_being_written
 
 METADATA: Final = "metadata.yaml"
-MAX_UNPACKED: Final = 1000
-"""Size of a file relative to its compressed size beyond which it was made to do harm."""
+MAX_UNPACKED: Final = 1000  # size of a file relative to its compressed size beyond which it was made to do harm
 _PIECE: Final = 1 << 20
 _RECOVER: Final = "soilmoist bag recover"
 _REINDEX: Final = "rosbag fix or rosbag reindex (ROS 1)"
@@ -100,10 +99,7 @@ def remedy_of(path: Path) -> str:
 
 
 def inside(folder: Path, path: Path) -> Path:
-    """The path, if it is a file of this folder and no link out of it.
-
-    :raises InputError: otherwise
-    """
+    """The path, if it is a file of this folder and no link out of it; raises ``InputError`` otherwise."""
     if not path.resolve().is_relative_to(folder.resolve()):
         remedy = "copy the file into the folder if it belongs to the bag, or remove the link"
         raise InputError(f"is a link to a file outside of its bag: {path.resolve()}", remedy, path)

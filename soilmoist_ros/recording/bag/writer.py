@@ -22,8 +22,7 @@ from soilmoist_ros.recording.bag.metadata import BagFile, Extent, Topic, bag_met
 from soilmoist_ros.recording.run_folder import sync_folder, write_whole
 
 _WRITE_AT: Final = 1 << 20
-_CHUNK_BYTES: Final = 16 << 10
-"""Size at which a chunk is closed [bytes]: one flipped bit costs a chunk."""
+_CHUNK_BYTES: Final = 16 << 10  # size at which a chunk is closed [bytes]: one flipped bit costs a chunk
 
 
 CHECKSUMS: Final = "SHA256SUMS"
