@@ -13,6 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from soilmoist_ros import sensing
 from soilmoist_ros.foundation import IllConditionedError, InputError, Mistake, SoilmoistError, duration
 from soilmoist_ros.mapping import MappingSettings
 from soilmoist_ros.pipeline.bag_lines import (
@@ -65,20 +66,6 @@ from soilmoist_ros.recording import (
     read_parameters,
     record_key,
     recorder_notes,
-)
-from soilmoist_ros.sensing import (
-    FORMAT_NAME,
-    CountRecord,
-    LeverArms,
-    Problem,
-    Reference,
-    load_logger_format,
-    load_site,
-    matching_formats,
-    parse_log,
-    placed_of_any,
-    process_logs,
-    reason_text,
 )
 from soilmoist_ros.simulation import MissionResult, surrogate_field
 
@@ -141,7 +128,7 @@ def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) 
     survey = _open(bag, had, chosen, chosen.site)
     if chosen.from_lines or not chosen.site or not had.get("site"):
         return survey, []
-    recorded = load_site(had["site"]).corrections
+    recorded = sensing.load_site(had["site"]).corrections
     if recorded == survey.site.corrections:
         return survey, []
     corrected = survey.site.model_copy(update={"corrections": recorded})
@@ -174,20 +161,22 @@ def _open(
 class RawSurvey(NamedTuple):
     """Records of raw lines in order of time, with quarantined ones, and the problems of lines and of positions."""
 
-    records: Sequence[CountRecord]
-    problems: Sequence[Problem]
+    records: Sequence[sensing.CountRecord]
+    problems: Sequence[sensing.Problem]
     format_title: str
-    position_problems: Sequence[Problem] = ()
+    position_problems: Sequence[sensing.Problem] = ()
 
 
-def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: LeverArms) -> RawSurvey:
+def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: sensing.LeverArms) -> RawSurvey:
     """Process the raw lines of a robot; raises ``InputError`` if the lines contain no usable record."""
     reader, site, shift_s = topics.reader, survey.site, chosen.gnss_shift_s
     name = logger_topic(reader, chosen.logger_topic or f"{topics.counts.rpartition('/')[0]}/raw/logger")
     lines = text_lines(reader, name)
-    form = load_logger_format(chosen.logger or next(iter(matching_formats(lines)), FORMAT_NAME))
+    form = sensing.load_logger_format(
+        chosen.logger or next(iter(sensing.matching_formats(lines)), sensing.FORMAT_NAME)
+    )
     # In messages, a topic stands in place of a file name.
-    log = parse_log(lines, form.on_clock(site.logger_clock), site.longitude, Path(name.lstrip("/")))
+    log = sensing.parse_log(lines, form.on_clock(site.logger_clock), site.longitude, Path(name.lstrip("/")))
     gnss = topics.find("raw/gnss", TEXT) or topics.find("fix", FIX)
     if chosen.logger_topic or chosen.fix_topic or (gnss is None and topics.alone):
         gnss = fix_topic(reader, chosen.fix_topic)
@@ -201,7 +190,7 @@ def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arm
         if (why := track.heard.why_none()) is not None:
             raise InputError(f"{gnss} {why.message}", f"{why.remedy}; or map its counts instead", reader.path)
     try:
-        records = process_logs([log], site, survey.field.frame, track, arms)
+        records = sensing.process_logs([log], site, survey.field.frame, track, arms)
     except InputError as fault:
         raise with_position_doubts(fault, problems) from None
     return RawSurvey(records.all_records, [*records.problems, *problems], log.logger.title, problems)
@@ -236,7 +225,7 @@ class _Recording:
         self._places = recorded_places(configuration, survey.field)
         self.survey = survey
         self.raw: RawSurvey | None = None
-        self.reference: Reference | None = None
+        self.reference: sensing.Reference | None = None
         self.robots: list[RunTopics] = []
         self.several = False
         counted = self._from_lines() if chosen.from_lines else self._from_counts()
@@ -248,7 +237,7 @@ class _Recording:
             self.survey = survey.with_reference_error(reference_error(self.reference))
         self.counted = [(name, record) for (name, _), record in zip(counted, records, strict=True)]
 
-    def _from_lines(self) -> list[tuple[str, CountRecord]]:
+    def _from_lines(self) -> list[tuple[str, sensing.CountRecord]]:
         """Records made of the raw lines, each with its topic."""
         chosen = self._chosen
         if chosen.logger_topic:
@@ -256,14 +245,14 @@ class _Recording:
             robot = RunTopics.of_counts(self._reader, f"{space}/counts")
         else:
             robot = RunTopics.of_raw_lines(self._reader, chosen.counts_topic)
-        arms = LeverArms.of(read_parameters(self._configuration, "sensor_driver"))
+        arms = sensing.LeverArms.of(read_parameters(self._configuration, "sensor_driver"))
         self.robots, self.raw = [robot], read_raw(robot, self.survey, chosen, arms)
         doubts = position_notes(self.raw.position_problems, None)
         self._remarks += [Note(NoteCode.POSITIONS, f"{one}.") for one in doubts]
         trusted = self._places.doubts(self._reader, robot.counts)
         return [(robot.counts, trusted.placed(record)) for record in self.raw.records]
 
-    def _from_counts(self) -> list[tuple[str, CountRecord]]:
+    def _from_counts(self) -> list[tuple[str, sensing.CountRecord]]:
         """Records as the drivers sent them, each with its topic, in the order in which the mapper added them."""
         reader, topic = self._reader, self._chosen.counts_topic
         if "/" not in topic:
@@ -278,7 +267,10 @@ class _Recording:
             counted = _in_order(counted, missed, self.survey)
         doubts = {name: self._places.doubts(reader, name) for name in {name for name, _ in counted}}
         return [
-            (name, placed_of_any(record, doubts.values()) if name in missed else doubts[name].placed(record))
+            (
+                name,
+                sensing.placed_of_any(record, doubts.values()) if name in missed else doubts[name].placed(record),
+            )
             for name, record in counted
         ]
 
@@ -434,8 +426,8 @@ def replay_bag(
 
 
 def _in_order(
-    counted: Sequence[tuple[str, CountRecord]], missed: Sequence[str], survey: FieldSurvey
-) -> list[tuple[str, CountRecord]]:
+    counted: Sequence[tuple[str, sensing.CountRecord]], missed: Sequence[str], survey: FieldSurvey
+) -> list[tuple[str, sensing.CountRecord]]:
     """Records in the order in which the mapper added them, each once."""
     records, topics = MapRecords(survey.map, TEAM_S), dict[bytes, str]()
     for again, some in groupby(counted, key=lambda each: each[0] in missed):
@@ -495,7 +487,7 @@ def _mistake(
             "check that the driver ran, the link to the neutron logger and its format: soilmoist check --logger",
         )
     if all(record.quarantine for record in first.records):
-        kinds = Counter(reason_text(record.quarantine) for record in first.records)
+        kinds = Counter(sensing.reason_text(record.quarantine) for record in first.records)
         causes = ", ".join(f"{text} ({count})" for text, count in kinds.most_common())
         return Mistake(
             f"All {len(first.records)} records are quarantined: {causes}",

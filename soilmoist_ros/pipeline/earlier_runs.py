@@ -15,25 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from soilmoist_ros import mapping
 from soilmoist_ros.foundation import DAY_S, InputError, LocalFrame, Mistake, distance_text, resource
-from soilmoist_ros.mapping import (
-    EarlierSurvey,
-    FieldGrid,
-    FieldMapSettings,
-    JointKriging,
-    Persistence,
-    PoissonKriging,
-    Samples,
-    SoilMap,
-    SurveysEstimate,
-    default_merge_radius_m,
-    field_change,
-    load_field,
-    mean_places,
-    possible_moisture,
-    samples_at_end,
-    survey_samples,
-)
 from soilmoist_ros.pipeline.results import calibration_method, curve_of, read_summary
 from soilmoist_ros.pipeline.run import EarlierRun, RunChange
 from soilmoist_ros.recording import (
@@ -160,7 +143,7 @@ def _of_bag(path: Path, name: str) -> RunRecords | None:
         remedy = "map it with soilmoist replay --field, and give the folder of that"
         raise InputError("does not say in which field it was recorded", remedy, path)
     site = load_site(resource("sites", str(mapper["site"]))) if mapper.get("site") else None
-    frame = load_field(resource("fields", str(mapper["field"]))).frame
+    frame = mapping.load_field(resource("fields", str(mapper["field"]))).frame
     records, simulated = _good(read_earlier(bag, name), path), bool(mapper.get("simulated"))
     return RunRecords(path, frame, records, name, simulated, None if site is None else site.curve)
 
@@ -189,8 +172,8 @@ class EarlierTarget:
     """
 
     frame: LocalFrame
-    grid: FieldGrid
-    settings: FieldMapSettings
+    grid: mapping.FieldGrid
+    settings: mapping.FieldMapSettings
     name: str = ""
     first: bool = True
     simulated: bool | None = None
@@ -270,11 +253,11 @@ def _earlier(run: RunRecords, target: EarlierTarget) -> EarlierRun:
     settings, grid = target.settings, target.grid
     radius_m = settings.merge_radius_m
     if radius_m is None:
-        radius_m = default_merge_radius_m(grid, settings.margin_m)
+        radius_m = mapping.default_merge_radius_m(grid, settings.margin_m)
     if settings.drift_model == "off":
-        samples = survey_samples(records, radius_m, settings.sample_radius_m)
+        samples = mapping.survey_samples(records, radius_m, settings.sample_radius_m)
     else:
-        samples = samples_at_end(records, radius_m, settings.sample_radius_m, grid.extent_m)
+        samples = mapping.samples_at_end(records, radius_m, settings.sample_radius_m, grid.extent_m)
     scale = _scale(run.curve, settings.curve, samples)
     if scale != 1.0:
         samples = replace(samples, exposure_s=samples.exposure_s * scale)
@@ -282,19 +265,19 @@ def _earlier(run: RunRecords, target: EarlierTarget) -> EarlierRun:
             f"By the calibrations, its sensor counts {scale:.3g} times as much over equal soil; its exposures are "
             "scaled. If it is the same sensor, map that survey again with the present site file."
         )
-    survey = EarlierSurvey(run.path.name or str(run.path), records[-1].stamp_s, samples)
+    survey = mapping.EarlierSurvey(run.path.name or str(run.path), records[-1].stamp_s, samples)
     begin_s = records[0].stamp_s - records[0].exposure_s
     return EarlierRun(survey, run.path, begin_s, records, outside, scale, tuple(remarks), run.corrections)
 
 
-def _scale(its: MoistureCurve | None, curve: MoistureCurve | None, samples: Samples) -> float:
+def _scale(its: MoistureCurve | None, curve: MoistureCurve | None, samples: mapping.Samples) -> float:
     """Rate of a survey's sensor relative to that of the present one over the survey's mean moisture; 1 if unknown.
 
     N0 alone does not compare sensors: it depends on the curve, and on the water terms of the soil.
     """
     if its is None or curve is None:
         return 1.0
-    vwc = possible_moisture(its, samples.counts.sum() / samples.exposure_s.sum())
+    vwc = mapping.possible_moisture(its, samples.counts.sum() / samples.exposure_s.sum())
     scale = float(its.rate_cps(vwc) / curve.rate_cps(vwc))
     return 1.0 if abs(scale - 1) <= SAME_SENSOR else scale
 
@@ -364,12 +347,12 @@ def earlier_doubts(run: EarlierRun, rate_cps: float, now: datetime, end: datetim
         )
 
 
-def mean_rate(samples: Samples) -> float:
+def mean_rate(samples: mapping.Samples) -> float:
     """Mean count rate over equal exposure [counts/s]."""
     return float(samples.counts.sum() / samples.exposure_s.sum())
 
 
-def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun]) -> RunChange | None:
+def run_change(soil_map: mapping.SoilMap, stamp_s: float, earlier: Sequence[EarlierRun]) -> RunChange | None:
     """The change since the latest earlier survey; ``None`` without one, or if there are too many samples.
 
     :param stamp_s: end of the present survey [s]
@@ -385,18 +368,20 @@ def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun])
         return None
     surveys = [soil_map.samples, *(run.survey.samples for run in used)]
     stamps = [stamp_s, *(run.survey.stamp_s for run in used)]
-    persistence = Persistence.estimate(soil_map.variogram, surveys, stamps)
-    kriging = JointKriging(soil_map.variogram, surveys, persistence.matrix(stamps))
+    persistence = mapping.Persistence.estimate(soil_map.variogram, surveys, stamps)
+    kriging = mapping.JointKriging(soil_map.variogram, surveys, persistence.matrix(stamps))
     # With a drift or a reference sensor, the samples are as at the end of the survey: but for a common error.
-    shared = soil_map.made_by.shared if isinstance(soil_map.made_by, PoissonKriging) else None
-    change = field_change(kriging, soil_map.grid, 0, 1, soil_map.curve, shared=shared)
+    shared = soil_map.made_by.shared if isinstance(soil_map.made_by, mapping.PoissonKriging) else None
+    change = mapping.field_change(kriging, soil_map.grid, 0, 1, soil_map.curve, shared=shared)
     means = {used[0].survey.name: change.mean_rate}
-    places, share = mean_places(soil_map.grid)
+    places, share = mapping.mean_places(soil_map.grid)
     errors = np.zeros((len(places), 1)) if shared is None else shared(places)
     for number, run in enumerate(used[1:], 2):
         value, variance = kriging.mean(places, {0: share, number: -share})
-        means[run.survey.name] = SurveysEstimate(value, math.sqrt(variance + float(((share @ errors) ** 2).sum())))
-    alone = JointKriging(soil_map.variogram, surveys[:1], np.eye(1))
+        means[run.survey.name] = mapping.SurveysEstimate(
+            value, math.sqrt(variance + float(((share @ errors) ** 2).sum()))
+        )
+    alone = mapping.JointKriging(soil_map.variogram, surveys[:1], np.eye(1))
     of_cell = (errors**2).sum(axis=1)
     sd, sd_alone = (math.sqrt(float(share @ (one.predict(places, 0)[1] + of_cell))) for one in (kriging, alone))
     return RunChange(used[0], change, persistence, means, sd, sd_alone, used[0].survey.stamp_s > stamp_s)
@@ -413,16 +398,16 @@ def mission_earlier(settings: MissionSettings, paths: Sequence[Path]) -> Mapping
     found = {}
     for number, (one, wanted) in enumerate(zip(fields, mission_properties(settings), strict=True)):
         curve = None if number else simulated_site(one).curve  # as in the summaries of runs
-        choices = FieldMapSettings(fit=settings.fit, curve=curve, footprint_radius_m=settings.footprint_m)
+        choices = mapping.FieldMapSettings(fit=settings.fit, curve=curve, footprint_radius_m=settings.footprint_m)
         found[wanted.name] = read_earlier_runs(
             paths, EarlierTarget(one.frame, grid, choices, wanted.name, number == 0, True)
         )
     return found
 
 
-def simulated_runs(mapped: MappedProperty, soil_map: SoilMap) -> tuple[EarlierRun, ...]:
+def simulated_runs(mapped: MappedProperty, soil_map: mapping.SoilMap) -> tuple[EarlierRun, ...]:
     """The series of surveys of a property that a mission simulated, in order of time."""
-    radius_m = default_merge_radius_m(soil_map.grid, FieldMapSettings().margin_m)
+    radius_m = mapping.default_merge_radius_m(soil_map.grid, mapping.FieldMapSettings().margin_m)
     found = []
     for back, one in enumerate(mapped.series, 1):
         begin_s = one.records[0].stamp_s - one.records[0].exposure_s

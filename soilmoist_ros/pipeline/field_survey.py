@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from soilmoist_ros import sensing
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, __version__, resource, shown_path
 from soilmoist_ros.mapping import (
     Covariates,
@@ -52,29 +53,6 @@ from soilmoist_ros.pipeline.run import (
     Note,
     NoteCode,
 )
-from soilmoist_ros.sensing import (
-    UNKNOWN_SENSOR,
-    Calibration,
-    Consequence,
-    CorrectionSettings,
-    CountRecord,
-    Footprint,
-    IntensityCorrection,
-    Kind,
-    NeutronMonitor,
-    SensedSoil,
-    Site,
-    Soil,
-    SurveyAir,
-    general_calibration,
-    intensity_source,
-    load_site,
-    read_data,
-    reason_text,
-    sensed_soil,
-    unknown_sensor,
-    why_no_soil,
-)
 
 MAX_BEYOND_AREA_DEG = 6.0  # largest distance of a field from the area of its reference system: one UTM zone [deg]
 _SNOW = "counts have no air temperature, so nothing says if snow lay, which would count as soil water"
@@ -89,7 +67,7 @@ class FieldSurvey:
     """
 
     field: Field
-    site: Site
+    site: sensing.Site
     map: FieldMap
     files: tuple[tuple[str, Path], ...] = ()
     simulated: bool = False
@@ -99,11 +77,11 @@ class FieldSurvey:
         self.map.curve_of = (lambda state: self.calibrated(state).curve) if lacks_n0(self.site) else None
 
     @cached_property
-    def calibrated(self) -> Callable[[MapState], Site]:
+    def calibrated(self) -> Callable[[MapState], sensing.Site]:
         """The site with the calibration of a state, see :meth:`_calibrated`; the last one is kept."""
         return lru_cache(maxsize=1)(self._calibrated)
 
-    def _calibrated(self, state: MapState) -> Site:
+    def _calibrated(self, state: MapState) -> sensing.Site:
         """The site; without N0 with the one that follows from median place, air pressure and mean rate of a
         state's records.
 
@@ -115,7 +93,9 @@ class FieldSurvey:
         corrected = self.site.corrections.pressure is not None
         hpa = self.site.corrections_parameters.pressure_hpa(f_pressure) if corrected else math.nan
         latitude, longitude = self.field.frame.to_geographic([[x_m, y_m]])[0].tolist()
-        return with_general_calibration(self.site, SurveyAir(latitude, longitude, hpa), samples=state.samples)
+        return with_general_calibration(
+            self.site, sensing.SurveyAir(latitude, longitude, hpa), samples=state.samples
+        )
 
     def health(self, state: MapState) -> list[Health]:
         """Health of a general calibration, with all that it assumes; empty for a site with its own N0."""
@@ -127,12 +107,12 @@ class FieldSurvey:
             return [Health("calibration", Level.ERROR, f"the general calibration fails: {error}")]
         if found is None:
             known = self.site.sensor_sensitivity is not None
-            waits = "general, waits for the air pressure of the first record" if known else UNKNOWN_SENSOR
+            waits = "general, waits for the air pressure of the first record" if known else sensing.UNKNOWN_SENSOR
             return [Health("calibration", Level.OK, waits)]
         assumed = ", ".join(part.name for part in found.parts if part.origin == "default range")
         sd = (found.n0_sd_cps or 0.0) / found.n0_cps
         text = f"{found.note}; N0 {found.n0_cps:g} counts/s +- {sd:.1%}; default ranges, not measured: {assumed}"
-        if found.method == UNKNOWN_SENSOR:
+        if found.method == sensing.UNKNOWN_SENSOR:
             remedy = "give sensor_sensitivity in the site file, such as the model"
             text = f"{found.note}; no dose follows from it: {remedy}; default ranges, not measured: {assumed}"
         values = {
@@ -228,12 +208,15 @@ def open_survey(
     field_path = resource("fields", field)
     site_path = resource("sites", site) if site else None
     # Nothing says that counts without a site file are those of a neutron sensor over soil.
-    the_field, the_site = load_field(field_path), load_site(site_path) if site_path else Site(calibration=None)
+    the_field, the_site = (
+        load_field(field_path),
+        sensing.load_site(site_path) if site_path else sensing.Site(calibration=None),
+    )
     files = [("field", field_path), *([("site", site_path)] if site_path else [])]
     radius_m = the_site.footprint_radius_m
     grid = the_field.grid(values["cell_m"] or None, radius_m)
     later = the_site.corrections.pressure is not None  # each corrected record has a pressure
-    opened = with_general_calibration(the_site, SurveyAir(*the_field.centre), later)
+    opened = with_general_calibration(the_site, sensing.SurveyAir(*the_field.centre), later)
     values["merge_radius_m"] = values["merge_radius_m"] or None
     settings = field_map_settings(values, opened, margin_m=radius_m)
     target = EarlierTarget(the_field.frame, grid, settings, property_name, not property_name, simulated)
@@ -243,14 +226,14 @@ def open_survey(
     return FieldSurvey(the_field, the_site, the_map, tuple(files), simulated, runs)
 
 
-def lacks_n0(site: Site) -> bool:
+def lacks_n0(site: sensing.Site) -> bool:
     """True if a site has no N0, and does not ask for the rate alone."""
     return site.calibration is None and "calibration" not in site.model_fields_set
 
 
 def with_general_calibration(
-    site: Site, air: SurveyAir, later: bool = False, samples: Samples | None = None
-) -> Site:
+    site: sensing.Site, air: sensing.SurveyAir, later: bool = False, samples: Samples | None = None
+) -> sensing.Site:
     """Site with the general calibration, where :func:`lacks_n0`; without a sensor with that of an unknown one.
 
     :param later: whether the air pressure may still come: until then the site stays as it is
@@ -260,23 +243,25 @@ def with_general_calibration(
     if not lacks_n0(site):
         return site
     if site.sensor_sensitivity is None:
-        found = None if samples is None or not len(samples) else unknown_sensor(site, air, mean_rate(samples))
+        found = (
+            None if samples is None or not len(samples) else sensing.unknown_sensor(site, air, mean_rate(samples))
+        )
         return _with_soil(site, found)
-    if why := why_no_soil(site):
+    if why := sensing.why_no_soil(site):
         raise InputError(why, "add it to 'soil', or 'calibration: null' for the rate alone")
-    found = general_calibration(site, air)
+    found = sensing.general_calibration(site, air)
     if found is not None or later:
         return _with_soil(site, found)
     message = "the general calibration needs the air pressure, and neither the log nor the site file has it"
     raise InputError(message, "give 'altitude_m' in 'location', or 'calibration: null' for the rate alone")
 
 
-def _with_soil(site: Site, found: tuple[Calibration, Soil] | None) -> Site:
+def _with_soil(site: sensing.Site, found: tuple[sensing.Calibration, sensing.Soil] | None) -> sensing.Site:
     """Site with a calibration and its soil, if there are any."""
     return site if found is None else site.model_copy(update={"calibration": found[0], "soil": found[1]})
 
 
-def field_map_settings(values: Mapping[str, Any], site: Site, **more: Any) -> FieldMapSettings:
+def field_map_settings(values: Mapping[str, Any], site: sensing.Site, **more: Any) -> FieldMapSettings:
     """Settings of the map of a sensor."""
     return FieldMapSettings(
         **{name: value for name, value in values.items() if name != "cell_m"},
@@ -327,8 +312,8 @@ def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
 
 def make_run(
     soil_map: SoilMap,
-    records: Sequence[CountRecord],
-    site: Site,
+    records: Sequence[sensing.CountRecord],
+    site: sensing.Site,
     frame: LocalFrame,
     *,
     field_name: str,
@@ -384,11 +369,11 @@ def make_run(
 
 def input_file(path: Path, role: str, n_records: int | None = None) -> InputFile:
     """An input file of a run, with its size and checksum."""
-    content = read_data(path)
+    content = sensing.read_data(path)
     return InputFile(shown_path(path), n_records, len(content), hashlib.sha256(content).hexdigest(), role)
 
 
-def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[CorrectionRow]:
+def _correction_rows(records: Sequence[sensing.CountRecord], site: sensing.Site) -> list[CorrectionRow]:
     """The corrections of pressure, humidity and intensity, then the constant factors of the site file."""
     settings, used = site.corrections, site.corrections_parameters
     pressure, humidity, intensity = settings.pressure, settings.humidity, settings.intensity
@@ -431,14 +416,16 @@ def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[Correct
     return found
 
 
-def _sensed_soil(soil_map: SoilMap, track: Sequence[CountRecord], site: Site) -> SensedSoil | None:
+def _sensed_soil(
+    soil_map: SoilMap, track: Sequence[sensing.CountRecord], site: sensing.Site
+) -> sensing.SensedSoil | None:
     """Depth and radius that the counts of a moisture map come from, in the mean air of the survey."""
     curve, used = soil_map.curve, site.corrections_parameters
     if curve is None or not track:
         return None
     f_pressure = float(np.mean([record.f_pressure for record in track]))
     f_humidity = float(np.mean([record.f_humidity for record in track]))
-    air = Footprint(
+    air = sensing.Footprint(
         0.0,
         used.humidity_gm3(f_humidity),
         used.pressure_hpa(f_pressure),
@@ -446,10 +433,10 @@ def _sensed_soil(soil_map: SoilMap, track: Sequence[CountRecord], site: Site) ->
         site.footprint_radius_m,
     )
     vwc = soil_map.vwc[soil_map.grid.mask]
-    return sensed_soil(vwc, curve.bulk_density_gcm3, curve.lattice_water + curve.organic_water, air)
+    return sensing.sensed_soil(vwc, curve.bulk_density_gcm3, curve.lattice_water + curve.organic_water, air)
 
 
-def _from_the_place(site: Site) -> str:
+def _from_the_place(site: sensing.Site) -> str:
     """Values of the pressure correction that follow from the place; empty if there are none."""
     pressure, cosmic = site.corrections.pressure, site.corrections.cosmic(site.location)
     if pressure is None or cosmic is None or None not in (pressure.beta_per_hpa, pressure.reference_hpa):
@@ -461,16 +448,18 @@ def _from_the_place(site: Site) -> str:
 
 
 def _intensity_source(
-    settings: CorrectionSettings, intensity: IntensityCorrection, records: Sequence[CountRecord]
+    settings: sensing.CorrectionSettings,
+    intensity: sensing.IntensityCorrection,
+    records: Sequence[sensing.CountRecord],
 ) -> str:
     monitor = f" of {intensity.monitor.name}" if intensity.monitor else ""
     scaling = "" if intensity.scaling == "none" else f", scaled as in {intensity.scaling}"
     text = f"C{monitor} from {intensity.file.name if intensity.file else 'a constant'}{scaling}"
     try:
-        series = intensity_source(settings)
+        series = sensing.intensity_source(settings)
     except InputError:  # the file of a recorded run may be elsewhere
         return text
-    if not isinstance(series, NeutronMonitor):
+    if not isinstance(series, sensing.NeutronMonitor):
         return text
     if not monitor and series.station:
         text = text.replace("C from", f"C of {series.station} from", 1)
@@ -483,12 +472,12 @@ def _range(factors: Sequence[float]) -> tuple[float, float, float]:
     return float(np.mean(factors)), min(factors), max(factors)
 
 
-def site_facts(site: Site) -> dict[str, Any]:
+def site_facts(site: sensing.Site) -> dict[str, Any]:
     """Fields ``calibration`` and ``irrigation`` of a :class:`MapRun`, by the site of the run."""
     return {"calibration": _calibration(site), "irrigation": site.irrigation}
 
 
-def _calibration(site: Site) -> CalibrationInfo | None:
+def _calibration(site: sensing.Site) -> CalibrationInfo | None:
     if site.calibration is None or site.soil is None:
         return None
     source = ", ".join(filter(None, [site.calibration.date, site.calibration.note]))
@@ -507,14 +496,16 @@ def _calibration(site: Site) -> CalibrationInfo | None:
 
 def loss_rows_of(snapshot: Snapshot) -> list[LossRow]:
     """Rows of records left out of a map, one a reason: lost records first, then records quarantined elsewhere."""
-    last = {one.quarantine: one for one in snapshot.track if one.quarantine not in ("", Kind.UNEXPECTED_COUNT)}
+    last = {
+        one.quarantine: one for one in snapshot.track if one.quarantine not in ("", sensing.Kind.UNEXPECTED_COUNT)
+    }
     counts = Counter(record.quarantine for record in snapshot.track)
     rows = []
     for reason, entry in snapshot.skipped.items():
         if reason is not Skip.QUARANTINED:
-            consequence: Consequence = "quarantined" if reason is Skip.UNEXPECTED else "lost"
+            consequence: sensing.Consequence = "quarantined" if reason is Skip.UNEXPECTED else "lost"
             rows.append(LossRow(reason.value, entry.count, entry.example, consequence, reason.remedy))
     remedy = Skip.QUARANTINED.remedy
     for code, record in last.items():
-        rows.append(LossRow(reason_text(code), counts[code], str(record), "quarantined", remedy))
+        rows.append(LossRow(sensing.reason_text(code), counts[code], str(record), "quarantined", remedy))
     return rows

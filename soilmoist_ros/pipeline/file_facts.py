@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros import sensing
 from soilmoist_ros.foundation import (
     InputError,
     LatLon,
@@ -33,29 +34,6 @@ from soilmoist_ros.foundation import (
 from soilmoist_ros.mapping import Field, PositionSource, read_covariates, require_near
 from soilmoist_ros.pipeline.earlier_runs import MAX_AHEAD_S
 from soilmoist_ros.pipeline.run import EARLIEST_STAMP_S
-from soilmoist_ros.sensing import (
-    CorrectionSettings,
-    Kind,
-    LogFile,
-    LoggerFormat,
-    LoggerRecord,
-    NeutronMonitor,
-    Problem,
-    Severity,
-    Site,
-    Track,
-    calibration_counts,
-    intensity_source,
-    log_doubts,
-    n0_in_other_time,
-    soil_limits,
-    standard_pressure_hpa,
-    unlikely_weather,
-    unusual_factors,
-    unusual_n0,
-    why_no_soil,
-    why_unplaced,
-)
 from soilmoist_ros.simulation import SurrogateField
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
@@ -70,7 +48,12 @@ MAX_FAULTS = 5  # number of kinds of faults that are shown
 WEAK_TUBE = 0.2  # share of the mean count of the tubes below which a tube counts too little
 _MAX_N0_SD = 0.3  # standard deviation of N0 beyond which it is in another unit, as a share of N0
 _DRY, _WET = 0.05, 0.40  # moisture of dry and wet soil, for examples [m^3/m^3]
-_NOTED = (Kind.ASSUMED_TIME, Kind.CHOSEN_POSITIONS, Kind.DOUBTFUL_POSITIONS, Kind.CHECKSUM)
+_NOTED = (
+    sensing.Kind.ASSUMED_TIME,
+    sensing.Kind.CHOSEN_POSITIONS,
+    sensing.Kind.DOUBTFUL_POSITIONS,
+    sensing.Kind.CHECKSUM,
+)
 
 
 class FileFinding(NamedTuple):
@@ -135,10 +118,10 @@ def truth_findings(known: SurrogateField) -> Iterator[FileFinding]:
     text, fits = f"a rate of {low:.4g} to {high:.4g} counts/s", True
     if known.curve is not None:
         wet, dry = (float(known.curve.vwc(rate)) for rate in (low, high))
-        fits = dry >= 0 and wet <= soil_limits(known.curve.bulk_density_gcm3).saturation + _DRY
+        fits = dry >= 0 and wet <= sensing.soil_limits(known.curve.bulk_density_gcm3).saturation + _DRY
         text += f", a moisture of {dry:.2f} to {wet:.2f} m3/m3 by its calibration"
     yield FileFinding("truth", text)
-    if doubt := unusual_n0(high).replace("N0", "a rate", 1):
+    if doubt := sensing.unusual_n0(high).replace("N0", "a rate", 1):
         yield _doubt(doubt)
     if not fits:
         yield _doubt("no soil has these rates: check N0, units, and whether the data are rates or moistures")
@@ -180,7 +163,7 @@ def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = 
     yield from map(_doubt, filter(None, doubts))
 
 
-def site_findings(site: Site) -> Iterator[FileFinding]:
+def site_findings(site: sensing.Site) -> Iterator[FileFinding]:
     """Place, corrections and calibration of a site, and the moisture that its calibration gives.
 
     :raises InputError: if the neutron-monitor file of the site cannot be used
@@ -196,7 +179,7 @@ def site_findings(site: Site) -> Iterator[FileFinding]:
             depth = f"atmospheric depth {cosmic.depth_gcm2:.0f} g/cm2"
             yield FileFinding("cosmic rays", f"cutoff rigidity {cosmic.cutoff_rigidity_gv:.2f} GV, {depth}")
         if settings.pressure is not None and place.altitude_m is not None:
-            usual_hpa = standard_pressure_hpa(place.latitude_deg, place.altitude_m)
+            usual_hpa = sensing.standard_pressure_hpa(place.latitude_deg, place.altitude_m)
             if abs(used.reference_pressure_hpa - usual_hpa) > MAX_FROM_REFERENCE_HPA:
                 yield _doubt(
                     f"the pressure factor is 1 at {used.reference_pressure_hpa:g} hPa, but {usual_hpa:.0f} hPa "
@@ -223,11 +206,11 @@ def site_findings(site: Site) -> Iterator[FileFinding]:
         missing = " and ".join(name for name in ("soil", "calibration") if getattr(site, name) is None)
         text = f"not mapped, only the count rate: there is no {missing}"
         if calibration is None and site.sensor_sensitivity and "calibration" not in site.model_fields_set:
-            why = why_no_soil(site)
+            why = sensing.why_no_soil(site)
             text = why or f"by the general calibration, with a sensitivity of {site.sensor_sensitivity}"
         yield FileFinding("moisture", text)
         return
-    pores = soil_limits(curve.bulk_density_gcm3).saturation
+    pores = sensing.soil_limits(curve.bulk_density_gcm3).saturation
     dry, wet = (float(curve.rate_cps(min(vwc, pores))) for vwc in (_DRY, _WET))
     guessed = " (illustrative)" if calibration is not None and calibration.illustrative else ""
     yield FileFinding(
@@ -235,7 +218,7 @@ def site_findings(site: Site) -> Iterator[FileFinding]:
         f"N0 {curve.n0_cps:g} counts/s{guessed}, {curve.parameters['curve']} curve: {dry:.2f} counts/s on dry "
         f"soil ({_DRY:.2f} m3/m3), {wet:.2f} on wet soil ({min(_WET, pores):.2f}); the pores hold {pores:.2f}",
     )
-    if doubt := unusual_n0(curve.n0_cps):
+    if doubt := sensing.unusual_n0(curve.n0_cps):
         yield _doubt(doubt)
     if curve.n0_sd_cps > _MAX_N0_SD * curve.n0_cps:
         yield _doubt(f"n0_sd_cps is {curve.n0_sd_cps / curve.n0_cps:.0%} of N0: is it in counts/s?")
@@ -246,13 +229,13 @@ def site_findings(site: Site) -> Iterator[FileFinding]:
         )
 
 
-def _on_monitor(settings: CorrectionSettings) -> Iterator[FileFinding]:
+def _on_monitor(settings: sensing.CorrectionSettings) -> Iterator[FileFinding]:
     """Neutron monitor of the incoming intensity, with its reference."""
-    source, intensity = intensity_source(settings), settings.intensity
+    source, intensity = sensing.intensity_source(settings), settings.intensity
     if source is None or intensity is None:
         return
     reference = f"reference C0 {intensity.reference:g}"
-    if isinstance(source, NeutronMonitor):
+    if isinstance(source, sensing.NeutronMonitor):
         of = source.station or (intensity.monitor.name if intensity.monitor else "a station without a name")
         first, last = (_date(float(source.stamp_s[index])) for index in (0, -1))
         rates = [float(source.rate.min()), float(source.rate.max())]
@@ -262,10 +245,10 @@ def _on_monitor(settings: CorrectionSettings) -> Iterator[FileFinding]:
         rates, text = [source], f"constant rate {source:g}, {reference}"
     yield FileFinding("monitor", text)
     ratios = [intensity.reference / rate for rate in rates]
-    yield from map(_doubt, unusual_factors({"f_intensity": (min(ratios), max(ratios))}))
+    yield from map(_doubt, sensing.unusual_factors({"f_intensity": (min(ratios), max(ratios))}))
 
 
-def logger_findings(logger: LoggerFormat) -> Iterator[FileFinding]:
+def logger_findings(logger: sensing.LoggerFormat) -> Iterator[FileFinding]:
     """Tubes, quantities and times of a logger format."""
     counts, position = logger.counts, logger.position
     columns = " or ".join(counts.columns[:2]) + (" ..." if len(counts.columns) > 2 else "")
@@ -282,11 +265,11 @@ def logger_findings(logger: LoggerFormat) -> Iterator[FileFinding]:
 
 
 def log_findings(
-    logs: Sequence[LogFile],
+    logs: Sequence[sensing.LogFile],
     places: NDArray[np.float64],
-    site: Site | None,
+    site: sensing.Site | None,
     now_s: float,
-    track: Track | None = None,
+    track: sensing.Track | None = None,
     reading: Mapping[str, str] = MappingProxyType({}),
 ) -> Iterator[FileFinding]:
     """Format, records, dates, tubes and place of the logs of one probe.
@@ -317,11 +300,11 @@ def log_findings(
     if first_s < EARLIEST_STAMP_S or last_s > now_s + MAX_AHEAD_S:
         when = "in the future" if last_s > now_s + MAX_AHEAD_S else "before 2000"
         yield _doubt(f"records are dated {when}: check the clock of the logger and the order of day and month")
-    for problem in log_doubts(logs):
+    for problem in sensing.log_doubts(logs):
         yield _doubt(f"{problem.mistake.message}: {problem.mistake.remedy}")
     yield from _fault_findings(logs)
     yield from _tube_findings(logs)
-    for finding in unlikely_weather(records):
+    for finding in sensing.unlikely_weather(records):
         yield _doubt(f"{finding.message}: {finding.remedy}")
     if len(places):
         latitude, longitude = np.median(places, axis=0).tolist()
@@ -341,19 +324,22 @@ def log_findings(
 
 
 def position_findings(
-    logs: Sequence[LogFile], track: Track | None, problems: Sequence[Problem], site: Site
+    logs: Sequence[sensing.LogFile],
+    track: sensing.Track | None,
+    problems: Sequence[sensing.Problem],
+    site: sensing.Site,
 ) -> Iterator[FileFinding]:
     """Doubts about positions of a separate receiver, if there are any, and what was assumed for them."""
     records = [record for log in logs for record in log.records]
     if track is not None and records:
-        if (why := why_unplaced(records, track, site.logger_clock is not None)) is not None:
+        if (why := sensing.why_unplaced(records, track, site.logger_clock is not None)) is not None:
             yield _doubt(f"{why.message}; {why.remedy}")
         elif track.heard.without:
             yield FileFinding("positions", track.heard.gaps)
     yield from map(_doubt, position_notes(problems, track))
 
 
-def position_notes(problems: Sequence[Problem], track: Track | None) -> list[str]:
+def position_notes(problems: Sequence[sensing.Problem], track: sensing.Track | None) -> list[str]:
     """Choices and assumptions about positions, and positions that are not from satellites, as sentences."""
     said = [str(one) for one in problems if not one.lost and one.kind in _NOTED]
     if track is not None and track.heard.odd:
@@ -361,7 +347,7 @@ def position_notes(problems: Sequence[Problem], track: Track | None) -> list[str
     return list(dict.fromkeys(said))
 
 
-def record_text(record: LoggerRecord) -> str:
+def record_text(record: sensing.LoggerRecord) -> str:
     """A record as it was understood, with units."""
     counts = ", ".join("none" if math.isnan(count) else f"{count:.0f}" for count in record.tube_counts)
     live_s = max((live for live in record.tube_live_s if live > 0), default=math.nan)
@@ -377,24 +363,25 @@ def record_text(record: LoggerRecord) -> str:
     return f"line {record.line}: {'; '.join(parts)}"
 
 
-def _fault_findings(logs: Sequence[LogFile]) -> Iterator[FileFinding]:
+def _fault_findings(logs: Sequence[sensing.LogFile]) -> Iterator[FileFinding]:
     """Faults of the lines that need an eye, with the number and the first of each kind."""
     faults = [
         problem
         for log in logs
         for problem in log.problems
-        if problem.severity is not Severity.NOTE and problem.kind is not Kind.CLOCK_OFFSET  # taken off in files
+        if problem.severity is not sensing.Severity.NOTE
+        and problem.kind is not sensing.Kind.CLOCK_OFFSET  # taken off in files
     ]
     counts = Counter(problem.kind for problem in faults)
-    rounded = [problem for log in logs for problem in log.problems if problem.kind is Kind.ROUNDED_COUNT]
+    rounded = [problem for log in logs for problem in log.problems if problem.kind is sensing.Kind.ROUNDED_COUNT]
     if 2 * len(rounded) > sum(len(log.records) for log in logs):
-        counts[Kind.ROUNDED_COUNT], faults = len(rounded), faults + rounded[:1]
+        counts[sensing.Kind.ROUNDED_COUNT], faults = len(rounded), faults + rounded[:1]
     for kind, count in counts.most_common(MAX_FAULTS):
         first = next(problem for problem in faults if problem.kind is kind)
         yield _doubt(f"{kind.text} ({count}), the first: {replace(first.mistake, path=None)}")
 
 
-def _tube_findings(logs: Sequence[LogFile]) -> Iterator[FileFinding]:
+def _tube_findings(logs: Sequence[sensing.LogFile]) -> Iterator[FileFinding]:
     """Mean count rate of each tube."""
     records = [record for log in logs for record in log.records]
     if len({len(record.tube_counts) for record in records}) != 1:
@@ -413,10 +400,10 @@ def _tube_findings(logs: Sequence[LogFile]) -> Iterator[FileFinding]:
         yield _doubt(f"tube {', '.join(weak)} counts much less than the others: is it connected?")
 
 
-def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[FileFinding]:
+def _moisture_findings(logs: Sequence[sensing.LogFile], site: sensing.Site) -> Iterator[FileFinding]:
     """The mean corrected rate, and the moisture that the calibration makes of it."""
     try:
-        counted = calibration_counts(logs, site)
+        counted = sensing.calibration_counts(logs, site)
     except SoilmoistError as error:
         yield _doubt(f"the counts cannot be corrected: {error}")
         return
@@ -431,7 +418,7 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[FileFind
     if curve is None:
         yield FileFinding("rate", f"mean {rate_cps:.3f} counts/s, corrected")
         return
-    vwc, limits = float(curve.vwc(rate_cps)), soil_limits(curve.bulk_density_gcm3)
+    vwc, limits = float(curve.vwc(rate_cps)), sensing.soil_limits(curve.bulk_density_gcm3)
     moisture = f"{vwc:.3f} m3/m3" if math.isfinite(vwc) else "no moisture"
     yield FileFinding(
         "rate", f"mean {rate_cps:.3f} counts/s, corrected: {moisture} by the calibration of the site"
@@ -441,12 +428,12 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[FileFind
             f"no soil with pores of {limits.saturation:.2f} has this rate: check N0 "
             f"({curve.n0_cps:g} counts/s) and whether it is of this probe"
         )
-        if doubt := n0_in_other_time(rate_cps, curve):
+        if doubt := sensing.n0_in_other_time(rate_cps, curve):
             yield _doubt(doubt)
 
 
 def contradictions(
-    field: Field | None, site: Site | None, places: NDArray[np.float64], source: PositionSource
+    field: Field | None, site: sensing.Site | None, places: NDArray[np.float64], source: PositionSource
 ) -> Iterator[Mistake | FileFinding]:
     """Contradictions between files that are given together: mistakes, and findings for the user.
 
@@ -473,7 +460,7 @@ def contradictions(
         yield from far_from_site(site, places, source)
 
 
-def far_from_site(site: Site, places: NDArray[np.float64], source: PositionSource) -> tuple[Mistake, ...]:
+def far_from_site(site: sensing.Site, places: NDArray[np.float64], source: PositionSource) -> tuple[Mistake, ...]:
     """The contradiction between the place of a site and records that all lie elsewhere; empty if there is none.
 
     :param places: latitude and longitude of the records, shape (n, 2) [deg]

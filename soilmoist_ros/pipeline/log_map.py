@@ -15,20 +15,8 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros import mapping
 from soilmoist_ros.foundation import InputError, Mistake, distance_text, resource
-from soilmoist_ros.mapping import (
-    Compute,
-    CovariateSource,
-    Drift,
-    Field,
-    FieldGrid,
-    FieldMapSettings,
-    MappingSettings,
-    PositionSource,
-    load_field,
-    require_covariates,
-    require_near,
-)
 from soilmoist_ros.pipeline.earlier_runs import EarlierTarget, find_runs, require_other
 from soilmoist_ros.pipeline.field_survey import (
     field_map_settings,
@@ -79,7 +67,7 @@ MAX_EXTENT_M = 300_000.0  # extent of a track beyond which some of its positions
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapSettings(MappingSettings):
+class MapSettings(mapping.MappingSettings):
     """Choices of a mapping run; ``None`` derives the value from the data. Shipped files can be given by name.
 
     :param field: field file; ``None`` maps the hull of the track
@@ -102,9 +90,9 @@ class MapSettings(MappingSettings):
     nmea: tuple[Path, ...] = ()
     title: str | None = None
     crs: str | None = None
-    max_exact_samples: int = FieldMapSettings.max_exact_samples
+    max_exact_samples: int = mapping.FieldMapSettings.max_exact_samples
     earlier: tuple[Path, ...] = ()
-    covariates: tuple[CovariateSource, ...] = ()
+    covariates: tuple[mapping.CovariateSource, ...] = ()
     reference: Path | None = None
     logger_topic: str = ""
     fix_topic: str = ""
@@ -123,15 +111,15 @@ class _Logs:
 
     site: Site
     site_file: Path | None
-    field: Field | None
+    field: mapping.Field | None
     field_file: Path | None
-    covariates: Sequence[CovariateSource]
+    covariates: Sequence[mapping.CovariateSource]
     logs: Sequence[LogFile]
     skipped: Sequence[Mistake]
     track: Track | None
     track_problems: Sequence[Problem]
     places: NDArray[np.float64]
-    source: PositionSource
+    source: mapping.PositionSource
     named: SensorModel | None
 
 
@@ -139,7 +127,7 @@ def map_logs(
     paths: Sequence[Path],
     settings: MapSettings,
     progress: Progress = lambda step, share: None,
-    compute: Compute = map,
+    compute: mapping.Compute = map,
 ) -> MapRun:
     """Map the logs of a survey.
 
@@ -153,7 +141,7 @@ def map_logs(
     placement = None
     if field is not None:
         reach_m = max(field.extent_m, site.footprint_radius_m)  # no variogram yet
-        placement = require_near(field, read.places, reach_m, read.source)
+        placement = mapping.require_near(field, read.places, reach_m, read.source)
     progress("correcting and placing records", 0.0)
     try:
         survey = process_logs(logs, site, field.frame if field else None, read.track, times_s=settings.times_s)
@@ -222,11 +210,11 @@ def _read_files(paths: Sequence[Path], settings: MapSettings, progress: Progress
     site_file = resource("sites", str(settings.site)) if settings.site else None
     field_file = resource("fields", str(settings.field)) if settings.field else None
     site = with_sensor(load_site(site_file) if site_file else Site(), settings.sensor, site_file)
-    field = load_field(field_file) if field_file else None
+    field = mapping.load_field(field_file) if field_file else None
     site = with_side(site, field)
     require_crs(settings.crs, field.frame if field else None)
     covariates = (*(field.covariates if field else ()), *settings.covariates)
-    require_covariates(covariates)
+    mapping.require_covariates(covariates)
     for path in settings.earlier:
         find_runs(path.expanduser())
     skipped: list[Mistake] = []
@@ -246,7 +234,7 @@ def _read_files(paths: Sequence[Path], settings: MapSettings, progress: Progress
     )  # fmt: skip
 
 
-def with_side(site: Site, field: Field | None) -> Site:
+def with_side(site: Site, field: mapping.Field | None) -> Site:
     """Site on the side of Greenwich where the field is, for loggers that write longitudes without a sign; as given
     if it names the side, or the field is within a degree of Greenwich or of the date line.
     """
@@ -303,10 +291,10 @@ def _notes(read: _Logs, survey: SurveyRecords) -> list[Note]:
     ]
 
 
-def reference_error(reference: Reference) -> Drift:
+def reference_error(reference: Reference) -> mapping.Drift:
     """The error of the correction by a reference sensor, which all samples of a time share."""
     times_s = np.linspace(reference.start_s, reference.end_s, REFERENCE_KNOTS)
-    return Drift.of_error(times_s, reference.factor_covariance(times_s))
+    return mapping.Drift.of_error(times_s, reference.factor_covariance(times_s))
 
 
 def with_reference(run: MapRun, reference: Reference) -> MapRun:
@@ -326,7 +314,9 @@ def with_reference(run: MapRun, reference: Reference) -> MapRun:
     return replace(run, corrections=[*run.corrections, row])
 
 
-def _grid(field: Field | None, survey: SurveyRecords, site: Site, cell_m: float | None) -> FieldGrid:
+def _grid(
+    field: mapping.Field | None, survey: SurveyRecords, site: Site, cell_m: float | None
+) -> mapping.FieldGrid:
     if field is not None:
         return field.grid(cell_m, site.footprint_radius_m)
     extent_m = float(np.ptp(survey.xy_m, axis=0).max())
@@ -334,7 +324,7 @@ def _grid(field: Field | None, survey: SurveyRecords, site: Site, cell_m: float 
         message = f"the records lie up to {distance_text(extent_m)} apart, further than a survey goes"
         raise InputError(message, "correct the positions, or say which field to map: --field")
     try:
-        return FieldGrid.from_track(survey.xy_m, site.footprint_radius_m, cell_m)
+        return mapping.FieldGrid.from_track(survey.xy_m, site.footprint_radius_m, cell_m)
     except ValueError as error:
         raise InputError(f"the track cannot be gridded: {error}", "change the cell size") from None
 
