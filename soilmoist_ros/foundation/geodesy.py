@@ -127,10 +127,7 @@ class LocalFrame:
         return np.column_stack([latitude, _within_a_turn(np.arctan2(east, p) + lon_0)]) / DEGREE
 
     def export_crs(self, crs: CRS | str | int | None = None) -> CRS:
-        """The requested coordinate reference system, by default that of :meth:`export_epsg`.
-
-        :raises InputError: if pyproj does not know it
-        """
+        """The requested reference system, by default :meth:`export_epsg`; ``InputError`` if there is none."""
         import pyproj
 
         try:

@@ -104,10 +104,7 @@ class Registry(Generic[T]):
         raise InputError(there_is_none, f"{self._advice} one of: {listing(names)}{did_you_mean(name, names)}")
 
     def add(self, name: str, item: T) -> None:
-        """Add an object at run time, for instance in a notebook.
-
-        :raises InputError: if the name is in use
-        """
+        """Add an object at run time, for instance in a notebook; ``InputError`` if the name is in use."""
         if name in self._objects():
             raise InputError(f"there is a {self._noun} {name!r} already", "choose another name")
         if name in self._found():

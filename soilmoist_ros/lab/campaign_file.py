@@ -137,15 +137,11 @@ class Campaign(Section):
 
 @dataclass(frozen=True)
 class CampaignMission:
-    """One mission of a campaign.
+    """One mission of a campaign."""
 
-    :param key: name of the file: a digest of the settings and of the content of the field file
-    :param experiments: names of the experiments with this mission
-    """
-
-    key: str
+    key: str  # name of the file: a digest of the settings and of the content of the field file
     settings: MissionSettings
-    experiments: tuple[str, ...]
+    experiments: tuple[str, ...]  # names of the experiments with this mission
 
 
 def load_campaign(name: str) -> Campaign:
@@ -202,10 +198,7 @@ def combinations(campaign: Campaign, experiment: Experiment) -> Iterator[Mission
 
 
 def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None) -> str:
-    """Digest of the settings of a mission and of the content of its files, including the files that they name.
-
-    :param digests: known digests of field files and graphs; new ones are added
-    """
+    """Digest of the settings of a mission and of its files, those that they name too; adds to ``digests``."""
     values = settings.as_dict()
     digests = {} if digests is None else digests
     paths = {"field": _field_file(settings.field_name), "graph": Path(settings.graph) if settings.graph else None}

@@ -77,10 +77,7 @@ def _compute(mission: CampaignMission, simulate: Simulate, version: str) -> Fini
 
 
 def _finished(future: Any, mission: CampaignMission, scheduler: str) -> Finished | None:
-    """Result of a future, or the failure by which it was lost.
-
-    :raises WorkersLostError: if it was cancelled, which happens when the scheduler is lost
-    """
+    """Result of a future, or the failure by which it was lost; ``WorkersLostError`` if the scheduler is lost."""
     try:
         if future.status != "cancelled":
             found: Finished | None = future.result()
@@ -111,10 +108,7 @@ def _threads(client: Any, scheduler: str) -> int:
 
 @contextmanager
 def _same_version(client: Any, simulate: Simulate) -> Iterator[None]:
-    """Refuse workers with another version of this package, those too that join in this context.
-
-    :raises InputError: if there is one now
-    """
+    """Refuse workers with another version of this package, also later ones in this context (``InputError``)."""
     versions = client.run(code_version, on_error="return")
     if wrong := {address: found for address, found in versions.items() if found != code_version()}:
         address, found = min(wrong.items())
@@ -132,10 +126,7 @@ def _same_version(client: Any, simulate: Simulate) -> Iterator[None]:
 
 
 class Gate(WorkerPlugin):
-    """Close a worker with another version of this package; load the simulator in all others.
-
-    :param simulate: simulates one mission; reading this plugin loads its module
-    """
+    """Close a worker with another version of this package; load the simulator, by reading this, in all others."""
 
     def __init__(self, version: str, simulate: Simulate) -> None:
         self._version = version

@@ -66,10 +66,6 @@ def difference_interval(mine: Array, theirs: Array, level: float = LEVEL) -> tup
     >>> mean, low, high = difference_interval(np.array([3.0, 4.0, 5.0]), np.array([1.0, 3.0, 4.0]))
     >>> f"{mean:.3f} {low:.3f} {high:.3f}"
     '1.333 -0.101 2.768'
-
-    :param mine: values, shape (n,), n > 0
-    :param theirs: values of the same seeds, shape (n,)
-    :param level: share of intervals that cover the true mean
     """
     from scipy.special import stdtrit
 

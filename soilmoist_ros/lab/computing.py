@@ -35,15 +35,11 @@ class WorkersLostError(SoilmoistError):
 
 @dataclass(frozen=True)
 class Failure:
-    """A failed mission.
-
-    :param error: error message in one line
-    :param details: traceback; may be empty
-    """
+    """A failed mission."""
 
     mission: CampaignMission
-    error: str
-    details: str = ""
+    error: str  # error message in one line
+    details: str = ""  # traceback; may be empty
 
     def __str__(self) -> str:
         return f"{self.mission.settings}: {self.error}"
@@ -51,15 +47,11 @@ class Failure:
 
 @dataclass(frozen=True)
 class Finished:
-    """A mission that has come to its end.
-
-    :param content: the bytes of its file, or why it failed
-    :param time_s: time that it took its worker [s]; NaN if unknown
-    """
+    """A mission that has come to its end."""
 
     mission: CampaignMission
-    content: bytes | Failure
-    time_s: float
+    content: bytes | Failure  # the bytes of its file, or why it failed
+    time_s: float  # time that it took its worker [s]; NaN if unknown
 
 
 Flow = Generator[Finished, None, None]  # missions in the order in which they finish; closing it stops the workers

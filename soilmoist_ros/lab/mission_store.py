@@ -118,10 +118,7 @@ def pack(result: MissionResult, key: str) -> bytes:
 
 
 def unpack(content: bytes) -> CampaignRun:
-    """Read a mission from the bytes of its file.
-
-    :raises DamagedMissionError: if the file is damaged or incomplete
-    """
+    """Read a mission from the bytes of its file; ``DamagedMissionError`` if the file is damaged or incomplete."""
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
@@ -194,10 +191,7 @@ class MissionStore:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Keep other campaigns from writing in this folder, and remove what a killed one has left half written.
-
-        :raises InputError: if another campaign writes in it
-        """
+        """Keep other campaigns from writing here (``InputError``), and remove what a killed one left."""
         with (self.folder / ".lock").open("w") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -251,10 +245,7 @@ class MissionStore:
 
 
 def check(stored: CampaignRun, mission: CampaignMission) -> CampaignRun:
-    """Return the stored mission if it is the expected one and comes from this version of the code.
-
-    :raises DamagedMissionError: otherwise
-    """
+    """The stored mission, if it is the expected one of this version of the code; else ``DamagedMissionError``."""
     if stored.key != mission.key:
         raise DamagedMissionError("contains another mission than its name states")
     if stored.version != code_version():

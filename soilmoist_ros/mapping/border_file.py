@@ -76,11 +76,7 @@ class BorderSource:
     takes_largest: bool = False
 
     def read(self) -> Border:
-        """Read the border of a field.
-
-        :raises InputError: if the file cannot be read, or leaves open which of its shapes is the field, or where
-            it is
-        """
+        """Read the border of a field; ``InputError`` if the file leaves open which of its shapes it is."""
         path, suffix = self.path, self.path.suffix.lower()
         if suffix not in FORMATS and not read_limited(path).lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):
             raise InputError(
@@ -107,10 +103,7 @@ class BorderSource:
 
 @dataclass(frozen=True)
 class Border:
-    """The border of a field.
-
-    :param no_go: outlines of the areas inside that must not be entered, each of shape (k, 2) [deg]
-    """
+    """The border of a field; ``no_go``: outlines of areas that must not be entered, shape (k, 2) each [deg]."""
 
     outline: Array  # longitude and latitude, WGS-84, shape (k, 2), not closed [deg]
     no_go: tuple[Array, ...] = ()
@@ -260,10 +253,7 @@ def _several(areas: Sequence[_Area], source: BorderSource) -> InputError:
 
 
 def _close_lines(features: Sequence[_Feature], notes: list[str], source: BorderSource) -> None:
-    """Make polygons of closed lines, in a file without polygons.
-
-    :raises InputError: if there are none, or open lines go round all closed ones: ponds in a border in pieces
-    """
+    """Make polygons of closed lines, in a file without polygons; ``InputError`` if these may be ponds."""
     import shapely
 
     for feature in features:

@@ -166,10 +166,9 @@ def opened_raster(path: Path, remedy: str = "give a GeoTIFF") -> Iterator[Datase
 
 
 def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> NDArray[Any]:
-    """An attribute of the polygons at places: texts, or numbers.
+    """An attribute of the polygons at places: numbers or texts, as codes of classes are; shape (n,).
 
-    :returns: shape (n,); ``None`` or NaN outside all polygons. Whole numbers are texts, as codes of classes are
-    :raises InputError: if the file cannot be read, has no such attribute, no polygon or no reference system
+    ``None`` or NaN outside all polygons; ``InputError`` without such an attribute, polygon or reference system.
     """
     import shapely
     from pyproj import CRS, Transformer
@@ -199,11 +198,7 @@ def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> N
 
 
 def attribute_of(path: Path, attribute: str) -> tuple[str, list[str]]:
-    """The attribute of a vector file that is meant, and all of them.
-
-    :raises InputError: if the file cannot be read or has no reference system, if there is no attribute of this
-        name, or none is given and there are several
-    """
+    """The attribute of a vector file that is meant, and all of them; ``InputError`` if that is not clear."""
     with readable_vector(path):
         about = optional_module("pyogrio").read_info(path)
     names = list(map(str, about["fields"].tolist()))

@@ -85,10 +85,7 @@ class CovariateSource:
 
     @property
     def has_polygons(self) -> bool:
-        """True if the file has polygons, by its ending.
-
-        :raises InputError: if there is no such file, or something would be derived from polygons
-        """
+        """True if the file has polygons, by its ending; ``InputError`` if there is no file."""
         if not self.path.is_file():
             raise InputError("there is no such file of covariates", "check its path", self.path)
         found = self.path.suffix.lower() in BEGINNINGS

@@ -55,12 +55,10 @@ class Expectation:
     variance: float  # variance of the rate, micro-scale variation included [(counts/s)^2]
 
     def tails(self, raw_counts: int, exposure_s: float) -> tuple[float, float]:
-        """Probabilities of counts this low or lower, and of counts this high or higher.
+        """Probabilities of counts this low or lower, and of counts this high or higher: P(N <= n) and P(N >= n).
 
         The rate is gamma-distributed, so the counts have a negative binomial distribution (Gelman et al. 2013,
         Bayesian Data Analysis, section 2.6), and the probabilities are exact.
-
-        :returns: P(N <= n) and P(N >= n)
         """
         from scipy.special import betainc, gammainc, gammaincc
 
@@ -156,10 +154,7 @@ class ExpectedCounts:
     def judge(
         self, record: CountRecord, where: Where, samples: Samples, fit: Callable[[], Variogram | None]
     ) -> CountVerdict:
-        """Judge a record before it becomes part of the map.
-
-        :param fit: makes the variogram of the map; called only if the record is out of the ordinary
-        """
+        """Judge a record before it becomes part of the map; ``fit`` is called only if it is uncommon."""
         row, self._row = self._row, []
         if len(samples) < MIN_SAMPLES or not (self._held or stands_out(record, samples)):
             return CountVerdict()

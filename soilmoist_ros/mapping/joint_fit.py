@@ -370,8 +370,7 @@ class JointModel:
 
         :param model_samples: those to which all is fitted that earlier surveys determine as well
         :param given: variogram to use instead of a fitted one
-        :param alone: without earlier surveys, the variogram of ``model_samples`` if nothing else is known; it is
-            fitted by default
+        :param alone: variogram of ``model_samples`` where nothing else is known; fitted by default
         """
         known = None if given is None else given.variogram
         last = self._last
@@ -536,10 +535,7 @@ def _places(past: Sequence[_Past]) -> Array:
 
 
 def view_of(places: Samples, features: PatternFeatures, unit: Array, rate: float | LocalRate) -> SurveyView:
-    """A survey, ready for conditioning, from pools of its places if they are more than :data:`MAX_PLACES`.
-
-    :param unit: standard deviation of the coefficient of each feature, shape (r + k,) [counts/s]
-    """
+    """A survey, ready for conditioning, with pools of its places if they are more than :data:`MAX_PLACES`."""
     places, variogram = pooled(places, MAX_PLACES), features.variogram
     covariance = np.ascontiguousarray(sample_correlation(variogram, places.xy, places.spread))
     covariance *= variogram.structured_sill

@@ -225,10 +225,7 @@ class SampleMerger:
 
     @property
     def samples(self) -> Samples:
-        """The samples so far, in the order in which they began; a copy.
-
-        Spreads that the noise of positions may have made count as none.
-        """
+        """The samples so far, as they began, a copy; spreads that noise may have made count as none."""
         columns = self._columns[:, : self._count].copy()
         xy = np.ascontiguousarray(columns[:2].T) + 0.0  # -0.0 and 0.0 are the same place
         spread = without_noise(full_spread(columns[4:7].T, self._footprint_m))

@@ -52,11 +52,7 @@ def footprint_spread(radius_m: float) -> Array:
 
 
 def full_spread(moments: ArrayLike, radius_m: float = 0.0) -> Array:
-    """Spreads with all four columns, from second moments of paths.
-
-    :param moments: shape (..., 3) [m^2]
-    :param radius_m: radius of the footprint [m]
-    """
+    """Spreads with four columns, from second moments of paths, shape (..., 3) [m^2], and a radius [m]."""
     path = np.asarray(moments, float)
     return np.concatenate([path, np.full((*path.shape[:-1], 1), radius_m)], axis=-1)
 
@@ -197,20 +193,14 @@ def as_samples(
 
 
 def require_unmasked(name: str, values: ArrayLike) -> None:
-    """Refuse an array with masked values, which NumPy would take for numbers.
-
-    :raises ValueError: if there are masked values
-    """
+    """Refuse an array with masked values (``ValueError``), which NumPy would take for numbers."""
     number = np.count_nonzero(np.ma.getmaskarray(values)) if isinstance(values, np.ma.MaskedArray) else 0
     if number:
         raise ValueError(f"{name} has {number} masked values: leave these samples out, as by values[~mask]")
 
 
 def check_xy(xy: ArrayLike) -> Array:
-    """Places as a new float array of shape (n, 2); (x, y) is taken as one place.
-
-    :raises ValueError: for another shape, a masked coordinate or one that is not finite
-    """
+    """Places as a new float array of shape (n, 2); (x, y) is one. ``ValueError`` if one is not finite."""
     require_unmasked("xy", xy)
     places = np.array(xy, float)
     if places.shape in ((2,), (0,)):
@@ -252,8 +242,7 @@ def noise_rate(samples: Samples) -> float:
 def merge_exactly(samples: Samples) -> tuple[Samples, NDArray[np.intp]]:
     """Merge the records of each place: counts add, exposures add. Loses nothing.
 
-    :returns: one sample per distinct place, in the order of first appearance; and the number of the
-        place of each record, shape (n,)
+    :returns: a sample of each place, in the order of first appearance; the place of each record, shape (n,)
     """
     order = np.lexsort(samples.xy.T)  # quicker than np.unique, and mostly there is nothing to merge
     sorted_xy = samples.xy[order]

@@ -199,11 +199,7 @@ class JointKriging:
         return rate, np.maximum(variance, 0.0)
 
     def mean(self, xy: Array, weights: dict[int, Array]) -> tuple[float, float]:
-        """A weighted mean over some hundred places, and its variance.
-
-        :param xy: places, shape (g, 2) [m]
-        :param weights: weight of the rate of each survey at the places, shape (g,) each
-        """
+        """A mean over some hundred places by weights for the rate of each survey, shape (g,), and its variance."""
         from scipy.linalg import solve_triangular
 
         L, trend, mean_covariance, means, residual = self._solved

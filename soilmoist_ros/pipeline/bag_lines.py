@@ -44,14 +44,11 @@ _GNSS_TYPE = re.compile(
 
 @dataclass(frozen=True)
 class RunTopics:
-    """The topics of one robot in a bag, by the full name of the one with its records.
-
-    :param alone: whether the bag has no other robot
-    """
+    """The topics of one robot in a bag, by the full name of the one with its records."""
 
     reader: BagReader
     counts: str
-    alone: bool
+    alone: bool  # whether the bag has no other robot
 
     @classmethod
     def of_counts(cls, reader: BagReader, counts: str) -> Self:
@@ -61,9 +58,8 @@ class RunTopics:
 
     @classmethod
     def of_raw_lines(cls, reader: BagReader, counts: str) -> Self:
-        """The topics of the robot whose raw lines are in the bag; its records may be missing.
+        """The topics of the robot whose raw lines are in the bag; the namespace of ``counts`` selects it.
 
-        :param counts: topic with the robot's records, if any; its namespace selects the robot
         :raises InputError: if there are no raw lines, or raw lines of several robots without a selection
         """
         named = counts if counts.startswith("/") else f"/{counts}"
@@ -83,10 +79,7 @@ class RunTopics:
 
     @classmethod
     def of_team(cls, reader: BagReader, counts: str, namespaces: Sequence[str]) -> list[Self]:
-        """The topics of several robots that share a mapper in the outermost namespace.
-
-        :returns: a robot each; empty if the bag is not of such a team
-        """
+        """The topics of each robot of a team with a mapper in the outermost namespace; empty for another bag."""
         names = [f"/{namespace.strip('/')}/{counts}" for namespace in namespaces]
         found = [name for name in names if reader.topics.get(name) == CLOUD]
         shared = reader.topics.get("/soil_map") == CLOUD and f"/{counts}" not in reader.topics
@@ -153,11 +146,10 @@ def logger_topic(reader: BagReader, named: str = "") -> str:
 def read_fixes(
     reader: BagReader, topic: str, log_s: tuple[float, float] | None = None, shift_s: float = 0.0
 ) -> tuple[list[Fix], list[Problem]]:
-    """Positions of a topic: fixes, or texts with NMEA sentences.
+    """Positions of a topic: fixes, or texts with NMEA sentences; ``InputError`` if it has neither.
 
     :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
     :param shift_s: time by which the stamps will be shifted [s]
-    :raises InputError: if it has neither
     """
     kind, path = reader.topics.get(topic, ""), Path(topic.lstrip("/"))
     chosen = _choice_notes(reader, topic)

@@ -288,10 +288,7 @@ class _Recording:
         return counts, missed
 
     def properties(self) -> list[ReplayedProperty]:
-        """The chosen properties with their maps.
-
-        :raises InputError: if there is none, or a planned or chosen one cannot be read
-        """
+        """The chosen properties with their maps; ``InputError`` if there is none, or one cannot be read."""
         reader, chosen = self._reader, self._chosen
         found = team_properties(self.robots, self._configuration)
         truths = named_truths(found, chosen.truths, reader.path)

@@ -209,10 +209,7 @@ def read_earlier_runs(paths: Sequence[Path | str], target: EarlierTarget) -> tup
 
 
 def require_other(runs: Sequence[EarlierRun], records: Sequence[CountRecord]) -> None:
-    """Check that no earlier survey is the present one: its counts would be used twice.
-
-    :raises InputError: if one is
-    """
+    """Refuse an earlier survey that is the present one (``InputError``): its counts would be used twice."""
     for run in runs:
         if same_survey(run.records, records):
             message = "is the survey that is being mapped: its counts would be used twice"

@@ -461,10 +461,7 @@ def contradictions(
 
 
 def far_from_site(site: sensing.Site, places: NDArray[np.float64], source: PositionSource) -> tuple[Mistake, ...]:
-    """The contradiction between the place of a site and records that all lie elsewhere; empty if there is none.
-
-    :param places: latitude and longitude of the records, shape (n, 2) [deg]
-    """
+    """The contradiction between the place of a site and records that all lie elsewhere; empty if there is none."""
     if site.location is None:
         return ()
     frame = LocalFrame(site.location.latitude_deg, site.location.longitude_deg)

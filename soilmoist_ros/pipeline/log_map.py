@@ -245,10 +245,7 @@ def with_side(site: Site, field: mapping.Field | None) -> Site:
 
 
 def with_sensor(site: Site, sensor: str | float | None, site_file: Path | None) -> Site:
-    """Site whose sensor is that of an option.
-
-    :raises InputError: if the site has a calibration, which knows its sensor already, or another sensor
-    """
+    """Site whose sensor is that of an option; ``InputError`` if it has a calibration, or another sensor."""
     if sensor is None:
         return site
     if site.calibration is not None:

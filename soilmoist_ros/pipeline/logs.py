@@ -168,8 +168,7 @@ def reading_of(logs: Sequence[LogFile]) -> dict[str, str]:
 def log_positions(logs: Sequence[LogFile], track: Track | None, site: Site) -> NDArray[np.float64]:
     """Latitude and longitude of the records of logs, shape (n, 2) [deg]; records without a place are left out.
 
-    :param track: positions of a separate receiver, if any
-    :param site: site with the location of a stationary probe, if any
+    They are those of a separate receiver, of the log, or of the location of a stationary probe.
     """
     records = [record for log in logs for record in log.records]
     places = [record.position if track is None else track.at(record.stamp_s, MAX_GAP_S) for record in records]
@@ -192,11 +191,7 @@ def position_source(
 
 
 def within(logs: Sequence[LogFile], times_s: tuple[float, float]) -> list[LogFile]:
-    """Logs with the records that end after the first time, and at the latest at the second.
-
-    :param times_s: begin and end [s since 1970-01-01 UTC]
-    :raises InputError: if there are none
-    """
+    """Logs with the records that end after a first and by a second time [s since 1970-01-01 UTC]."""
     start_s, end_s = times_s
     if math.isinf(start_s) and math.isinf(end_s):
         return list(logs)
@@ -266,10 +261,7 @@ def _fixes_of_bag(
 
 
 def _require_one_place(fixes: Sequence[Fix], found: Sequence[Fix], used: Sequence[Path], path: Path) -> None:
-    """Check that positions of several files are of one receiver, where they are of the same time.
-
-    :raises InputError: if they are not
-    """
+    """Check that positions of several files are of one receiver, where they are of one time."""
     if not fixes:
         return
     track = Track(fixes)
@@ -282,10 +274,7 @@ def _require_one_place(fixes: Sequence[Fix], found: Sequence[Fix], used: Sequenc
 
 
 def shifted_track(fixes: Sequence[Fix], shift_s: float, path: Path) -> tuple[CheckedTrack, list[Problem]]:
-    """A track whose times are later by ``shift_s``, and a note on that.
-
-    :raises InputError: if it has several positions of one time, far apart
-    """
+    """A track with later times, and a note on that; ``InputError`` for distant positions of one time."""
     known = [fix for fix in fixes if fix.no_place is None and not math.isnan(fix.stamp_s)]
     apart_m = []
     for _, (first, *others) in groupby(sorted(known, key=attrgetter("stamp_s")), attrgetter("stamp_s")):
@@ -322,10 +311,7 @@ def read_reference(path: Path, site: Site, records: Sequence[CountRecord], frame
 
 
 def require_standing(log: LogFile, frame: LocalFrame, records: Sequence[CountRecord]) -> None:
-    """Check that a sensor stood still and near a survey, where its log has positions.
-
-    :raises InputError: if it did not
-    """
+    """Check that a sensor stood still and near a survey, where its log has positions; else ``InputError``."""
     places = [(one.position.latitude_deg, one.position.longitude_deg) for one in log.records if one.position]
     if not places:
         return

@@ -97,10 +97,7 @@ def _status(values: dict[str, str]) -> Status | None:
 
 
 def read_visits(topics: RunTopics, robot: int = 1) -> list[Visit] | None:
-    """The visits that a robot's planner published; ``None`` if the bag lacks the topic.
-
-    :raises InputError: if the topic contains other messages
-    """
+    """The visits that a robot's planner published; ``None`` if the bag lacks the topic."""
     name = topics.find("visits", VISIT)
     return None if name is None else topics.reader.read_visits(name, robot)
 
@@ -257,10 +254,7 @@ def _forecasts(course: Sequence[tuple[float, str]]) -> Iterator[TimedForecast]:
 
 
 def mission_log(robots: Sequence[RobotMission], later_s: Sequence[float]) -> list[str]:
-    """Lines of the mission log: changes of the state, and who commanded what when.
-
-    :param later_s: start of each robot after the start of the first [s]
-    """
+    """Lines of the mission log: changes of the state, and who commanded what; robots start ``later_s``."""
     lines = []
     for robot, later in zip(robots, later_s, strict=True):
         name = f"robot {robot.number}: " if len(robots) > 1 else ""

@@ -55,10 +55,7 @@ class RecordedPlaces:
         return self.recorded == self.field.frame
 
     def records(self, records: Sequence[CountRecord]) -> list[CountRecord]:
-        """Records with their places in the plane of the field.
-
-        :raises InputError: if all lie on the other side of the earth
-        """
+        """Records with their places in the plane of the field; ``InputError`` if all are beyond it."""
         if self._same or not records:
             return list(records)
         recorded = np.array([(record.x_m, record.y_m) for record in records])
@@ -153,16 +150,11 @@ def why_nothing(survey: FieldSurvey, records: Sequence[CountRecord], path: Path)
 
 @dataclass(frozen=True, eq=False)
 class PublishedMap:
-    """The last map that the mapper published.
+    """The last map that the mapper published."""
 
-    :param stamp_s: end of the last record in it [s since 1970-01-01 UTC]; 0 without records
-    :param cells: its cells, shape (ny, nx)
-    :param raw_counts: counts of all records in it, ``None`` if the bag has no samples of that time
-    """
-
-    stamp_s: float
-    cells: NDArray[Any]
-    raw_counts: float | None
+    stamp_s: float  # end of the last record in it [s since 1970-01-01 UTC]; 0 without records
+    cells: NDArray[Any]  # its cells, shape (ny, nx)
+    raw_counts: float | None  # counts of all records in it, None if the bag has no samples of that time
 
 
 @dataclass(frozen=True)
@@ -210,10 +202,7 @@ def _last_cloud(topics: RunTopics, named: str, stamp_s: float | None = None) -> 
 def compare(
     field_map: FieldMap, states: Sequence[MapState], last: PublishedMap | None, several: bool = False
 ) -> PropertyComparison:
-    """Compare the replayed map of the records up to the last one of the published map with that map.
-
-    :param several: whether several robots sent the records
-    """
+    """Compare the replayed map of the records up to the last one of the published map with that map."""
     if last is None or last.stamp_s == 0:
         why = "the bag has no map" if last is None else "the robot's last map is empty"
         return PropertyComparison(None, f"not compared: {why}")
@@ -257,18 +246,12 @@ def compare(
 
 @dataclass(frozen=True)
 class PropertyTopic:
-    """Topics of a property in a bag.
+    """Topics of a property in a bag."""
 
-    :param name: name of the property, for files and options
-    :param counts: full names of the topics with its records, one for each robot
-    :param mapper: name of its mapper, below the robot's namespace
-    :param weight: weight of its variation in the planner; 0 if the planner ignored it
-    """
-
-    name: str
-    counts: tuple[str, ...]
-    mapper: str
-    weight: float
+    name: str  # name of the property, for files and options
+    counts: tuple[str, ...]  # full names of the topics with its records, one for each robot
+    mapper: str  # name of its mapper, below the robot's namespace
+    weight: float  # weight of its variation in the planner; 0 if the planner ignored it
 
 
 def team_properties(robots: Sequence[RunTopics], configuration: Path | None) -> list[PropertyTopic]:
@@ -284,8 +267,6 @@ def property_topics(topics: RunTopics, configuration: Path | None) -> list[Prope
     """The properties that a robot measured, in the order of its planner, then the others by name.
 
     A topic ``counts`` in a namespace below the robot's is a property, unless the namespace is another robot.
-
-    :raises InputError: if the planner's properties are damaged
     """
     space, _, last = topics.counts.rpartition("/")
     planner = read_planner(configuration, topics)
@@ -310,10 +291,7 @@ def property_topics(topics: RunTopics, configuration: Path | None) -> list[Prope
 
 
 def read_planner(configuration: Path | None, topics: RunTopics) -> dict[str, Any]:
-    """Parameters of the planner of a robot, which is named with or without its namespace; empty for none.
-
-    :raises InputError: if a parameter that the replay shows is not a number or text as planners have it
-    """
+    """Parameters of the planner of a robot, with or without its namespace; ``InputError`` for a wrong one."""
     nodes = (f"{topics.namespace}planner", "planner")
     node, had = next(((one, found) for one in nodes if (found := read_parameters(configuration, one))), ("", {}))
     for name in filter(had.__contains__, (*_NUMBERS, *_TEXTS)):
@@ -376,10 +354,7 @@ class ReplayedProperty:
 
 
 def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag: Path) -> list[PropertyTopic]:
-    """The properties of these names in the order of the bag; all properties without names.
-
-    :raises InputError: if a name is not a property
-    """
+    """The properties of these names in the order of the bag, or all; ``InputError`` for other names."""
     known = [one.name for one in found]
     for name in names:
         if name not in known:

@@ -109,10 +109,7 @@ REFERENCE = "reference sensor"
 
 @dataclass(frozen=True)
 class CorrectionRow:
-    """An applied correction factor: formula in plain text, parameters by name with unit, range over the records.
-
-    :param remark: e.g. where the values came from, or why the correction was not applied
-    """
+    """An applied correction: formula in plain text, parameters by name with unit, range over the records."""
 
     name: str
     formula: str
@@ -120,7 +117,7 @@ class CorrectionRow:
     mean_factor: float = 1.0
     min_factor: float = 1.0
     max_factor: float = 1.0
-    remark: str = ""
+    remark: str = ""  # e.g. where the values came from, or why the correction was not applied
 
 
 @dataclass(frozen=True)

@@ -62,10 +62,7 @@ def encode(entry: Entry) -> bytes:
 
 
 def decode(data: bytes, name: str = "journal") -> Lines:
-    """Read lines back; a damaged line is skipped.
-
-    An incomplete last line is dropped: it was never confirmed.
-    """
+    """Read lines back. A damaged line is skipped; so is an incomplete last one, which was never confirmed."""
     entries: list[Entry] = []
     problems: list[str] = []
     *lines, rest = data.split(b"\n")
@@ -103,16 +100,14 @@ def _parse(line: bytes) -> Entry | None:
 class LoadedJournal(NamedTuple):
     """The content of a journal.
 
-    :param snapshot: text given to the last :meth:`Journal.snapshot`, ``None`` if there is none
     :param entries: entries after the snapshot, by number; all entries without a snapshot, or if the whole journal
         was wanted
-    :param complete: whether no entry is known to be missing since the snapshot, see :meth:`Journal.doubt`
     """
 
-    snapshot: str | None
+    snapshot: str | None  # text given to the last Journal.snapshot, None if there is none
     entries: tuple[Entry, ...]
     problems: tuple[str, ...]
-    complete: bool = True
+    complete: bool = True  # whether no entry is known to be missing since the snapshot, see Journal.doubt
 
 
 class Journal:
@@ -134,7 +129,6 @@ class Journal:
     def open(cls, folder: Path) -> Self:
         """Continue the journal of a folder, or start one. An incomplete last entry is removed.
 
-        :param folder: made if it does not exist
         :raises InputError: if another process is writing it, or the folder cannot be written
         """
         path = folder / ENTRIES
@@ -170,12 +164,9 @@ class Journal:
         return self._seq
 
     def append(self, kind: str, payload: Mapping[str, Any], *, durable: bool = True) -> int:
-        """Write an entry, and return its number.
+        """Write an entry, such as an ``event`` with plain data, and return its number.
 
-        :param kind: kind of the entry, such as ``event``
-        :param durable: whether to return only when the entry is on the disk; otherwise it gets there with the next
-            durable entry
-        :raises TypeError: if the payload is not plain data
+        :param durable: whether to return only when it is on the disk; otherwise it gets there with the next one
         :raises OSError: if the disk refuses it; the journal stays as it was, and the next entry may be tried
         """
         entry = Entry(self._seq + 1, kind, dict(payload))
@@ -195,10 +186,7 @@ class Journal:
         return entry.seq
 
     def sync(self) -> None:
-        """Make sure that all entries are on the disk.
-
-        :raises OSError: if the disk refuses them
-        """
+        """Make sure that all entries are on the disk; ``OSError`` if it refuses them."""
         os.fdatasync(self._descriptor)
         self._synced = (self._size_bytes, self._seq)
 
@@ -206,18 +194,13 @@ class Journal:
         """Remove the entries since the last sync: after one that failed, only writing them again is safe.
 
         The system takes them for written then, and a later sync succeeds without them.
-
-        :raises OSError: if the disk refuses it; the journal stays as it was
         """
         os.ftruncate(self._descriptor, self._synced[0])
         self._size_bytes, self._seq = self._synced
 
     def snapshot(self, state_json: str) -> None:
-        """Write the state after all entries so far, so that only later ones need to be replayed.
+        """Write the state after all entries so far, so that only later ones are replayed; the entries stay.
 
-        The entries stay, so that the state can still be rebuilt from all of them.
-
-        :param state_json: the state; any text
         :raises OSError: if the disk refuses it; the previous snapshot stays
         """
         self.sync()
@@ -227,11 +210,8 @@ class Journal:
             self._complete = True
 
     def turn_over(self, state_json: str) -> None:
-        """Write the state, and begin anew: the entries so far replace those of the turn before.
+        """Write the state, and begin anew, as a journal would grow for ever: the entries replace the turn before.
 
-        A journal would grow for ever otherwise.
-
-        :param state_json: see :meth:`snapshot`
         :raises OSError: if the disk refuses it; the journal stays as it was
         """
         self.snapshot(state_json)
@@ -263,11 +243,10 @@ class Journal:
 
 
 def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
-    """Read a journal, without changing it.
+    """Read the journal of a folder, if there is one, without changing it.
 
     A cut loses only the entry that was being written. A damaged snapshot loses nothing: all entries are returned.
 
-    :param folder: folder of the journal; one that does not exist has an empty journal
     :param whole: return the entries before the snapshot as well, from the last turn but one on
     :raises InputError: if it cannot be read
     """

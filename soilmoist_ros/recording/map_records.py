@@ -80,11 +80,7 @@ class MapRecords:
         self._seen: dict[str, Counter[bytes]] = {}
 
     def take(self, source: str, records: Iterable[CountRecord]) -> list[CountRecord]:
-        """Add the records that no source has brought yet.
-
-        :param source: name of the source; each call brings records that the source has not brought before
-        :returns: the records that were new
-        """
+        """Add and return the records that no source has brought yet; each call brings others of the source."""
         seen = self._seen.setdefault(source, Counter())
         new = []
         for record in records:
@@ -114,11 +110,7 @@ class MapRecords:
         self._robots.update((record_key(record), robot) for record in records)
 
     def doubt(self, doubt: Doubt, robot: str | None = None) -> bool:
-        """Take a doubt about the place of a robot, or its end, and make the map again if that changes it.
-
-        :param robot: which robot of several; ``None`` if there is one
-        :returns: whether the map was made again
-        """
+        """Take a doubt about the place of a robot, or its end; returns whether it made the map again."""
         before = list(map(self._placed, self._records))
         new = self._doubts.setdefault(robot or "", Doubts()).take(doubt)
         if not new or before == list(map(self._placed, self._records)):
@@ -145,11 +137,7 @@ class MapRecords:
         return self._records
 
     def reset(self, until_s: float | None = None) -> float:
-        """Remove all records; sources other than messages bring only later ones from now on.
-
-        :param until_s: stamp up to which they are void [s]; default the newest one of the map
-        :returns: that stamp
-        """
+        """Remove all records. Sources but messages bring only those after a stamp [s], which is returned."""
         newest_s = max((record.stamp_s for record in self._records), default=-math.inf)
         self.until_s = max(self.until_s, newest_s if until_s is None else until_s)
         self._records.clear()
@@ -184,10 +172,7 @@ class _Span:
 
 
 class RecordExchange:
-    """Records that a map holds, and those of them that the maps of other robots lack.
-
-    :param records: records of the map; only the good ones are listed and sent
-    """
+    """Records that a map holds, of which good ones are listed, and those of them that other robots' maps lack."""
 
     def __init__(self, records: MapRecords) -> None:
         self._records = records
@@ -197,10 +182,7 @@ class RecordExchange:
         self._sent: dict[tuple[str, int], tuple[object, float, float]] = {}
 
     def update(self, now_s: float) -> None:
-        """Take over the records that the map has got since the last call.
-
-        :param now_s: steady time [s]
-        """
+        """Take over the records that the map has got since the last call, at a steady time [s]."""
         arrived = self._records.arrived
         if arrived is not self._arrived:  # the map was reset
             self._arrived, self._known, self._minutes = arrived, 0, {}
@@ -222,11 +204,8 @@ class RecordExchange:
         return {"since": since, "hours_until": hours_until, "spans": {b: s for b, s in spans.items() if s[0]}}
 
     def missed(self, name: str, held: dict[str, Any], now_s: float) -> list[CountRecord]:
-        """Records of this map that another one lacks, in order of time.
+        """Records of this map that another one lacks by the list that it has sent, in order of time.
 
-        :param name: who sent the list
-        :param held: the list
-        :param now_s: steady time [s]
         :raises ValueError, TypeError, LookupError: if it is not a list of a mapper
         """
         since_s = -math.inf if held["since"] is None else float(held["since"])

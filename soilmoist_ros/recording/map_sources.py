@@ -50,10 +50,7 @@ class RecordLog:
         self._refused = False  # by the last sync
 
     def write(self, records: Iterable[CountRecord]) -> None:
-        """Write records, and those that the disk has refused before; they are on the disk afterwards.
-
-        :raises OSError: if the disk refuses them
-        """
+        """Write records, and those that the disk has refused before; ``OSError`` if it refuses them again."""
         self._waiting += records  # first: what is not known here cannot be written later
         if self._refused:
             self._journal.undo()  # a record that is in the log twice would count twice
@@ -72,10 +69,7 @@ class RecordLog:
                     self._waiting.popleft()
 
     def reset(self, until_s: float) -> None:
-        """Start again: earlier records in this log, and records of other logs up to a stamp [s], are void.
-
-        :raises OSError: as :meth:`write`
-        """
+        """Start again: earlier records in this log, and records of other logs up to a stamp [s], are void."""
         self._waiting.clear()
         self._refused = False
         self._journal.append(RESET, nan_as_text({"until_s": until_s}))
@@ -103,11 +97,7 @@ class LoggedRecords(NamedTuple):
 
 
 class RecordTail:
-    """Reads a log that may still grow.
-
-    :param folder: folder of the log; it may not exist yet
-    :param frame: frame of the records to read; others are skipped
-    """
+    """Reads the log in a folder, which may not exist yet and still grow; records of other frames are skipped."""
 
     def __init__(self, folder: Path, frame: str) -> None:
         self.folder = folder
@@ -115,10 +105,7 @@ class RecordTail:
         self._read_bytes = 0
 
     def read(self) -> LoggedRecords:
-        """Records since the last call. A line that is being written is read by a later call.
-
-        :raises OSError: if the log cannot be read
-        """
+        """Records since the last call; ``OSError`` if they cannot be read. An unfinished line comes later."""
         path = self.folder / ENTRIES
         if not path.exists() or path.stat().st_size <= self._read_bytes:
             return LoggedRecords([])
@@ -147,9 +134,8 @@ def _log_record(payload: dict[str, Any]) -> CountRecord:
 
 
 def open_session(root: Path, journal: Path | None, fresh: bool) -> Path:
-    """Folder of the session: the last one while its mission is interrupted, otherwise a new one.
+    """Folder of the session: the last one while the mission of a planner's journal is interrupted, else a new one.
 
-    :param journal: folder of the planner's journal; ``None`` without one
     :raises InputError: if the journal cannot be read, or the folder cannot be made
     """
     from soilmoist_ros.exploration import is_under_way
@@ -176,9 +162,7 @@ class MapSources:
     The driver's log has every record that was published, so the map is complete whichever process was down.
     Records of other drivers are in the mapper's own log.
 
-    :param records: takes the records
     :param folder: folder of the session; ``None`` to store nothing and read nothing
-    :param frame: frame of the records; others are left out
     :param fault: why a record is left out, empty for none; called with whether it was stored before the start
     :raises InputError: if the folder cannot be written, or another process maps the session
     """

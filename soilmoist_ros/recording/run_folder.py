@@ -76,7 +76,6 @@ def write_parameters(run: Path, node: str, values: Mapping[str, object]) -> Path
     """Write the parameters of a node into the folder of a run, as ``--params-file`` reads them; returns the file.
 
     :param node: name of the node, after the namespace of a further property: ``compaction/mapper``
-    :param values: parameters by name: numbers, texts, truth values, lists of texts
     :raises InputError: if it cannot be written
     """
     path = run / CONFIGURATION / f"{node}.yaml"
@@ -178,10 +177,7 @@ class RunConfiguration:
         self._nodes[node.strip("/")] = dict(values)
 
     def write(self, bag: Path) -> list[str]:
-        """Write what is new for this recording, and return the nodes whose parameters were written.
-
-        :raises InputError: if a file cannot be written; the next call tries again
-        """
+        """Write what is new for this recording, and return the nodes whose parameters were written."""
         if bag != self._bag:
             self._bag, self._written, self._others = bag, {}, {}
         run = _run_of(bag)
@@ -205,10 +201,7 @@ class RunConfiguration:
 
 
 def _complete(run: Path, node: str, values: Mapping[str, object]) -> bool:
-    """Add what a file of parameters lacks, and the node had by default; returns whether something was added.
-
-    Without it, a later version with other defaults would read the file otherwise.
-    """
+    """Add to a file of parameters what it lacks, as other versions have other defaults; whether it did."""
     try:
         had = read_parameters(run / CONFIGURATION, node)
     except InputError:  # not a file of parameters
@@ -229,10 +222,7 @@ def _run_of(bag: Path) -> Path:
 
 
 def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
-    """Copy the file that a parameter names, and return the value that names the copy.
-
-    Nodes that name the same file share a copy.
-    """
+    """Copy the file that a parameter names, and return the value that names the copy, which nodes may share."""
     if parameter not in _KINDS or not isinstance(value, str) or not value:
         return value
     source = _file_of(parameter, value)
@@ -266,10 +256,7 @@ def _file_of(parameter: str, value: str) -> Path | None:
 
 
 def _copies(source: Path, parameter: str, stem: str) -> dict[str, bytes]:
-    """Contents of the copies by name: the file, and the file that it names.
-
-    :raises InputError: if the file cannot be read
-    """
+    """Contents of the copies by name: the file, and the file that it names; ``InputError`` if unreadable."""
     from ruamel.yaml import YAML
 
     from soilmoist_ros.foundation import read_yaml

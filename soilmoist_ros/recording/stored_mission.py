@@ -22,16 +22,8 @@ WINDOW_S: Final = 600.0
 class ProcessMark:
     """Marks the folder of a journal while a process writes it.
 
-    :param folder: folder of the journal
-    :param limit_s: longest time since the crash [s]; 0 to recognise none
-    :param now_s: time of day [s since 1970-01-01 UTC]
-    :param boot: identifies the boot of the computer
-
-    Attributes
-    ----------
-    after_crash : bool
-        whether the process before crashed just now: it did not end by itself or on request, the computer has not
-        booted since, its journal was written within the limit, and it has not crashed repeatedly
+    ``after_crash``: the process before crashed just now. It did not end by itself or on request, the computer has
+    not booted since, its journal was written within ``limit_s`` (0: never), and it has not crashed repeatedly.
     """
 
     def __init__(self, folder: Path, limit_s: float, now_s: float | None = None, boot: str | None = None) -> None:
@@ -73,25 +65,11 @@ class StoredMission:
 
     A planner that a launch file starts again after a crash goes on by itself, unless the mission was paused or
     stopped by people, or its journal lacks entries that a full disk refused. After a power cut, an end on request
-    or repeated crashes ``resume`` decides. A mission that it forgets may have left the robot driving.
+    or repeated crashes ``resume`` (``ask``, ``auto`` or ``fresh``) decides. A mission that it forgets may have
+    left the robot driving.
 
-    :param folder: folder of the journal; ``None`` for no journal
-    :param resume: ``ask``, ``auto`` or ``fresh``
     :param respawn_limit_s: longest time since the crash [s]; 0 to recognise none
     :raises InputError: if the journal cannot be read or written
-
-    Attributes
-    ----------
-    mission : Mission | None
-        the mission that was under way
-    resumes : bool
-        whether it goes on as soon as all that it needs is there
-    starts : bool
-        whether a new mission may start by itself: not if one ended before a crash
-    left_driving : bool
-        whether the robot may still be driving to a goal of a mission that is forgotten
-    problems : tuple[str, ...]
-        problems of the journal, in words
     """
 
     def __init__(self, folder: Path | None, rules: MissionRules, resume: str, respawn_limit_s: float) -> None:

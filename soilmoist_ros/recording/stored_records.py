@@ -97,14 +97,9 @@ def _no_record(error: Exception, path: Path, line: int) -> InputError:
 
 
 def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountRecord]:
-    """Records of some topics, and the quarantined ones next to them, in the order of recording.
+    """Records of some topics of an MCAP bag, and the quarantined ones next to them, in the order of recording.
 
-    What cannot be read is skipped.
-
-    :param bag: folder of an MCAP bag; only read
-    :param frame: frame of the records; messages of others are skipped; empty for any frame
-    :raises InputError: if there is no MCAP file
-    :raises OSError: if a file cannot be read
+    What cannot be read, or has another frame than a given one, is skipped; ``OSError`` for a file.
     """
     from soilmoist_ros.recording.bag.messages import count_records, quarantined_topic
     from soilmoist_ros.recording.bag.scan import McapScan

@@ -57,11 +57,7 @@ _AT_ONCE = 8  # tiles processed at a time
 def krige_raster(
     system: KrigingSystem, x_m: Array, y_m: Array, mask: Mask, nugget: bool, progress: Progress | None = None
 ) -> Array:
-    """Rate and kriging variance of the cells of a raster.
-
-    :returns: rate [counts/s] and variance [(counts/s)^2], not yet clipped at 0, shape (2, ny, nx), NaN in unwanted
-        cells
-    """
+    """Rate [counts/s] and variance [(counts/s)^2] of wanted cells, not clipped, else NaN; shape (2, ny, nx)."""
     rasters = np.full((2, *mask.shape), np.nan)
     row, column = np.nonzero(mask)
     cells = Points(
@@ -74,10 +70,7 @@ def krige_raster(
 
 
 def check_raster(x_m: ArrayLike, y_m: ArrayLike, mask: Mask | None) -> tuple[Array, Array, Mask]:
-    """Axes of shapes (nx,) and (ny,) [m], and the cells wanted (all without a mask), shape (ny, nx).
-
-    :raises ValueError: if an axis is not a finite vector or the mask does not fit
-    """
+    """Axes of shapes (nx,) and (ny,) [m], and the cells wanted, shape (ny, nx); ``ValueError`` for others."""
     x, y = floats(x_m), floats(y_m)
     for name, axis in (("x_m", x), ("y_m", y)):
         if axis.ndim != 1 or not np.isfinite(axis).all():
@@ -100,10 +93,7 @@ def _by_tiles(
     cells_xy: Array,
     progress: Progress | None,
 ) -> Array | None:
-    """As :meth:`KrigingSystem.surfaces`, shape (2, g).
-
-    ``None`` if tiles are not faster or the matrix is too near to singular for its inverse.
-    """
+    """As :meth:`KrigingSystem.surfaces`; ``None`` if tiles are not faster, or for a nearly singular matrix."""
     variogram, factor, ones = system.variogram, system.factor, system.ones
     is_small = len(system.places) < MIN_SAMPLES or len(cells_xy) < MIN_CELLS
     if is_small or variogram.structured_sill == 0 or variogram.correlation_model.has_edge:

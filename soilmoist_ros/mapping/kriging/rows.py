@@ -38,12 +38,10 @@ class RasterKriging:
         self._covariances = _Covariances(self._xy)
 
     def update(self, samples: Samples, variogram: Variogram, rate: float | LocalRate) -> Array | None:
-        """Rate and kriging variance of the samples.
+        """Rate [counts/s] and kriging variance [(counts/s)^2], not clipped, shape (2, ny, nx), NaN outside.
 
         :param rate: rate in the noise variances rate/t [counts/s]: the mean rate m*, or that at each place
-        :returns: rate [counts/s] and variance [(counts/s)^2], not yet clipped at 0, shape (2, ny, nx), NaN in
-            unwanted cells; ``None``, independent of earlier updates, with too many samples or cells, or for a
-            nearly singular matrix
+        :returns: ``None`` with too many samples or cells, or for a nearly singular matrix
         """
         from scipy.linalg.blas import dtrsm
         from scipy.linalg.lapack import dpotrf

@@ -56,12 +56,7 @@ class SamplePoints:
             self.layers.append((which, *scaled(variogram, *points.T), factor))
 
     def covariance(self, x: Array, y: Array, out: Array) -> None:
-        """Structured covariance with places.
-
-        :param x: scaled east, shape (g,); see :func:`scaled`
-        :param y: scaled north
-        :param out: takes the result, shape (m, g)
-        """
+        """Structured covariance with places as of :func:`scaled`, shape (g,), in ``out``, shape (m, g)."""
         at_once = max(1, _AT_ONCE // max(1, len(x)))
         east, north, factor = (np.concatenate([layer[k] for layer in self.layers]) for k in (1, 2, 3))
         for start in range(0, len(east), at_once):
@@ -200,10 +195,7 @@ class KrigingSystem(NamedTuple):
         return cls(variogram, places, factor, ones, rate - mean * ones, mean, prior, features, about, means)
 
     def shared(self, solved: Array) -> Array:
-        """Errors of the targets by those that the samples share, shape (g, k) [counts/s].
-
-        :param solved: W^T of the targets, shape (g, places), as :meth:`solved_tiles`, times their amplitude
-        """
+        """Errors of targets by those that the samples share, shape (g, k) [counts/s]; ``solved``: W^T."""
         return np.asarray(self.uncertain_mean + solved @ self.uncertain)
 
     def surfaces(self, targets: Points, nugget: bool, progress: Progress | None = None) -> tuple[Array, Array]:
@@ -251,10 +243,7 @@ class KrigingSystem(NamedTuple):
 
 
 def target_variance(variogram: Variogram, keep_nugget: bool, xy: Array | None = None) -> float | Array:
-    """Prior variance C_00 of targets: one number, or shape (g,) with an amplitude [(counts/s)^2].
-
-    :param xy: the targets, shape (g, 2) [m]; by default where the amplitude is 1
-    """
+    """Prior variance C_00 of targets: one number, or shape (g,) with an amplitude at ``xy`` [(counts/s)^2]."""
     variance = variogram.sill if keep_nugget else variogram.structured_sill
     amplitude = None if xy is None else variogram.amplitude_at(xy)
     return variance if amplitude is None else variance * amplitude**2

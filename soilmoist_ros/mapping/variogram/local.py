@@ -179,8 +179,6 @@ def fit_amplitude(
     approximation, jointly with that of the sill; see :func:`.maximise_reml`). Its mean square over the box is 1,
     so the sill is the mean variance of the field.
 
-    :param variogram: stationary variogram to krige with; returned as it is if the evidence does not ask for more
-    :param extent_m: extent of the field for the priors [m], > 0
     :returns: ``None`` if there are too few or too many samples, or nothing varies
     """
     if not MIN_PLACES <= len(places) <= MAX_PLACES or mode.structured_sill <= 0 or mode.nugget <= 0:

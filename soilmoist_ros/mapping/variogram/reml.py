@@ -234,10 +234,9 @@ def _variance_without_noise(places: Samples, mean_rate: float) -> float:
 
 @dataclass(frozen=True)
 class RemlEstimate:
-    """Result of :func:`maximise_reml`.
+    """Result of :func:`maximise_reml`; ``log_sd`` are standard errors of log (structured variance, range, nugget).
 
-    :param log_sd: standard errors of log (structured variance, range, nugget) by Laplace's approximation
-    :param prior_share: influence of the prior on each parameter, from 0 (data only) to 1 (prior only)
+    ``prior_share`` is the influence of the prior on each parameter, from 0 (data only) to 1 (prior only).
     """
 
     variogram: Variogram  # variogram to krige with; structured variance and nugget are posterior means

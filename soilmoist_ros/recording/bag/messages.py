@@ -87,12 +87,10 @@ def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
 
 
 def count_records(cloud: PointCloud, had: int = 0) -> list[CountRecord]:
-    """Counted records of a message of ``counts`` or ``quarantined_counts``.
+    """Counted records of a message of ``counts`` or, with a field ``reason``, ``quarantined_counts``.
 
-    Records of a message with a field ``reason`` are quarantined.
-    Records of a message without ``stamp_offset_s`` get the stamp of the message.
+    Records of a message without ``stamp_offset_s`` get the stamp of the message. ``had`` records came before it.
 
-    :param had: number of records before it
     :raises ValueError: if a field of counted records is missing, or it or the bag has too many
     """
     count = int(cloud.height) * int(cloud.width)
@@ -263,7 +261,6 @@ def visit_values(visit: Visit) -> dict[str, Any]:
 def visit_of(message: Any, robot: int = 1) -> Visit:
     """The visit of a soilmoist_msgs/Visit of ROS or rosbags; an unknown code becomes ``VisitEnd.UNKNOWN``.
 
-    :param robot: number of the robot, from 1
     :raises ValueError: if a field of a visit is missing
     """
     try:

@@ -34,17 +34,12 @@ _KEEP_AT_LEAST: Final = 500  # messages of a topic that wait for the recorder, w
 
 @dataclass(frozen=True)
 class Definition:
-    """Definition of a message type (named as ``std_msgs/msg/String``), as a reader needs it.
-
-    :param text: definition, followed by the definitions of all types in it
-    :param encoding: ``ros2msg``; bags of other recorders may have ``ros2idl``
-    :param type_hash: hash of the type (``RIHS01_...``), empty if unknown
-    """
+    """Definition of a message type (named as ``std_msgs/msg/String``), as a reader needs it."""
 
     type_name: str
-    text: str
-    encoding: str = "ros2msg"
-    type_hash: str = ""
+    text: str  # definition, followed by the definitions of all types in it
+    encoding: str = "ros2msg"  # ros2msg; bags of other recorders may have ros2idl
+    type_hash: str = ""  # hash of the type (RIHS01_...), empty if unknown
 
 
 def search_prefixes() -> list[Path]:
@@ -134,13 +129,8 @@ def require_small(types: Mapping[str, Any], names: Iterable[str]) -> None:
 class Qos:
     """Quality of service, in the words of rosbag2; any word may also be ``system_default`` or ``unknown``.
 
-    :param history: ``keep_last`` or ``keep_all``
-    :param reliability: ``reliable`` or ``best_effort``
-    :param durability: ``volatile`` or ``transient_local``
-    :param deadline_ns: longest time between messages [ns]
-    :param lifespan_ns: age at which a message expires [ns]
-    :param liveliness: ``automatic`` or ``manual_by_topic``
-    :param lease_ns: silence after which a publisher counts as gone [ns]
+    ``deadline_ns`` is the longest time between messages, ``lifespan_ns`` the age at which one expires,
+    ``lease_ns`` the silence after which a publisher counts as gone [ns].
     """
 
     history: str = "keep_last"
@@ -302,10 +292,7 @@ class Request(NamedTuple):
 
 
 def request_for(offered: Sequence[Qos]) -> Request:
-    """The strongest request that all publishers of a topic fulfil; with a stronger one, some do not connect.
-
-    :param offered: quality of service of each publisher, at least one
-    """
+    """The strongest request that all publishers of a topic, one at least, fulfil; some do not connect to more."""
     return Request(
         all(qos.reliability == "reliable" for qos in offered),
         all(qos.durability == "transient_local" for qos in offered),

@@ -24,7 +24,7 @@ _MAX_STEP_S: Final = 0.1
 
 
 class TopicChoice:
-    """Topics chosen by regular expressions.
+    """Topics by regular expressions: ``include`` must match the full name, ``exclude``, if there is one, must not.
 
     Hidden topics, with a part of the name that begins with ``_``, are excluded. The states of actions are
     included, since they show the outcome of the goals.
@@ -32,8 +32,6 @@ class TopicChoice:
     >>> TopicChoice(exclude="/camera/.*").wanted("/camera/image")
     False
 
-    :param include: expression that must match the full name
-    :param exclude: expression that must not match it; excludes nothing if empty
     :raises InputError: if one is not a regular expression
     """
 
@@ -57,11 +55,8 @@ def _compiled(what: str, pattern: str) -> re.Pattern[str]:
 
 
 class Playback:
-    """Messages of a bag, from a given time on.
+    """Messages of a bag whose topics match an expression, from a time after its beginning on [s].
 
-    :param reader: the bag
-    :param topics: regular expression for the full names of the topics
-    :param start_s: time after the beginning of the bag at which to start [s]
     :raises InputError: if the expression is invalid, no topic matches, or the bag ends before the start
     """
 
@@ -100,10 +95,7 @@ class Playback:
         return min(1.0, max(0.0, (now_ns - self.start_ns) / max(1, self.end_ns - self.start_ns)))
 
     def messages(self) -> Iterator[BagMessage]:
-        """Messages in the order of recording. The last messages of latched topics before the start come first.
-
-        :raises InputError: if the bag is damaged
-        """
+        """Messages in the order of recording. The last messages of latched topics before the start come first."""
         latched = {
             name for name in self.topics if any(qos.durability == "transient_local" for qos in self.offered(name))
         }
@@ -130,9 +122,6 @@ class Pacer:
     500000000
     >>> pacer.wait_s(1_500_000_000)
     0.1
-
-    :param start_ns: time at which it starts [ns since 1970-01-01 UTC]
-    :param speed: recorded time per time
     """
 
     def __init__(self, start_ns: int, speed: float) -> None:

@@ -79,11 +79,10 @@ class BagReader:
         return self._texts.get(type_name, "")
 
     def messages(self, topics: Sequence[str] | None = None, by_time: bool = True) -> Iterator[BagMessage]:
-        """Messages in the order of the times at which they were received.
+        """Messages of topics by their full names, or all, in the order of the times at which they were received.
 
-        :param topics: full names; all topics if ``None``
-        :param by_time: otherwise those of each bag come in the order in which they were written, which is another
-            one if the clock was set back meanwhile
+        Without ``by_time`` those of each bag come as they were written: another order if the clock was set back.
+
         :raises InputError: if the bag is damaged
         """
         wanted = set(self.topics if topics is None else topics)
@@ -100,10 +99,7 @@ class BagReader:
             raise _damaged(self.path, error) from None
 
     def decode(self, message: BagMessage) -> Any:
-        """The message as an object with the fields of its type; arrays are numpy arrays.
-
-        :raises InputError: if its data do not match its type
-        """
+        """The message as an object with the fields of its type and numpy arrays; ``InputError`` if damaged."""
         try:
             self._learn(message.type_name)
             if message.type_name not in self._types.fielddefs:
@@ -128,7 +124,7 @@ class BagReader:
     def find_topic(self, name: str, type_name: str) -> str:
         """Full name of a topic of this type, from its full name or one without namespace, the outermost.
 
-        :raises InputError: if there is no such topic, or more than one; lists the topics of the bag
+        :raises InputError: if there is none, or more than one; lists the topics of the bag
         """
         named = [t for t in self.topics if t == name or t.rsplit("/", 1)[-1] == name]
         found = [t for t in named if self.topics[t] == type_name]
@@ -143,10 +139,7 @@ class BagReader:
         raise InputError(f"has no topic {name!r} of type {type_name}", f"there are: {there or 'none'}", self.path)
 
     def read_counts(self, topic: str = "counts") -> list[CountRecord]:
-        """Counted records in the order of recording, exactly as the nodes had them, with the quarantined ones.
-
-        :raises InputError: if there is no such topic, or its messages are not counts
-        """
+        """Counted records of a topic in the order of recording, as the nodes had them, quarantined ones too."""
         name = self.find_topic(topic, "sensor_msgs/msg/PointCloud2")
         return [record for _, record in self.read_counts_of([name])]
 
@@ -172,10 +165,7 @@ class BagReader:
         return found
 
     def read_visits(self, topic: str = "visits", robot: int = 1) -> list[Visit]:
-        """Visits in the order of recording, exactly as the planner of a robot (from 1) had them.
-
-        :raises InputError: if there is no such topic, or its messages are not visits
-        """
+        """Visits in the order of recording, exactly as the planner of a robot (from 1) had them."""
         name = self.find_topic(topic, VISIT)
         try:
             return [visit_of(self.decode(m), robot) for m in self.messages([name], by_time=False)]

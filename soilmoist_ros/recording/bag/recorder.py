@@ -31,28 +31,19 @@ _RECOVER: Final = "to restore what it has: soilmoist bag recover"
 
 @dataclass(frozen=True)
 class RecorderState:
-    """State of a recorder.
-
-    :param bag: folder of the bag, ``None`` until it is made
-    :param dropped: messages lost because the disk was too slow, full or gone
-    :param rate_bps: bytes written in a second, over the last minutes [B/s]; 0 if unknown
-    :param deleted: files of the bag that were deleted for space
-    :param gone: bags that were deleted or moved while they were recorded, in words
-    :param topics: number of topics with messages in the bag
-    :param problem: what prevents writing now; empty without a problem
-    """
+    """State of a recorder."""
 
     recording: bool = False
-    bag: Path | None = None
+    bag: Path | None = None  # folder of the bag, None until it is made
     messages: int = 0
-    dropped: int = 0
+    dropped: int = 0  # messages lost because the disk was too slow, full or gone
     waiting_bytes: int = 0
     size_bytes: int = 0
-    rate_bps: float = 0.0
-    deleted: int = 0
-    gone: str = ""
-    topics: int = 0
-    problem: str = ""
+    rate_bps: float = 0.0  # bytes written in a second, over the last minutes [B/s]; 0 if unknown
+    deleted: int = 0  # files of the bag that were deleted for space
+    gone: str = ""  # bags that were deleted or moved while they were recorded, in words
+    topics: int = 0  # number of topics with messages in the bag
+    problem: str = ""  # what prevents writing now; empty without a problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,11 +117,8 @@ class BagRecorder:
             self._thread.start()
 
     def put(self, topic: Topic, log_ns: int, publish_ns: int, data: bytes) -> bool:
-        """Add a message to the queue; returns at once.
+        """Add a message in CDR with the times of its receipt and publication [ns since 1970-01-01 UTC].
 
-        :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
-        :param publish_ns: time at which it was published [ns since 1970-01-01 UTC]
-        :param data: the message in CDR
         :returns: whether it was accepted: not while stopped, nor when the capacity is exceeded
         """
         if log_ns <= 0:
@@ -313,10 +301,7 @@ class BagRecorder:
 
 
 def check_name(name: str) -> None:
-    """Check that the name of a bag is a plain name of a folder.
-
-    :raises InputError: if it is not
-    """
+    """Check that the name of a bag is a plain name of a folder; ``InputError`` if it is not."""
     if not re.fullmatch(r"[\w.-]*", name) or name.strip(".") != name:
         raise InputError(f"{name!r} is not a valid name of a bag", "use letters, digits, '_' and '-'")
 
@@ -420,11 +405,7 @@ class SequenceGaps:
         self._next: dict[str, int] = {}
 
     def take(self, topic: str, number: int | None, publishers: int = 1) -> None:
-        """Note a message.
-
-        :param number: its number, which grows by 1 with each message of the publisher; ``None`` if unknown
-        :param publishers: publishers of the topic now
-        """
+        """Note a message by its number, which grows by 1 with each of its publisher; ``None`` if unknown."""
         due = self._next.pop(topic, None)
         if number is None or publishers != 1:
             return
@@ -457,14 +438,11 @@ class _Closed(NamedTuple):
 
 
 def find_excess(out: Path, size_bytes: float) -> Excess:
-    """Bags beyond the space for all bags in a folder.
+    """Bags beyond the space for all bags in a folder [bytes]; ``OSError`` if it cannot be read.
 
     Bags without a number, of an earlier release, are the oldest, by their time. Closed bags of other recorders,
     which people keep there, are left alone. A bag that was not closed counts, but is never among those to go: it
     may hold what nobody has recovered yet.
-
-    :param size_bytes: the space [bytes]
-    :raises OSError: if the folder cannot be read
     """
     closed, total = _closed_bags(out)
     left_bytes, found = size_bytes - total, list[Path]()

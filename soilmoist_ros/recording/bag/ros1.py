@@ -27,12 +27,7 @@ ROS1: Final = "ros1msg"  # encoding of definitions of ROS 1
 
 
 class Ros1File:
-    """A bag file of ROS 1, see :class:`.Storage`.
-
-    :raises InputError: if it was not closed, so that its index is missing
-    :raises ValueError: if it is damaged
-    :raises OSError: if it cannot be read
-    """
+    """A bag file of ROS 1, see :class:`.Storage`. ``InputError`` if not closed, ``ValueError`` if damaged."""
 
     def __init__(self, path: Path) -> None:
         _require_index(path)
@@ -57,11 +52,7 @@ class Ros1File:
     def messages(
         self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True
     ) -> Iterator[BagMessage]:
-        """Messages of topics, or of all, in the order of time: no recorder of this package has written the file.
-
-        :param convert: whether to convert them; otherwise they are as in ROS 1, of any type
-        :raises ValueError: if the file is damaged, or a message type has other fields in ROS 2
-        """
+        """Messages in the order of time, since no recorder of this package wrote them; see :class:`.Storage`."""
         wanted = [one for one in self._reader.connections if topics is None or _name(one) in topics]
         if not wanted:  # rosbags would read all
             return
@@ -101,11 +92,7 @@ def _faults() -> Iterator[None]:
 
 
 def _require_index(path: Path) -> None:
-    """Check the head of a file.
-
-    :raises InputError: if the file was not closed, or is cut off before its index
-    :raises ValueError: if it is no bag of ROS 1
-    """
+    """Check the head of a file: ``InputError`` if it was not closed, ``ValueError`` if it is no bag of ROS 1."""
     with path.open("rb") as file:
         if file.readline(len(MAGIC)) != MAGIC:
             raise ValueError("is not a bag of ROS 1 (format 2.0)")

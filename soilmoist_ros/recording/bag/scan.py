@@ -93,13 +93,11 @@ class _Chunk(NamedTuple):
 
 
 class McapScan:
-    """One pass over an MCAP file. Its findings are complete after the last message.
+    """One pass over an MCAP file, which is only read. Its findings are complete after the last message.
 
     Other readers need the index at the file's end, which is missing after a crash. A chunk that fails its checksum
     is skipped: a lost message is better than a wrong one. In a file with chunks only chunks have checksums, so a
     message outside of them is taken for a damaged index. Memory is limited, whatever the file claims.
-
-    :param path: the file; only read
     """
 
     def __init__(self, path: Path) -> None:
@@ -125,27 +123,18 @@ class McapScan:
         return {number: topic for number in self._channels if (topic := self._topic(number)) is not None}
 
     def read_summary(self) -> bool:
-        """Read topics and statistics at the end of a closed file; returns whether it has both.
-
-        :raises OSError: if the file cannot be read
-        """
+        """Read topics and statistics at the end of a closed file; returns whether it has both."""
         with self.path.open("rb") as file:
             self._read_summary(_Bytes(file))
         return self.statistics is not None
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[ScannedMessage]:
-        """Complete messages of topics, or of all, in the order of the file.
-
-        :raises OSError: if the file cannot be read
-        """
+        """Complete messages of topics, or of all, in the order of the file; ``OSError`` if it cannot be read."""
         for _, records in self._pieces():
             yield from self._messages(records, topics)
 
     def sorted_messages(self, topics: Collection[str] | None = None) -> Iterator[ScannedMessage]:
-        """Complete messages of topics, or of all, in the order of time, unless more than 128 MB are out of it.
-
-        :raises OSError: if the file cannot be read
-        """
+        """Complete messages of topics, or of all, in the order of time, unless more than 128 MB are out of it."""
         waiting: list[ScannedMessage] = []
         later, earliest_ns, size, latest_ns = dict[int, int](), 2**64, 0, 0
         for at, records in self._pieces():

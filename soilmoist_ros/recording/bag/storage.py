@@ -107,12 +107,7 @@ def inside(folder: Path, path: Path) -> Path:
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """Content of ``metadata.yaml`` of a bag.
-
-    :raises InputError: if it is no YAML, too large, or a link to another folder
-    :raises OSError: if it cannot be read
-    :raises ValueError: if it is not that of a bag
-    """
+    """Content of ``metadata.yaml`` of a bag; ``InputError``, ``OSError`` or ``ValueError`` if it has faults."""
     from soilmoist_ros.foundation import parse_yaml
 
     path = inside(folder, folder / METADATA)

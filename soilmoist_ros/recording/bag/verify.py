@@ -73,21 +73,18 @@ class TopicInfo:
 class BagInfo:
     """A bag that was read as a whole.
 
-    :param storage: ``mcap``, ``sqlite3`` or ``ROS 1``
-    :param checksums: number of files whose checksum is right
-    :param problems: why it is not whole, in words, with a remedy; empty if it is
     :param notes: what the recorder has noted, such as the number of messages that it lost
     """
 
     path: Path
-    storage: str
+    storage: str  # mcap, sqlite3 or ROS 1
     size_bytes: int
     extent: Extent
     topics: tuple[TopicInfo, ...]
     files: tuple[BagFile, ...]
-    checksums: int
+    checksums: int  # number of files whose checksum is right
     recording: bool
-    problems: tuple[str, ...]
+    problems: tuple[str, ...]  # why it is not whole, in words, with a remedy; empty if it is
     remedy: str
     notes: Mapping[str, str] = field(default_factory=dict)
 
@@ -101,10 +98,9 @@ class BagInfo:
 
 
 def bag_info(path: Path) -> BagInfo:
-    """Read every message of a bag, and say what it has and whether it is whole.
+    """Read every message of a bag, and say what it has and whether it is whole; it may still be recorded.
 
-    :param path: folder of a bag, or one of its files, which is not compared with metadata; it may be incomplete,
-        damaged, or still being recorded
+    :param path: folder of a bag, or one of its files, which is not compared with metadata
     :raises InputError: if there is no bag, or the only file cannot be read
     """
     times: dict[tuple[str, str], array[int]] = {}  # the numbers only: there may be many messages
@@ -158,15 +154,13 @@ def bag_info(path: Path) -> BagInfo:
 
 
 def find_gaps(times_s: ArrayLike) -> tuple[Gap, ...]:
-    """Silences of a topic with regular messages; none for an irregular topic.
+    """Silences of a topic with regular messages at these times [s], in order; none for an irregular topic.
 
     A topic is regular if 80 % of its intervals are within half of the median. A silence is longer than 5 times
     the median, and longer than 1 s.
 
     >>> find_gaps([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 20])
     (Gap(start_s=10.0, duration_s=10.0),)
-
-    :param times_s: times of its messages, in order [s]
     """
     starts = np.asarray(times_s, float)
     intervals = np.diff(starts)
@@ -189,10 +183,7 @@ def _topic_info(name: str, type_name: str, times: array[int], size_bytes: int) -
 
 
 def mcap_files(path: Path) -> list[Path]:
-    """MCAP files of a bag in the order of recording.
-
-    :raises InputError: if there are none, or one is a link to a file outside of the folder
-    """
+    """MCAP files of a bag in the order of recording; ``InputError`` if there are none, or for a link out of it."""
     give = "give the folder of a bag or an MCAP file"
     if path.is_file() and path.suffix == ".mcap":
         return [path]
@@ -301,10 +292,8 @@ class RecoveredBag:
 
 
 def recover_bag(path: Path, out: Path) -> RecoveredBag:
-    """Write every complete message of a bag into a new bag that any reader accepts.
+    """Write every complete message of a bag, or an MCAP file, to a new folder, as a bag that any reader accepts.
 
-    :param path: folder of a bag, or an MCAP file; only read
-    :param out: folder to make; must not exist
     :raises InputError: if nothing can be read, or the new bag cannot be written
     """
     scans = [McapScan(file) for file in mcap_files(path)]

@@ -46,11 +46,8 @@ class BagWriter:
     """A bag: the folder ``NAME`` with ``NAME_0.mcap``; after it was closed with ``metadata.yaml`` and checksums.
 
     A disk error loses nothing: the unwritten data are kept, and the next :meth:`flush` tries again. The lock on
-    the open file shows other programs that the recording continues.
+    the open file shows other programs that the recording continues. ``notes`` go to the metadata.
 
-    :param folder: folder to make; must not exist
-    :param distribution: name of the ROS distribution, for the bag's metadata
-    :param notes: what else to keep in the metadata
     :raises InputError: if the folder exists, or cannot be made or written to
     """
 
@@ -125,9 +122,8 @@ class BagWriter:
             self._file.write_out()
 
     def flush(self) -> None:
-        """Write everything so far to the disk.
+        """Write everything so far to the disk. After an ``OSError`` nothing is lost, call it again.
 
-        :raises OSError: if the disk refuses it now; nothing is lost, call it again
         :raises BagGoneError: if the file was deleted or moved
         """
         if self._unflushed:
@@ -145,18 +141,12 @@ class BagWriter:
             self._begin(descriptor)
 
     def split(self) -> None:
-        """Finish the file, and continue in the next one.
-
-        :raises OSError: if the disk refuses it now; nothing is lost, call :meth:`flush` before the next message
-        """
+        """Finish the file, and continue in the next one; after an ``OSError``, :meth:`flush` before a message."""
         self._finish({})
         self.flush()
 
     def drop_oldest(self, size_bytes: float) -> list[str]:
-        """Delete finished files, the oldest first, until their sizes reach this size; returns their names.
-
-        :raises OSError: if the disk refuses it
-        """
+        """Delete finished files, the oldest first, until their sizes reach this size; returns their names."""
         names = []
         while size_bytes > 0 and self._done:
             part = self._done[0]
@@ -172,9 +162,8 @@ class BagWriter:
         return names
 
     def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
-        """Finish the file and write ``metadata.yaml`` and the checksums.
+        """Finish the file and write ``metadata.yaml``, with further notes, and the checksums.
 
-        :param notes: further notes, such as how many messages were lost
         :raises OSError: if the disk refuses it; :func:`recover_bag` restores what is on the disk
         """
         notes = {**self._notes, **notes}
