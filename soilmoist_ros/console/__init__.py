@@ -7,31 +7,17 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.console.board import Board as Board
-    from soilmoist_ros.console.board import RobotHistory as RobotHistory
-    from soilmoist_ros.console.board import VisitHistory as VisitHistory
-    from soilmoist_ros.console.guided_survey import GuidedSurvey as GuidedSurvey
-    from soilmoist_ros.console.guided_survey import GuideSettings as GuideSettings
-    from soilmoist_ros.console.map_layers import MapLayers as MapLayers
-    from soilmoist_ros.console.map_layers import live_dose as live_dose
+    # fmt: off
+    from soilmoist_ros.console.board import Board as Board, RobotHistory as RobotHistory, VisitHistory as VisitHistory
+    from soilmoist_ros.console.guided_survey import GuidedSurvey as GuidedSurvey, GuideSettings as GuideSettings
+    from soilmoist_ros.console.map_layers import MapLayers as MapLayers, live_dose as live_dose
     from soilmoist_ros.console.plan_routes import SurveyFiles as SurveyFiles
     from soilmoist_ros.console.plan_work import Walk as Walk
-    from soilmoist_ros.console.server import ConsoleServer as ConsoleServer
-    from soilmoist_ros.console.server import Steering as Steering
-    from soilmoist_ros.console.views import battery_view as battery_view
-    from soilmoist_ros.console.views import choices_view as choices_view
-    from soilmoist_ros.console.views import field_view as field_view
-    from soilmoist_ros.console.views import health_view as health_view
-    from soilmoist_ros.console.views import mission_view as mission_view
-    from soilmoist_ros.console.views import node_views as node_views
-    from soilmoist_ros.console.views import place_views as place_views
-    from soilmoist_ros.console.visitors import LOOPBACK as LOOPBACK
-    from soilmoist_ros.console.visitors import PORT as PORT
-    from soilmoist_ros.console.visitors import Access as Access
-    from soilmoist_ros.console.visitors import free_port as free_port
-    from soilmoist_ros.console.visitors import invitation as invitation
-    from soilmoist_ros.console.visitors import reachable as reachable
+    from soilmoist_ros.console.server import ConsoleServer as ConsoleServer, Steering as Steering
+    from soilmoist_ros.console.views import battery_view as battery_view, choices_view as choices_view, field_view as field_view, health_view as health_view, mission_view as mission_view, node_views as node_views, place_views as place_views
+    from soilmoist_ros.console.visitors import LOOPBACK as LOOPBACK, PORT as PORT, Access as Access, free_port as free_port, invitation as invitation, reachable as reachable
     from soilmoist_ros.console.watched_mission import WatchedMission as WatchedMission
+    # fmt: on
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,

@@ -7,19 +7,15 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.lab.campaign import RUNS as RUNS
-    from soilmoist_ros.lab.campaign import CampaignInterrupted as CampaignInterrupted
-    from soilmoist_ros.lab.campaign import CampaignProgress as CampaignProgress
-    from soilmoist_ros.lab.campaign import Progress as Progress
-    from soilmoist_ros.lab.campaign import run_campaign as run_campaign
+    # fmt: off
+    from soilmoist_ros.lab.campaign import RUNS as RUNS, CampaignInterrupted as CampaignInterrupted, CampaignProgress as CampaignProgress, Progress as Progress, run_campaign as run_campaign
     from soilmoist_ros.lab.campaign_data import CampaignData as CampaignData
-    from soilmoist_ros.lab.campaign_file import Campaign as Campaign
-    from soilmoist_ros.lab.campaign_file import load_campaign as load_campaign
-    from soilmoist_ros.lab.campaign_file import missions as missions
+    from soilmoist_ros.lab.campaign_file import Campaign as Campaign, load_campaign as load_campaign, missions as missions
     from soilmoist_ros.lab.comparisons import PairedDifference as PairedDifference
     from soilmoist_ros.lab.figures import campaign_figures as campaign_figures
     from soilmoist_ros.lab.mission_store import MissionStore as MissionStore
     from soilmoist_ros.lab.report import write_campaign_report as write_campaign_report
+    # fmt: on
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,

@@ -10,86 +10,34 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
+    # fmt: off
     from soilmoist_ros.mapping.border_file import BorderSource as BorderSource
-    from soilmoist_ros.mapping.covariate_files import RasterBands as RasterBands
-    from soilmoist_ros.mapping.covariate_files import opened_raster as opened_raster
-    from soilmoist_ros.mapping.covariates import Covariates as Covariates
-    from soilmoist_ros.mapping.covariates import CovariateSource as CovariateSource
-    from soilmoist_ros.mapping.covariates import read_covariates as read_covariates
-    from soilmoist_ros.mapping.covariates import require_covariates as require_covariates
-    from soilmoist_ros.mapping.drift import Change as Change
-    from soilmoist_ros.mapping.drift import Changing as Changing
-    from soilmoist_ros.mapping.drift import Drift as Drift
-    from soilmoist_ros.mapping.drift import DriftModel as DriftModel
-    from soilmoist_ros.mapping.drift import TimedSamples as TimedSamples
+    from soilmoist_ros.mapping.covariate_files import RasterBands as RasterBands, opened_raster as opened_raster
+    from soilmoist_ros.mapping.covariates import Covariates as Covariates, CovariateSource as CovariateSource, read_covariates as read_covariates, require_covariates as require_covariates
+    from soilmoist_ros.mapping.drift import Change as Change, Changing as Changing, Drift as Drift, DriftModel as DriftModel, TimedSamples as TimedSamples
     from soilmoist_ros.mapping.expected_counts import without_verdict as without_verdict
-    from soilmoist_ros.mapping.field import Field as Field
-    from soilmoist_ros.mapping.field import FieldFile as FieldFile
-    from soilmoist_ros.mapping.field import Misplaced as Misplaced
-    from soilmoist_ros.mapping.field import load_field as load_field
-    from soilmoist_ros.mapping.field import require_no_go as require_no_go
-    from soilmoist_ros.mapping.field_map import FieldMap as FieldMap
-    from soilmoist_ros.mapping.field_map import FieldMapSettings as FieldMapSettings
-    from soilmoist_ros.mapping.field_map import MapState as MapState
-    from soilmoist_ros.mapping.field_map import SkippedRecords as SkippedRecords
-    from soilmoist_ros.mapping.field_map import Snapshot as Snapshot
-    from soilmoist_ros.mapping.field_map import default_merge_radius_m as default_merge_radius_m
+    from soilmoist_ros.mapping.field import Field as Field, FieldFile as FieldFile, Misplaced as Misplaced, load_field as load_field, require_no_go as require_no_go
+    from soilmoist_ros.mapping.field_map import FieldMap as FieldMap, FieldMapSettings as FieldMapSettings, MapState as MapState, SkippedRecords as SkippedRecords, Snapshot as Snapshot, default_merge_radius_m as default_merge_radius_m
     from soilmoist_ros.mapping.grid import FieldGrid as FieldGrid
-    from soilmoist_ros.mapping.knowledge import EarlierSurvey as EarlierSurvey
-    from soilmoist_ros.mapping.knowledge import Knowledge as Knowledge
-    from soilmoist_ros.mapping.knowledge import samples_at_end as samples_at_end
+    from soilmoist_ros.mapping.knowledge import EarlierSurvey as EarlierSurvey, Knowledge as Knowledge, samples_at_end as samples_at_end
     from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging as PoissonKriging
-    from soilmoist_ros.mapping.kriging.system import coincident as coincident
-    from soilmoist_ros.mapping.kriging.system import sample_correlation as sample_correlation
+    from soilmoist_ros.mapping.kriging.system import coincident as coincident, sample_correlation as sample_correlation
     from soilmoist_ros.mapping.kriging.tiled_kriging import Compute as Compute
-    from soilmoist_ros.mapping.map_worker import MapWorker as MapWorker
-    from soilmoist_ros.mapping.map_worker import map_health as map_health
+    from soilmoist_ros.mapping.map_worker import MapWorker as MapWorker, map_health as map_health
     from soilmoist_ros.mapping.mapping_settings import MappingSettings as MappingSettings
-    from soilmoist_ros.mapping.placement import PositionSource as PositionSource
-    from soilmoist_ros.mapping.placement import require_near as require_near
-    from soilmoist_ros.mapping.records import Skip as Skip
-    from soilmoist_ros.mapping.records import StampLimits as StampLimits
-    from soilmoist_ros.mapping.records import survey_samples as survey_samples
-    from soilmoist_ros.mapping.samples import Samples as Samples
-    from soilmoist_ros.mapping.samples import spatial_blocks as spatial_blocks
-    from soilmoist_ros.mapping.several_surveys import FieldChange as FieldChange
-    from soilmoist_ros.mapping.several_surveys import JointKriging as JointKriging
-    from soilmoist_ros.mapping.several_surveys import Persistence as Persistence
-    from soilmoist_ros.mapping.several_surveys import SurveysEstimate as SurveysEstimate
-    from soilmoist_ros.mapping.several_surveys import field_change as field_change
-    from soilmoist_ros.mapping.several_surveys import mean_places as mean_places
-    from soilmoist_ros.mapping.several_surveys import moisture_slope as moisture_slope
-    from soilmoist_ros.mapping.soil_map import CELL as CELL
-    from soilmoist_ros.mapping.soil_map import Bands as Bands
-    from soilmoist_ros.mapping.soil_map import SoilMap as SoilMap
-    from soilmoist_ros.mapping.soil_map import common_rate_sd as common_rate_sd
-    from soilmoist_ros.mapping.soil_map import make_bands as make_bands
-    from soilmoist_ros.mapping.soil_map import make_soil_map as make_soil_map
-    from soilmoist_ros.mapping.soil_map import map_cells as map_cells
-    from soilmoist_ros.mapping.soil_map import moisture_terms as moisture_terms
-    from soilmoist_ros.mapping.soil_map import placed_cells as placed_cells
-    from soilmoist_ros.mapping.soil_map import possible_moisture as possible_moisture
-    from soilmoist_ros.mapping.variogram.field_prior import Effect as Effect
-    from soilmoist_ros.mapping.variogram.field_prior import FieldPrior as FieldPrior
-    from soilmoist_ros.mapping.variogram.fit import FitMethod as FitMethod
-    from soilmoist_ros.mapping.variogram.fit import LocalModel as LocalModel
-    from soilmoist_ros.mapping.variogram.fit import NoiseModel as NoiseModel
-    from soilmoist_ros.mapping.variogram.fit import VariogramFit as VariogramFit
-    from soilmoist_ros.mapping.variogram.fit import estimate_variogram as estimate_variogram
-    from soilmoist_ros.mapping.variogram.fit import fit_variogram as fit_variogram
-    from soilmoist_ros.mapping.variogram.local import LocalFit as LocalFit
-    from soilmoist_ros.mapping.variogram.local import LocalRate as LocalRate
-    from soilmoist_ros.mapping.variogram.model import VARIOGRAM_MODELS as VARIOGRAM_MODELS
-    from soilmoist_ros.mapping.variogram.model import Amplitude as Amplitude
-    from soilmoist_ros.mapping.variogram.model import CorrelationModel as CorrelationModel
-    from soilmoist_ros.mapping.variogram.model import ModelName as ModelName
-    from soilmoist_ros.mapping.variogram.model import Variogram as Variogram
-    from soilmoist_ros.mapping.variogram.model import correlation_model as correlation_model
-    from soilmoist_ros.mapping.variogram.reml import Prior as Prior
-    from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood as RestrictedLikelihood
-    from soilmoist_ros.mapping.variogram.semivariogram import default_edges as default_edges
-    from soilmoist_ros.mapping.variogram.semivariogram import empirical_semivariogram as empirical_semivariogram
+    from soilmoist_ros.mapping.placement import PositionSource as PositionSource, require_near as require_near
+    from soilmoist_ros.mapping.records import Skip as Skip, StampLimits as StampLimits, survey_samples as survey_samples
+    from soilmoist_ros.mapping.samples import Samples as Samples, spatial_blocks as spatial_blocks
+    from soilmoist_ros.mapping.several_surveys import FieldChange as FieldChange, JointKriging as JointKriging, Persistence as Persistence, SurveysEstimate as SurveysEstimate, field_change as field_change, mean_places as mean_places, moisture_slope as moisture_slope
+    from soilmoist_ros.mapping.soil_map import CELL as CELL, Bands as Bands, SoilMap as SoilMap, common_rate_sd as common_rate_sd, make_bands as make_bands, make_soil_map as make_soil_map, map_cells as map_cells, moisture_terms as moisture_terms, placed_cells as placed_cells, possible_moisture as possible_moisture
+    from soilmoist_ros.mapping.variogram.field_prior import Effect as Effect, FieldPrior as FieldPrior
+    from soilmoist_ros.mapping.variogram.fit import FitMethod as FitMethod, LocalModel as LocalModel, NoiseModel as NoiseModel, VariogramFit as VariogramFit, estimate_variogram as estimate_variogram, fit_variogram as fit_variogram
+    from soilmoist_ros.mapping.variogram.local import LocalFit as LocalFit, LocalRate as LocalRate
+    from soilmoist_ros.mapping.variogram.model import VARIOGRAM_MODELS as VARIOGRAM_MODELS, Amplitude as Amplitude, CorrelationModel as CorrelationModel, ModelName as ModelName, Variogram as Variogram, correlation_model as correlation_model
+    from soilmoist_ros.mapping.variogram.reml import Prior as Prior, RestrictedLikelihood as RestrictedLikelihood
+    from soilmoist_ros.mapping.variogram.semivariogram import default_edges as default_edges, empirical_semivariogram as empirical_semivariogram
     from soilmoist_ros.mapping.variogram.support import Supports as Supports
+    # fmt: on
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,

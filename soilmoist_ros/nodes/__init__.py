@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.nodes.command_nodes import monitored as monitored
-    from soilmoist_ros.nodes.command_nodes import player_of as player_of
-    from soilmoist_ros.nodes.demo import DemoSettings as DemoSettings
-    from soilmoist_ros.nodes.demo import run_demo as run_demo
+    # fmt: off
+    from soilmoist_ros.nodes.command_nodes import monitored as monitored, player_of as player_of
+    from soilmoist_ros.nodes.demo import DemoSettings as DemoSettings, run_demo as run_demo
     from soilmoist_ros.nodes.field_simulator import FieldSimulator as FieldSimulator
     from soilmoist_ros.nodes.mapper import Mapper as Mapper
     from soilmoist_ros.nodes.node_process import run as run
-    from soilmoist_ros.nodes.parameters import Parameter as Parameter
-    from soilmoist_ros.nodes.parameters import Parameters as Parameters
+    from soilmoist_ros.nodes.parameters import Parameter as Parameter, Parameters as Parameters
     from soilmoist_ros.nodes.planner import Planner as Planner
     from soilmoist_ros.nodes.recorder import Recorder as Recorder
     from soilmoist_ros.nodes.sensor_driver import SensorDriver as SensorDriver
+    # fmt: on
 
 # Pydantic's search for plugins reads the metadata of every installed package. The search takes longer than
 # pydantic's work for a node. Pydantic reads this variable when it builds the first model.

@@ -8,79 +8,29 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.reporting.budget import Budget as Budget
-    from soilmoist_ros.reporting.budget import make_budget as make_budget
-    from soilmoist_ros.reporting.colours import BLUE as BLUE
-    from soilmoist_ros.reporting.colours import FAINT as FAINT
-    from soilmoist_ros.reporting.colours import INK as INK
-    from soilmoist_ros.reporting.colours import ORANGE as ORANGE
-    from soilmoist_ros.reporting.colours import RATE as RATE
-    from soilmoist_ros.reporting.colours import SOFT as SOFT
-    from soilmoist_ros.reporting.colours import UNCERTAIN as UNCERTAIN
-    from soilmoist_ros.reporting.colours import between as between
-    from soilmoist_ros.reporting.colours import data_uri as data_uri
-    from soilmoist_ros.reporting.colours import palette_png as palette_png
-    from soilmoist_ros.reporting.colours import robust_range as robust_range
-    from soilmoist_ros.reporting.core_plan import CorePlan as CorePlan
-    from soilmoist_ros.reporting.core_plan import LevelOfPlaces as LevelOfPlaces
-    from soilmoist_ros.reporting.core_plan import n0_at_places as n0_at_places
-    from soilmoist_ros.reporting.core_plan import plan_cores as plan_cores
-    from soilmoist_ros.reporting.core_plan import write_plan as write_plan
-    from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS
-    from soilmoist_ros.reporting.exports.registry import Export as Export
-    from soilmoist_ros.reporting.exports.registry import export_run as export_run
-    from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings
-    from soilmoist_ros.reporting.exports.source import RunSource as RunSource
-    from soilmoist_ros.reporting.exports.source import open_source as open_source
+    # fmt: off
+    from soilmoist_ros.reporting.budget import Budget as Budget, make_budget as make_budget
+    from soilmoist_ros.reporting.colours import BLUE as BLUE, FAINT as FAINT, INK as INK, ORANGE as ORANGE, RATE as RATE, SOFT as SOFT, UNCERTAIN as UNCERTAIN, between as between, data_uri as data_uri, palette_png as palette_png, robust_range as robust_range
+    from soilmoist_ros.reporting.core_plan import CorePlan as CorePlan, LevelOfPlaces as LevelOfPlaces, n0_at_places as n0_at_places, plan_cores as plan_cores, write_plan as write_plan
+    from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS, Export as Export, export_run as export_run
+    from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings, RunSource as RunSource, open_source as open_source
     from soilmoist_ros.reporting.geotiff import write_geotiff as write_geotiff
-    from soilmoist_ros.reporting.live_view import DRY_TO_WET as DRY_TO_WET
-    from soilmoist_ros.reporting.live_view import LiveMap as LiveMap
-    from soilmoist_ros.reporting.live_view import LiveMission as LiveMission
-    from soilmoist_ros.reporting.live_view import LiveRobot as LiveRobot
-    from soilmoist_ros.reporting.live_view import render as render
-    from soilmoist_ros.reporting.moisture_steps import at_one_place as at_one_place
-    from soilmoist_ros.reporting.moisture_steps import moisture_of_all as moisture_of_all
-    from soilmoist_ros.reporting.moisture_steps import moisture_series as moisture_series
-    from soilmoist_ros.reporting.opened_run import OpenedRun as OpenedRun
-    from soilmoist_ros.reporting.opened_run import open_run as open_run
-    from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs
-    from soilmoist_ros.reporting.output_folder import remove_earlier as remove_earlier
-    from soilmoist_ros.reporting.output_folder import require_free as require_free
-    from soilmoist_ros.reporting.output_folder import require_writable as require_writable
-    from soilmoist_ros.reporting.output_folder import results_in as results_in
-    from soilmoist_ros.reporting.outputs import mission_run as mission_run
-    from soilmoist_ros.reporting.outputs import write_failed as write_failed
-    from soilmoist_ros.reporting.outputs import write_mission as write_mission
-    from soilmoist_ros.reporting.outputs import write_outputs as write_outputs
-    from soilmoist_ros.reporting.page.frame import dwell_text as dwell_text
-    from soilmoist_ros.reporting.page.frame import length as length
-    from soilmoist_ros.reporting.page.frame import number as number
-    from soilmoist_ros.reporting.page.frame import plain as plain
-    from soilmoist_ros.reporting.page.frame import render_page as render_page
-    from soilmoist_ros.reporting.page.frame import strategy_text as strategy_text
-    from soilmoist_ros.reporting.page.frame import strategy_traits as strategy_traits
-    from soilmoist_ros.reporting.page.irrigation import dose_sentence as dose_sentence
-    from soilmoist_ros.reporting.page.irrigation import irrigation as irrigation
-    from soilmoist_ros.reporting.page.report import change_summary as change_summary
-    from soilmoist_ros.reporting.page.report import dated as dated
-    from soilmoist_ros.reporting.page.report import relations as relations
-    from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance
-    from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture
-    from soilmoist_ros.reporting.page.statistics import truth_score as truth_score
+    from soilmoist_ros.reporting.live_view import DRY_TO_WET as DRY_TO_WET, LiveMap as LiveMap, LiveMission as LiveMission, LiveRobot as LiveRobot, render as render
+    from soilmoist_ros.reporting.moisture_steps import at_one_place as at_one_place, moisture_of_all as moisture_of_all, moisture_series as moisture_series
+    from soilmoist_ros.reporting.opened_run import OpenedRun as OpenedRun, open_run as open_run
+    from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs, remove_earlier as remove_earlier, require_free as require_free, require_writable as require_writable, results_in as results_in
+    from soilmoist_ros.reporting.outputs import mission_run as mission_run, write_failed as write_failed, write_mission as write_mission, write_outputs as write_outputs
+    from soilmoist_ros.reporting.page.frame import dwell_text as dwell_text, length as length, number as number, plain as plain, render_page as render_page, strategy_text as strategy_text, strategy_traits as strategy_traits
+    from soilmoist_ros.reporting.page.irrigation import dose_sentence as dose_sentence, irrigation as irrigation
+    from soilmoist_ros.reporting.page.report import change_summary as change_summary, dated as dated, relations as relations
+    from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance, mean_moisture as mean_moisture, truth_score as truth_score
     from soilmoist_ros.reporting.page.wording import notes as notes
-    from soilmoist_ros.reporting.paper_figures import colour_map as colour_map
-    from soilmoist_ros.reporting.paper_figures import extension as extension
-    from soilmoist_ros.reporting.paper_figures import plain_axes as plain_axes
-    from soilmoist_ros.reporting.paper_figures import run_figures as run_figures
-    from soilmoist_ros.reporting.paper_figures import season_figures as season_figures
-    from soilmoist_ros.reporting.paper_figures import write_figures as write_figures
+    from soilmoist_ros.reporting.paper_figures import colour_map as colour_map, extension as extension, plain_axes as plain_axes, run_figures as run_figures, season_figures as season_figures, write_figures as write_figures
     from soilmoist_ros.reporting.run_summary import summary as summary
-    from soilmoist_ros.reporting.season import SeasonSettings as SeasonSettings
-    from soilmoist_ros.reporting.season import make_season as make_season
-    from soilmoist_ros.reporting.season_outputs import estimate_text as estimate_text
-    from soilmoist_ros.reporting.season_outputs import write_season as write_season
-    from soilmoist_ros.reporting.text_files import dumps as dumps
-    from soilmoist_ros.reporting.text_files import jsonable as jsonable
+    from soilmoist_ros.reporting.season import SeasonSettings as SeasonSettings, make_season as make_season
+    from soilmoist_ros.reporting.season_outputs import estimate_text as estimate_text, write_season as write_season
+    from soilmoist_ros.reporting.text_files import dumps as dumps, jsonable as jsonable
+    # fmt: on
 
 _open, __dir__, __all__ = open_door(
     __name__,
