@@ -13,14 +13,14 @@ import click
 
 from soilmoist_ros.cli import options
 from soilmoist_ros.cli.answer import answering, echo, progress_bar, say, wrote
-from soilmoist_ros.cli.mission_options import mission_options
+from soilmoist_ros.cli.mission_options import mission_options, with_graph
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation import InputError, install, is_installed
 from soilmoist_ros.sensing import FORMAT_NAME
 
 GUIDE = (
     *("strategy", "dwell", "hours", "target", "speed_mps", "stop_overhead_s", "min_dwell_s", "until_sd"),
-    *("until_gain", "seed", "preset", "model", "fit", "cell_m"),
+    *("until_gain", "seed", "preset", "model", "fit", "cell_m", "travel", "graph"),
 )
 """Mission settings that are options of the command."""
 DEFAULTS = {"speed_mps": 1.2, "stop_overhead_s": 5.0}
@@ -82,7 +82,7 @@ def command(
         if (out / "bag").exists():
             raise InputError("has the recording of another run", "choose another folder", out)
     settings = GuideSettings(
-        mission=MissionSettings(field=field, **choices), logger_uri=logger_uri, gnss_uri=gnss_uri,
+        mission=MissionSettings(field=field, **with_graph(choices)), logger_uri=logger_uri, gnss_uri=gnss_uri,
         logger_format=logger, site=site, earlier=earlier, covariates=covariates, host=host,
         port=free_port(PORT) if port is None else port, autostart=autostart, out=out,
     )  # fmt: skip

@@ -130,12 +130,18 @@ def irrigation_of(site: str | None) -> Irrigation | None:
     return None if site is None else load_site(site).irrigation
 
 
+def with_graph(choices: dict[str, Any]) -> dict[str, Any]:
+    """Options with the travel that a travel graph is for."""
+    if (graph := choices.get("graph")) is None or choices.get("travel") == "free":
+        return choices
+    return {"travel": "graph", **choices, "graph": None if graph == "lattice" else graph}
+
+
 def chosen_settings(choices: dict[str, Any]) -> MissionSettings:
     """Mission settings from options; the mission time defaults to that of the field."""
     from soilmoist_ros.simulation import MissionSettings, surrogate_field
 
-    if (graph := choices.get("graph")) is not None and choices.get("travel") != "free":
-        choices = {**choices, "travel": "graph", "graph": None if graph == "lattice" else graph}
+    choices = with_graph(choices)
     settings = MissionSettings(**choices)
     if "hours" not in choices:
         settings = MissionSettings(**choices, hours=surrogate_field(settings.field_name).hours)

@@ -44,6 +44,7 @@ from soilmoist_ros.exploration import (
     MissionSetup,
     MissionStatus,
     OperatorRequest,
+    Outside,
     PersonNavigator,
     Reply,
     Stop,
@@ -81,7 +82,7 @@ from soilmoist_ros.recording import (
     sample_points,
 )
 from soilmoist_ros.sensing import DOUBTS, Batch, CountRecord, Doubt, Driver, DriverSettings
-from soilmoist_ros.simulation import MissionSettings
+from soilmoist_ros.simulation import MissionSettings, mission_map
 
 STEP_S: Final = 0.2
 SHOW_S: Final = 1.0
@@ -183,7 +184,8 @@ class GuidedSurvey:
                 },
                 "planner": {
                     "field": mission.field_name, "strategy": str(mission.strategy), "dwell": str(mission.dwell),
-                    "hours": mission.hours, "seed": mission.seed, "target": mission.target, "graph": "free",
+                    "hours": mission.hours, "seed": mission.seed, "target": mission.target,
+                    "graph": mission.graph or "free", "lanes": mission.travel == "lanes",
                     "preset": mission.preset, "until_sd": mission.until_sd, "until_gain": mission.until_gain,
                     "navigator": "person",
                 },
@@ -197,7 +199,7 @@ class GuidedSurvey:
             curve=curve if mission.target == "vwc" else None,
             calibration=curve,
             knowledge=survey.map.knowledge,
-            access=AccessRules(entry_m=PERSON_ENTRY_M),
+            access=AccessRules(entry_m=PERSON_ENTRY_M, outside=Outside.WAY, lanes=mission.travel == "lanes"),
         )
         self.board = Board()
         self._history, self._visits = RobotHistory(self.board, ""), VisitHistory(self.board)
@@ -214,7 +216,9 @@ class GuidedSurvey:
         if self._stored.mission is not None:
             self._control.take_up(self._stored.mission, self._stored.resumes)
         self._control.fit(None, 0.0, cell_m=survey.map.grid.cell_m)
-        self._control.use_graph(None)
+        on_graph = mission.graph is not None
+        grid = survey.map.grid
+        self._control.use_graph(mission_map(survey.field, grid, mission.graph).graph if on_graph else None)
         self._worker = MapWorker(survey.map.compute, self._on_map)
         self._worker.submit(survey.map.state)
         self._serve()

@@ -290,7 +290,8 @@ def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
                 yield mistake("graph", f"there is no topological map {graph!r}", remedy)
         if number >= 0:
             given = {**defaults, **part}
-            if given.get("graph") is not None and set(_texts(given.get("travel"))) != {"graph"}:
+            travel = set(_texts(given.get("travel"))) or {"free"}
+            if given.get("graph") is not None and not travel <= {"graph", "lanes"}:
                 remedy = "add 'travel: graph', or leave the graph out"
                 yield mistake("graph", "a graph is given, but the robot travels freely", remedy)
             if (name := str(part.get("name"))) in names:

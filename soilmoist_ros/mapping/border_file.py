@@ -78,6 +78,35 @@ class BorderSource:
     def read(self) -> Border:
         """Read the border of a field; ``InputError`` if the file leaves open which of its shapes it is."""
         path, suffix = self.path, self.path.suffix.lower()
+        if self.layer and suffix not in VECTORS:
+            raise InputError("has no layers", "remove 'layer'", path)
+        content = self._content()
+        notes: list[str] = []
+        features = content.features
+        if not any(feature.polygons for feature in features):
+            _close_lines(features, notes, self)
+        corners = [ring for one in features for rings in one.polygons for ring in rings]
+        to_degrees = _conversion(corners, content, self, notes)
+        for feature in features:
+            feature.polygons = [_outer_first(list(map(to_degrees, rings)), notes) for rings in feature.polygons]
+            if not all(np.isfinite(ring).all() for rings in feature.polygons for ring in rings):
+                raise InputError("has a corner that is no place on the earth", "export the border again", path)
+        return _chosen(features, self, notes)
+
+    def lines(self) -> list[tuple[Array, Mapping[str, str]]]:
+        """Read the lines of the file, such as tracks: corners in degrees, shape (k, 2), and their properties.
+
+        :raises InputError: if the file cannot be read, has no lines, or leaves open where they are
+        """
+        content = self._content()
+        lines = [(line, one.properties) for one in content.features for line in one.lines if len(line) > 1]
+        if not lines:
+            raise InputError("holds no lines", "export tracks as lines, not as polygons or points", self.path)
+        to_degrees = _conversion([line for line, _ in lines], content, self, [])
+        return [(to_degrees(line), about) for line, about in lines]
+
+    def _content(self) -> _Content:
+        path, suffix = self.path, self.path.suffix.lower()
         if suffix not in FORMATS and not read_limited(path).lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):
             raise InputError(
                 f"is not a file with a border: its name ends in {suffix or 'nothing'!r}",
@@ -86,19 +115,7 @@ class BorderSource:
             )
         if not path.exists():
             raise InputError("cannot be read: No such file or directory", "check its path in the field file", path)
-        if self.layer and suffix not in VECTORS:
-            raise InputError("has no layers", "remove 'layer'", path)
-        content = _READERS.get(suffix, _geojson)(self)
-        notes: list[str] = []
-        features = content.features
-        if not any(feature.polygons for feature in features):
-            _close_lines(features, notes, self)
-        to_degrees = _conversion(content, self, notes)
-        for feature in features:
-            feature.polygons = [_outer_first(list(map(to_degrees, rings)), notes) for rings in feature.polygons]
-            if not all(np.isfinite(ring).all() for rings in feature.polygons for ring in rings):
-                raise InputError("has a corner that is no place on the earth", "export the border again", path)
-        return _chosen(features, self, notes)
+        return _READERS.get(suffix, _geojson)(self)
 
 
 @dataclass(frozen=True)
@@ -283,10 +300,12 @@ def _close_lines(features: Sequence[_Feature], notes: list[str], source: BorderS
         )
 
 
-def _conversion(content: _Content, source: BorderSource, notes: list[str]) -> Callable[[Array], Array]:
-    """Function that converts corners of the file to longitude and latitude, and checks them."""
+def _conversion(
+    shapes: Sequence[Array], content: _Content, source: BorderSource, notes: list[str]
+) -> Callable[[Array], Array]:
+    """Function that converts corners of the file to longitude and latitude, and checks those of some shapes."""
     path, crs = source.path, content.crs or source.crs
-    corners = np.concatenate([ring for one in content.features for rings in one.polygons for ring in rings])
+    corners = np.concatenate(shapes)
     if not np.isfinite(corners).all():
         raise InputError("has a corner that is not two finite numbers", "export the border again", path)
     if source.crs and not _same_crs(crs, source.crs):

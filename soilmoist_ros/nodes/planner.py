@@ -29,7 +29,7 @@ from soilmoist_ros.exploration import (
     Verb,
     boot_id,
     property_weights,
-    read_topological_map,
+    read_travel_map,
 )
 from soilmoist_ros.nodes.navigators import make_navigator
 from soilmoist_ros.nodes.node_process import run
@@ -111,7 +111,7 @@ class Planner(Node):
         if graph == "free":
             self._control.use_graph(None)
         elif graph != "topic":
-            self._inputs.use_map(read_topological_map(Path(graph)))
+            self._inputs.use_map(read_travel_map(Path(graph), self._field))
         self._keepout = PlannerKeepout(self, self._values)
         self._commands = PlannerCommands(self, self._control, self._values, self._stay)
         # Limits of the mission use ROS time. Messages, displays and limits of the navigation use steady time.

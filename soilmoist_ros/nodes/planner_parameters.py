@@ -77,7 +77,8 @@ PARAMETERS: Final = (
     COVARIATES,
     row("home", "", "stop to return to at the end; the robot stays where it is if empty", live=True),
     row("graph", "topic", "where the robot may drive: topic (the navigation's map), free (straight lines), or a "
-        "map file"),
+        "file: a topological map, or tracks as lines in GeoJSON, GPX, KML or a shapefile"),
+    row("lanes", False, "whether a car drives, which turns around only at ends and junctions of the graph"),
     row("map_topic", "/topological_map_2", "topic of the navigation's map"),
     row("robot_radius_m", ROBOT_RADIUS_M, "distance that the robot's centre keeps from no-go areas and, with "
         "graph: free, from the border; the default is half the width of Thorvald, 0 keeps none", "m", 0.0),
@@ -162,6 +163,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
             if text("navigator") == PERSON
             else max(number("max_entry_m"), number("max_outside_m")),
             by_name=text("navigator") == "goto_node",
+            lanes=parameters.flag("lanes"),
         ),
     )
 

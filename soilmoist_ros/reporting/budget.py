@@ -71,12 +71,16 @@ REMEDIES = {
     **dict.fromkeys(("cores", CORES), _MORE_CORES),
     "sensitivity": "counting next to a calibrated station (soilmoist calibrate)",
     UNKNOWN_SENSOR: "the model of the sensor (--sensor MODEL, or sensor_sensitivity in the site file)",
-    "intensity": "the file of a neutron monitor", "pressure": "a checked barometer",
-    "humidity": "a checked sensor of the air humidity", "biomass": "weighed plants of a square metre",
-    "road": "a way farther from the road, or its width and moisture", "snow": "a survey without snow",
-    DENSITY: "weighed cores of known volume", WATER: "clay and organic carbon from a soil laboratory",
+    "intensity": "the file of a neutron monitor",
+    "pressure": "a checked barometer",
+    "humidity": "a checked sensor of the air humidity",
+    "biomass": "weighed plants of a square metre",
+    "road": "a way farther from the road, or its width and moisture",
+    "snow": "a survey without snow",
+    DENSITY: "weighed cores of known volume",
+    WATER: "clay and organic carbon from a soil laboratory",
     "counting of the calibration": "longer counting during the calibration",
-}  # fmt: skip
+}
 """Remedies by the names of parts of the uncertainty; that of counting follows from the map."""
 
 
@@ -179,20 +183,6 @@ def make_budget(run: MapRun) -> Budget | None:
         math.sqrt(here[1]), tuple(parts), tuple(_beyond(run, mean)), largest, remedies.get(largest, ""),
         _text(run, known_level, level, place),
     )  # fmt: skip
-
-
-def level_remedy(run: MapRun) -> str:
-    """Remedy for the largest part of the level of a map."""
-    found = make_budget(run)
-    parts = [part for part in found.parts if part.level > 0] if found else []
-    return REMEDIES[max(parts, key=lambda part: part.level).name] if parts else _CORES_DAY
-
-
-def place_remedy(run: MapRun) -> str:
-    """Remedy for the largest part of the uncertainty of a place, as an order."""
-    found = make_budget(run)
-    parts = {part.name: part.place for part in found.parts} if found else {}
-    return "count longer" if parts.get(COUNTING, 0.0) >= parts.get(MAPPING, 0.0) else "count at more places"
 
 
 def _at_one_place(run: MapRun) -> tuple[float, float, tuple[float, float], list[Part]]:

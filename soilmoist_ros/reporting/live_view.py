@@ -185,10 +185,13 @@ class LiveMap:
         band = self.band
         known = np.empty(0) if band is None else band.values[np.isfinite(band.values)]
         return {
-            "name": self.name, "quantity": None if band is None else ("vwc" if band.wet_is_high else "rate"),
-            "cells": known.size, "mean": float(known.mean()) if known.size else None,
-            "spread": float(known.std()) if known.size else None, "mse": self.mse,
-        }  # fmt: skip
+            "name": self.name,
+            "quantity": None if band is None else ("vwc" if band.wet_is_high else "rate"),
+            "cells": known.size,
+            "mean": float(known.mean()) if known.size else None,
+            "spread": float(known.std()) if known.size else None,
+            "mse": self.mse,
+        }
 
 
 class LiveRobot:
@@ -211,11 +214,14 @@ class LiveRobot:
         status = self.status
         x_m, y_m = self.xy or (math.nan, math.nan)
         return {
-            "name": self.namespace, "x_m": x_m, "y_m": y_m, **{key: status.get(key) or None for key in _TEXTS},
+            "name": self.namespace,
+            "x_m": x_m,
+            "y_m": y_m,
+            **{key: status.get(key) or None for key in _TEXTS},
             **{key: float(status[key]) if key in status else None for key in _NUMBERS},
             **{key: status[key] == "True" if key in status else None for key in _FLAGS},
             "sensor_fault": self.sensor_fault or None,
-        }  # fmt: skip
+        }
 
     def facts(self, status: Mapping[str, str]) -> dict[str, str]:
         """Lines of the view: state, target of a single robot, forecast, fault of the sensor."""
@@ -250,10 +256,13 @@ class LiveMission:
     def values(self) -> dict[str, Any]:
         """The mission now, for programs: robots, maps, samples, and what it waits for."""
         return {
-            "field": self._title.strip(), "robots": [robot.values for robot in self.robots],
-            "maps": [one.values for one in self.maps], "samples": len(self.samples_xy),
-            "clock_waits_for": self.clock_waits_for or None, "rain": self.rain or None,
-        }  # fmt: skip
+            "field": self._title.strip(),
+            "robots": [robot.values for robot in self.robots],
+            "maps": [one.values for one in self.maps],
+            "samples": len(self.samples_xy),
+            "clock_waits_for": self.clock_waits_for or None,
+            "rain": self.rain or None,
+        }
 
     def view(self) -> LiveView:
         """The view now."""
@@ -261,10 +270,13 @@ class LiveMission:
         bands = [band for one in self.maps if (band := one.band) is not None]
         targets = [(float(one.get("target_x_m", "nan")), float(one.get("target_y_m", "nan"))) for one in statuses]
         return LiveView(
-            self._title, self._facts(statuses, len(samples)), bands, samples,
+            self._title,
+            self._facts(statuses, len(samples)),
+            bands,
+            samples,
             [robot.xy for robot in self.robots if robot.xy is not None],
             [place for place in targets if all(map(math.isfinite, place))],
-        )  # fmt: skip
+        )
 
     def _facts(self, statuses: Sequence[Mapping[str, str]], n_samples: int) -> dict[str, str]:
         facts: dict[str, str] = {}

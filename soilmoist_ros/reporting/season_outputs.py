@@ -81,20 +81,33 @@ def summary(season: Season) -> dict[str, Any]:
     """The season in numbers, for programs."""
     persistence = season.persistence
     return {
-        "schema": 1, "software": "soilmoist_ros", "version": __version__, "kind": "season", "title": season.title,
-        "field": season.field_name, "simulated": season.simulated, "calibration": _calibration(season),
-        "time_zone": season.time_zone or None, "created_utc": f"{season.created_utc:%Y-%m-%dT%H:%M:%SZ}",
-        "datum": asdict(season.frame), "cell_m": season.grid.cell_m,
+        "schema": 1,
+        "software": "soilmoist_ros",
+        "version": __version__,
+        "kind": "season",
+        "title": season.title,
+        "field": season.field_name,
+        "simulated": season.simulated,
+        "calibration": _calibration(season),
+        "time_zone": season.time_zone or None,
+        "created_utc": f"{season.created_utc:%Y-%m-%dT%H:%M:%SZ}",
+        "datum": asdict(season.frame),
+        "cell_m": season.grid.cell_m,
         "cells": int(np.count_nonzero(season.grid.mask)),
         "variogram": {
-            "model": season.variogram.model, "nugget_cps2": season.variogram.nugget,
-            "range_m": season.variogram.range_m, "sill_cps2": season.variogram.sill,
+            "model": season.variogram.model,
+            "nugget_cps2": season.variogram.nugget,
+            "range_m": season.variogram.range_m,
+            "sill_cps2": season.variogram.sill,
         },
-        "pattern_correlation": persistence.share, "pattern_correlation_sd": persistence.sd,
+        "pattern_correlation": persistence.share,
+        "pattern_correlation_sd": persistence.sd,
         "pattern_decay_days": persistence.decay_days if math.isfinite(persistence.decay_days) else None,
-        "false_discovery_rate": FieldChange.FALSE_SHARE, "warnings": list(season.notes), "surveys": rows(season),
+        "false_discovery_rate": FieldChange.FALSE_SHARE,
+        "warnings": list(season.notes),
+        "surveys": rows(season),
         "outputs": list(NAMES),
-    }  # fmt: skip
+    }
 
 
 def _calibration(season: Season) -> str:
@@ -173,13 +186,21 @@ def render_season(season: Season) -> str:
     """The page as HTML, without requests to other files."""
     labels = season.labels
     return render_page(
-        "season.html.j2", title=season.title, version=__version__, place=season.field_name,
+        "season.html.j2",
+        title=season.title,
+        version=__version__,
+        place=season.field_name,
         when=f"{len(season.surveys)} surveys, {labels[0]} to {labels[-1]}",
         where=f"{season.field_name} · page made {season.created_utc:%Y-%m-%d %H:%M} UTC",
-        simulated=season.simulated, lead=_lead(season), notes=season.notes, data=season_data(season),
-        chart=mean_chart(season), rows=list(_rows(season)), moist=season.curve is not None,
+        simulated=season.simulated,
+        lead=_lead(season),
+        notes=season.notes,
+        data=season_data(season),
+        chart=mean_chart(season),
+        rows=list(_rows(season)),
+        moist=season.curve is not None,
         dated=any(survey.run.date for survey in season.surveys),
-    )  # fmt: skip
+    )
 
 
 def season_data(season: Season) -> dict[str, Any]:
@@ -190,12 +211,16 @@ def season_data(season: Season) -> dict[str, Any]:
     )
     return {
         "view": [round(edge, 2) for edge in (west, east, south, north)],
-        "place": place_data(season.frame, (west, east, south, north)), "rootDepth": 0, "grids": [grid_data(grid)],
-        "layers": list(_layers(season)), "edge": [rounded(np.vstack([ring, ring[:1]])) for ring in grid.polygons],
+        "place": place_data(season.frame, (west, east, south, north)),
+        "rootDepth": 0,
+        "grids": [grid_data(grid)],
+        "layers": list(_layers(season)),
+        "edge": [rounded(np.vstack([ring, ring[:1]])) for ring in grid.polygons],
         "noGo": [rounded(np.asarray(ring)) for ring in grid.holes],
         **{name: [] for name in ("zones", "samples", "robots", "paths", "visits", "quarantined")},
-        "labels": season.labels, "days": [round(float(day), 3) for day in season.days],
-    }  # fmt: skip
+        "labels": season.labels,
+        "days": [round(float(day), 3) for day in season.days],
+    }
 
 
 def _layers(season: Season) -> Iterator[dict[str, Any]]:
@@ -277,12 +302,17 @@ def _rows(season: Season) -> Iterator[dict[str, str]]:
         change = survey.change
         drier, wetter = change.shares if change else (None, None)
         yield {
-            "label": label, "name": survey.run.survey.name, "samples": str(len(survey.run.survey.samples)),
-            "end": _end(season, survey.run), "mean": _interval(_mean(survey, moist), moist),
+            "label": label,
+            "name": survey.run.survey.name,
+            "samples": str(len(survey.run.survey.samples)),
+            "end": _end(season, survey.run),
+            "mean": _interval(_mean(survey, moist), moist),
             "rate": f"{survey.mean_rate.value:.3f}" if moist else "",
             "change": "–" if change is None else _interval(_mean(change, moist), moist, "+"),
-            "wetter": percent(wetter), "drier": percent(drier), "remarks": " ".join(survey.run.remarks),
-        }  # fmt: skip
+            "wetter": percent(wetter),
+            "drier": percent(drier),
+            "remarks": " ".join(survey.run.remarks),
+        }
 
 
 def _end(season: Season, run: EarlierRun) -> str:

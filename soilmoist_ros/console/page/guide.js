@@ -60,8 +60,10 @@ function view(now) {
   }
   if (now.stop && (now.phase === "travelling" || now.phase === "returning")) {
     if (x === undefined) return { kind: "wait", title: t("guide_go"), line: t("guide_no_place") };
-    const bearing = Math.atan2(now.stop[1] - x, now.stop[2] - y) * 180 / Math.PI, metres = Math.round(Math.hypot(now.stop[1] - x, now.stop[2] - y));
-    const heading = headingFrom([x, y]), said = heading === null ? `${now.stop[0]}; ${t("guide_north")}` : now.stop[0];
+    const [leadX, leadY, wayM] = now.leads ?? now.stop.slice(1);
+    const bearing = Math.atan2(leadX - x, leadY - y) * 180 / Math.PI, metres = Math.round(Math.hypot(leadX - x, leadY - y));
+    const stop = wayM > metres + 10 ? `${now.stop[0]}, ${Math.round(wayM)} m` : now.stop[0];
+    const heading = headingFrom([x, y]), said = heading === null ? `${stop}; ${t("guide_north")}` : stop;
     return { kind: "arrow", title: now.phase === "returning" ? t("guide_home") : t("guide_go"), turn: Math.round(bearing - (heading ?? 0)), big: `${metres} m`, line: isOutside([x, y]) ? t("guide_outside") : said };
   }
   if (BUSY.includes(now.phase)) return { kind: "wait", title: t("phase_planning") };

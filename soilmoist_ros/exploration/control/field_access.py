@@ -17,6 +17,7 @@ import numpy as np
 
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph, Outside
+from soilmoist_ros.exploration.travel.lanes import LaneTravel
 from soilmoist_ros.exploration.travel.stop import Stop, Way, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
@@ -41,6 +42,7 @@ class AccessRules:
     outside: Outside = Outside.HOME  # use of nodes and edges further outside
     entry_m: float = 10.0  # the robot may set off this far outside; it then drives straight back in [m], >= 0
     by_name: bool = False  # the navigation is sent names of nodes, and plans its routes itself
+    lanes: bool = False  # a car: it turns around only at ends and junctions of the graph
 
 
 NO_MARGIN = AccessRules()
@@ -90,7 +92,7 @@ class FieldAccess:
             self._fenced = FencedGraph(graph, fence, rules.outside, home, place, max(rules.beyond_m, 1.0))
             self.fence, self.warning = self._fenced.fence, self._fenced.warning
             enters = partial(self.fence.may_enter, entry_m=rules.entry_m)
-            self.travel = GraphTravel(self._fenced.graph, motion, enters)
+            self.travel = (LaneTravel if rules.lanes else GraphTravel)(self._fenced.graph, motion, enters)
             self.stops = self._fenced.stops
         if self.home is not None and (refusal := self.refusal(self.home)):
             raise InputError(f"the home {home} is not allowed: {refusal}", "choose another home")

@@ -12,6 +12,7 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -63,6 +64,8 @@ PLACE_SHOWN_S = 2.0
 DATUM = "datum"  # value of the status: latitude and longitude of the datum of its places [deg]
 GUIDED = "guided_m"
 """Value of the status for a mission by a person: distance at which one is at a stop [m]."""
+LEADS = "leads"
+"""Value of the status for a person on the way: place to which the arrow points, and length of the way [m]."""
 RECORD_STAMP = "record_stamp_s"
 """Value of the status: stamp of the newest record that has come, with or without a place [s]; -inf for none."""
 
@@ -386,6 +389,8 @@ class MissionControl:
         assert place is not None
         if not self.under_way:
             self._current.moved(place, self._mission.rules.arrival_radius_m)
+        if self._access is not None:
+            self._access.travel.moved(place)
         self._watching.moved(place, sd_m)
         if self._feed.place_age_s <= MAX_AGE_S:  # where the robot was is no arrival, and no place to stop at
             move = PlaneMove() if self._frames is None else self._frames.move
@@ -603,6 +608,12 @@ class MissionControl:
         }
         if self._mission.rules.by_person:
             more[GUIDED] = repr(self._mission.rules.arrival_radius_m)
+            place, on_the_way = self._feed.place, status.phase in (Phase.TRAVELLING, Phase.RETURNING)
+            if on_the_way and target is not None and place is not None and self._access is not None:
+                way = Way(np.array([place, target.xy]))
+                with suppress(InputError):  # people find a way, wherever they stand
+                    way = self._access.way(place, target)
+                more[LEADS] = json.dumps([round(value, 1) for value in way.leads])
         self._outputs.show(status, ahead, more)
 
     def health(self) -> list[Health]:

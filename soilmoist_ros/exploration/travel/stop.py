@@ -64,6 +64,10 @@ def inside_any(polygons: Sequence[ArrayLike], xy: ArrayLike) -> NDArray[np.bool_
 # The route of a goal, as it goes to a navigator -----------------------------------------------------------------
 
 
+BEND_M = 3.0  # a route that stays this near to a straight line has no bend for a person [m]
+PASSED_M = 8.0  # a person this near to a bend looks for the one after it [m]
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Way:
     """A route that the fence allows.
@@ -79,6 +83,17 @@ class Way:
     corners: Array
     nodes: tuple[Stop, ...] = ()
     choices: Array | None = None
+
+    @property
+    def leads(self) -> tuple[float, float, float]:
+        """Place of the next bend for the arrow of a person, or of the stop; and the length of the route [m]."""
+        import shapely
+
+        route = shapely.LineString(self.corners if len(self.corners) > 1 else np.repeat(self.corners, 2, axis=0))
+        *bends, end = shapely.get_coordinates(route.simplify(BEND_M))[1:].tolist()
+        ahead = (bend for bend in bends if math.dist(bend, self.corners[0]) > PASSED_M)
+        x_m, y_m = next(ahead, end)
+        return x_m, y_m, float(route.length)
 
     @property
     def lines(self) -> Array:

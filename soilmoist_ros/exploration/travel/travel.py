@@ -94,6 +94,9 @@ class TravelModel(ABC):
 
     motion: RobotMotion
 
+    def moved(self, place: tuple[float, float]) -> None:  # noqa: B027 - it matters on lanes only
+        """The robot is at a place [m]."""
+
     @abstractmethod
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
         """Corners of the route from a place to a stop, both included, shape (p, 2) [m].

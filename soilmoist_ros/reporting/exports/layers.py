@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError, LocalFrame, optional_module
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S
-from soilmoist_ros.reporting.certainty import NO_LEVEL
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.exports.source import (
     MOISTURE,
     ROOT_DEPTH_MM,
@@ -111,12 +111,19 @@ def write_layers(
         stamped = [name for name, column in layer.columns.items() if column.dtype == np.dtype("datetime64[ms]")]
         describe = driver == "GPKG" and layer.description
         raw.write(
-            path, None if table else to_wkb(to_crs(layer.shapes, frame, crs)), list(layer.columns.values()),
-            list(layer.columns), layer=layer.name, driver=driver, geometry_type=None if table else layer.kind,
-            crs=None if table else crs.to_wkt(), append=number > 0, dataset_options=dict(options) or None,
+            path,
+            None if table else to_wkb(to_crs(layer.shapes, frame, crs)),
+            list(layer.columns.values()),
+            list(layer.columns),
+            layer=layer.name,
+            driver=driver,
+            geometry_type=None if table else layer.kind,
+            crs=None if table else crs.to_wkt(),
+            append=number > 0,
+            dataset_options=dict(options) or None,
             layer_options={"DESCRIPTION": layer.description} if describe else None,
             gdal_tz_offsets={name: np.full(len(layer.columns[name]), _UTC) for name in stamped},
-        )  # fmt: skip
+        )
     return path
 
 
@@ -152,12 +159,15 @@ def field_layer(source: RunSource) -> Layer:
     about, survey = source.run.summary, source.survey
     begin, end = (one.timestamp() for one in survey) if survey else (math.nan, math.nan)
     columns = {
-        "name": texts([source.title]), "site": texts([str(about.get("site") or "")]),
-        "area_ha": np.array([source.boundary.area / 1e4]), "start_utc": times([begin]), "end_utc": times([end]),
+        "name": texts([source.title]),
+        "site": texts([str(about.get("site") or "")]),
+        "area_ha": np.array([source.boundary.area / 1e4]),
+        "start_utc": times([begin]),
+        "end_utc": times([end]),
         "simulated": np.array([int(source.simulated)], np.int32),
         "calibrated": texts([source.properties[0].calibration]),
         "software": texts([f"soilmoist_ros {about.get('version', '')}".strip()]),
-    }  # fmt: skip
+    }
     return Layer("field", "MultiPolygon", [shape], columns, "Field without its no-go areas")
 
 
@@ -255,21 +265,17 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
     """
     about: Mapping[str, Any] = source.run.summary.get("irrigation") or {}
     moist, usable = one.quantity is MOISTURE and not one.name, about.get("moisture_usable") is not False
-    absolute = moist and usable and one.calibration not in ("none", *NO_LEVEL)
+    absolute = moist and usable and one.calibration not in ("none", ILLUSTRATIVE)
     limits = [100 * limit for limit in about.get("zone_limits_vwc") or ()] if absolute else []
-    ground = source.root_zone if absolute else None
-    depth = settings.root_depth_mm or float(about.get("root_depth_mm") or ROOT_DEPTH_MM)
-    if ground is not None and depth != ground.root_depth_mm:
-        share = max(1 - (1 - ground.below_share) * ground.root_depth_mm / depth, 0.0)
-        ground = ground.model_copy(update={"root_depth_mm": depth, "below_share": share})
+    full = about.get("field_capacity_vwc") if absolute else None
+    full_percent = None if full is None else 100 * full
     smallest = None if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
-    zones = management_zones(one, source.boundary, settings.zones, smallest, limits or None, ground)
+    zones = management_zones(one, source.boundary, settings.zones, smallest, limits or None, full_percent)
     known = usable or not moist
     if not known:
         source.notes.append("the moisture is impossible on much of the area, see the report: no zone is certain")
-    of_advice = list(about.get("zones") or ()) if limits else []
-    names = [str(zone["name"]) for zone in of_advice]
-    source.notes.extend(_lost(zones, of_advice))
+    names = [str(zone["name"]) for zone in about.get("zones") or ()] if limits else []
+    source.notes.extend(_lost(one, source.boundary.area, zones, limits, names))
     columns: dict[str, NDArray[Any]] = {
         "ZONE": np.array([zone.number for zone in zones], np.int32),
         one.quantity.column: np.round([zone.mean for zone in zones], 3),
@@ -280,10 +286,10 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
         "AREA_HA": np.round([zone.area_ha for zone in zones], 4),
     }
     if absolute:
-        shift = 0.0 if ground is None else ground.shift
-        columns["WATER_MM"] = np.round([zone.water_mm(depth, shift) for zone in zones], 1)
-        if ground is not None:
-            missing = np.array([zone.missing for zone in zones]).reshape(-1, 3)
+        depth = settings.root_depth_mm or float(about.get("root_depth_mm") or ROOT_DEPTH_MM)
+        columns["WATER_MM"] = np.round([zone.water_mm(depth) for zone in zones], 1)
+        if full is not None:
+            missing = np.array([zone.missing for zone in zones]).reshape(-1, 3) / 100 * depth
             columns |= dict(zip(("MISS_MM", "MISS_P05", "MISS_P95"), np.round(missing, 1).T, strict=True))
         columns["ROOT_MM"] = np.full(len(zones), depth)
     if names:
@@ -292,10 +298,13 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
     return Layer(f"zones{one.suffix}", "Polygon", [zone.shape for zone in zones], columns, f"Zones: {one.title}")
 
 
-def _lost(zones: Sequence[Zone], of_advice: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def _lost(
+    one: ExportedProperty, area_m2: float, zones: Sequence[Zone], limits: Sequence[float], names: Sequence[str]
+) -> Iterator[str]:
     """Zones of the advice whose parts are too small for a polygon, in sentences."""
-    for index, advised in enumerate(of_advice, 1):
-        name, of_map = advised["name"], advised["area_m2"] / 1e4
+    number = np.searchsorted(limits, one.values[one.cells[0]], side="right") + 1
+    for index, name in enumerate(names, 1):
+        of_map = float((number == index).mean()) * area_m2 / 1e4
         kept = sum(zone.area_ha for zone in zones if zone.number == index)
         if kept < KEPT_SHARE * of_map:
             yield (

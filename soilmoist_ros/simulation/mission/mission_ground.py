@@ -21,6 +21,8 @@ from soilmoist_ros.exploration import (
     FencedGraph,
     FreeTravel,
     GraphTravel,
+    LaneTravel,
+    Outside,
     RobotMotion,
     Stop,
     TopologicalMap,
@@ -29,7 +31,7 @@ from soilmoist_ros.exploration import (
     keep_apart_m,
     make_topological_map,
     open_lattice,
-    read_topological_map,
+    read_travel_map,
     stops_xy,
 )
 from soilmoist_ros.foundation import InputError, move_between
@@ -55,8 +57,10 @@ def travel_and_stops(
         _log.warning(divided)
     if settings.travel == "free":
         return FreeTravel(motion, (field.polygon,), field.no_go), _cell_stops(grid)
-    fenced = fenced_map(field, mission_map(field, grid, settings.graph))
-    return GraphTravel(fenced.graph, motion, fenced.fence.area.allows), fenced.stops
+    on_lanes = settings.travel == "lanes"
+    outside = Outside.WAY if on_lanes else Outside.NEVER
+    fenced = fenced_map(field, mission_map(field, grid, settings.graph), outside)
+    return (LaneTravel if on_lanes else GraphTravel)(fenced.graph, motion, fenced.fence.area.allows), fenced.stops
 
 
 _cell_stops = lru_cache(maxsize=4)(cell_stops)
@@ -65,7 +69,7 @@ _cell_stops = lru_cache(maxsize=4)(cell_stops)
 def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> TopologicalMap:
     """Topological map of a field: from a file, or an open lattice of about :data:`LATTICE_NODES` nodes."""
     if graph is not None:
-        return _on_field(read_topological_map(Path(graph)), field)
+        return _on_field(read_travel_map(Path(graph), field), field)
     lattice = open_lattice(field, math.sqrt(grid.area_m2 / LATTICE_NODES)).graph
     return make_topological_map(lattice, "lattice", _LATTICE_TIME)
 
@@ -85,12 +89,13 @@ def _on_field(found: TopologicalMap, field: Field) -> TopologicalMap:
     return replace(found, graph=found.graph.moved(move.inverse))
 
 
-def fenced_map(field: Field, navigated: TopologicalMap) -> FencedGraph:
+def fenced_map(field: Field, navigated: TopologicalMap, outside: Outside = Outside.NEVER) -> FencedGraph:
     """The largest part of a topological map that stays in the field and out of its no-go areas; logs the rest.
 
+    :param outside: use of nodes and edges outside the field
     :raises InputError: if no node does
     """
-    fenced = FencedGraph(navigated.graph, Fence(field))
+    fenced = FencedGraph(navigated.graph, Fence(field), outside)
     if fenced.warning:
         _log.warning(fenced.warning)
     return fenced

@@ -301,12 +301,14 @@ class MissionSettings:
         "rate", "What the map is to be good for: the rate, or the moisture, whose error grows in wet soil.",
         choices=("rate", "vwc"),
     )  # fmt: skip
-    travel: Literal["free", "graph"] = _setting(
-        "free", "Travel in straight lines, or on a travel graph.", choices=("free", "graph")
-    )
+    travel: Literal["free", "graph", "lanes"] = _setting(
+        "free", "Travel in straight lines, on a travel graph, or on lanes as a car, which turns around only at "
+        "their ends and junctions.", choices=("free", "graph", "lanes"),
+    )  # fmt: skip
     graph: str | None = _setting(
-        None, "Topological map to travel on, a file. Default: an open lattice of about 300 nodes.", str
-    )
+        None, "Topological map to travel on, or tracks as lines in GeoJSON, GPX, KML or shapefile. "
+        "Default: an open lattice of about 300 nodes.", str,
+    )  # fmt: skip
     speed_mps: float = _setting(0.6, "Speed of the robot.", unit="m/s", low=0, above=True)
     stop_overhead_s: float = _setting(12.0, "Time lost at each stop.", unit="s", low=0)
     min_dwell_s: float | None = _setting(
@@ -411,6 +413,8 @@ class MissionSettings:
         if self.travel == "free" and self.graph is not None:
             text = "a travel graph is given, but the robot travels freely"
             mistakes.append(Mistake(text, "choose travel graph"))
+        if self.travel == "lanes" and self.graph is None:
+            mistakes.append(Mistake("travel lanes needs a file of lanes", "give it as graph"))
         if self.drift_hour is not None and self.drift == 0:
             text = "an hour of the drift is given, but the rate does not drift"
             mistakes.append(Mistake(text, "give drift, for rain -0.1"))

@@ -298,6 +298,8 @@ class _Simulation:
         if robot.goal and self.now_s >= robot.goal[0]:
             goal = robot.goal[1]
             robot.goal = None
+            for corner in robot.body.passed(self.now_s):
+                robot.explorer.travel.moved(corner)
             place = self.reported(robot, robot.body.at(self.now_s))
             self.give(robot, GoalReached(self.now_s, goal.goal_id, *place))
         if self.now_s >= robot.deadline_s:
@@ -324,7 +326,7 @@ class _Simulation:
                     self.forecasts.append(TimedForecast(self.now_s, plan.forecast))
                 self.give(robot, replace(plan, now_s=self.now_s))
             case GoTo():
-                way = self.travel.route(robot.body.at(self.now_s), action.stop)
+                way = robot.explorer.travel.route(robot.body.at(self.now_s), action.stop)
                 robot.goal = (robot.body.go(self.now_s, way), action)
                 robot.learned.set_off(self.now_s, way)
                 self.note(robot, f"go to {action.stop.name}: {action.reason}")

@@ -306,12 +306,15 @@ class VirtualRobot:
 
     def stop(self, now_s: float) -> None:
         """Stop at the current position."""
-        here = self.at(now_s)
-        length = self._length_at(now_s)
-        passed = [(float(x), float(y)) for x, y in self._way[1:][self._along_m[1:] < length]]
+        *passed, here = self.passed(now_s)
         self.track += [place for place in [*passed, here] if place != self.track[-1]]
-        self._before_m += length
+        self._before_m += self._length_at(now_s)
         self._way, self._along_m, self._drive_s = np.array([here]), np.zeros(1), 0.0
+
+    def passed(self, now_s: float) -> list[tuple[float, float]]:
+        """Corners of the current route that were passed, and the current position [m]."""
+        corners = self._way[1:][self._along_m[1:] < self._length_at(now_s)]
+        return [*((float(x), float(y)) for x, y in corners), self.at(now_s)]
 
     def stands(self, now_s: float) -> bool:
         """True if the robot is at the end of its route."""

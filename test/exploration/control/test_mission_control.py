@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mission and all around it, without ROS: a robot that jumps, and a clock that the test moves."""
 
+import json
 import math
 import time
 from dataclasses import replace
@@ -17,8 +18,9 @@ from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.types import MissionEnd, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome, in_frame
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.stop import Way
+from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import InputError, Level, PlaneMove
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
@@ -265,6 +267,27 @@ def test_the_status_shows_places_of_the_last_seconds():
         around.time_s = 1000.0 + step
         around.control.fix((1.0 + 0.1 * step, 1.0))
     assert shown == pytest.approx([1002.0, 1004.0, 1006.0, 1008.0])
+
+
+def test_a_person_on_the_way_is_led_to_the_next_bend():
+    around, shown = Around(strategy="random", by_person=True), []
+    around.time_s = 1000.0
+    corners = {"a": (1.0, 1.0), "b": (10.0, 1.0), "c": (10.0, 12.0)}
+    around.control.use_graph(
+        TravelGraph.from_edges([Stop(name, *xy) for name, xy in corners.items()], ["ab", "ba", "bc", "cb"])
+    )
+    around.control.fix((1.0, 1.0))
+    assert around.control.command(Verb.START).accepted
+    around.planned()
+    while around.status.target.name != "c":
+        around.control.command(Verb.SKIP)
+        around.control.ended(Ended(around.goals[-2][0], Outcome.CANCELED, ""))
+        around.planned()
+    around.show = lambda status, ahead, more: shown.append(json.loads(more["leads"]))
+    around.control.show()
+    around.time_s += 60.0
+    around.control.fix((9.0, 1.0))
+    assert shown == [pytest.approx([10.0, 1.0, 20.0]), pytest.approx([10.0, 12.0, 12.0])]
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, 21600.0])

@@ -20,7 +20,8 @@ from soilmoist_ros.reporting.page.charts import (
     round_ticks,
     time_axis,
 )
-from soilmoist_ros.sensing import CalibrationCurve, CountRecord
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.records import CountRecord
 
 
 def chart(*marks, **changes):

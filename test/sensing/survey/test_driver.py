@@ -11,7 +11,8 @@ import time
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation import Level, LocalFrame
+from soilmoist_ros.foundation.errors import Level
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.log_layout import LogHeader
 from soilmoist_ros.sensing.formats.robot_logger import format_record

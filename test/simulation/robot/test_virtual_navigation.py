@@ -8,10 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration import FreeTravel, GraphTravel, RobotMotion, Stop, TravelGraph
-from soilmoist_ros.simulation import GoalEnded, GoalOutcome, OnRoute, Remaining, ServerPresent
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.simulation.robot.scenario import NavigationFaults
-from soilmoist_ros.simulation.robot.virtual_navigation import VirtualNavigation, VirtualRobot
+from soilmoist_ros.simulation.robot.virtual_navigation import (
+    GoalEnded,
+    GoalOutcome,
+    OnRoute,
+    Remaining,
+    ServerPresent,
+    VirtualNavigation,
+    VirtualRobot,
+)
 
 MOTION = RobotMotion(speed_mps=1.0, stop_overhead_s=5.0)
 # A road of nodes 10 m apart: A at 0 m to E at 40 m.
