@@ -7,15 +7,10 @@ from hypothesis import strategies as st
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 records = st.builds(
-    CountRecord,
-    stamp_s=st.integers(0, 10_000).map(float),
-    x_m=st.floats(0, 60, width=32),
-    y_m=st.floats(0, 50, width=32),
-    z_m=st.just(NAN),
-    raw_counts=st.integers(0, 500),
-    exposure_s=st.just(10.0),
+    CountRecord, stamp_s=st.integers(0, 10_000).map(float), x_m=st.floats(0, 60, width=32),
+    y_m=st.floats(0, 50, width=32), z_m=st.just(NAN), raw_counts=st.integers(0, 500), exposure_s=st.just(10.0),
     effective_exposure_s=st.floats(5, 20),
-)
+)  # fmt: skip
 
 
 def record(x_m=10.0, y_m=20.0, **changes):

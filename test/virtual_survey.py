@@ -111,14 +111,11 @@ def simulate_log(
         factor = math.prod(morning_factors(float(end)))
         counts = rng.poisson(shares * rate / factor * RECORD_PERIOD_S)
         record = LoggerRecord(
-            stamp_s=START_S + float(end),
-            tube_counts=tuple(float(count) for count in counts),
-            tube_live_s=(RECORD_PERIOD_S,) * TUBES,
-            pressure_hpa=weather.pressure_hpa,
-            temperature_degc=weather.temperature_degc,
-            relative_humidity=weather.relative_humidity,
+            stamp_s=START_S + float(end), tube_counts=tuple(float(count) for count in counts),
+            tube_live_s=(RECORD_PERIOD_S,) * TUBES, pressure_hpa=weather.pressure_hpa,
+            temperature_degc=weather.temperature_degc, relative_humidity=weather.relative_humidity,
             record_number=number,
-        )
+        )  # fmt: skip
         records.append(faulty.spoil(record, float(end)))
     lines = []
     for index, record in enumerate(records):

@@ -31,7 +31,12 @@ DEFAULTS = {"speed_mps": 1.2, "stop_overhead_s": 5.0}
 @click.option("--field", type=options.Name("field"), required=True, help="Field file: boundary, no-go areas.")
 @click.option("--logger-uri", required=True, metavar="URI",
               help="Neutron logger: tcp://HOST:PORT, udp://0.0.0.0:PORT or serial:///dev/ttyUSB0.")  # fmt: skip
-@click.option("--gnss-uri", required=True, metavar="URI", help="GNSS receiver that sends NMEA, like --logger-uri.")
+@click.option(
+    "--gnss-uri",
+    required=True,
+    metavar="URI",
+    help="GNSS receiver that sends NMEA, like --logger-uri; phone: for the one of the phone with the page.",
+)
 @click.option("--logger", type=options.Name("logger"), default=FORMAT_NAME, show_default=True,
               help="Logger format: a shipped name or a YAML file.")  # fmt: skip
 @click.option("--site", type=options.Name("site"), default="",
@@ -43,6 +48,8 @@ DEFAULTS = {"speed_mps": 1.2, "stop_overhead_s": 5.0}
               help="Address of the page; 0.0.0.0 for a phone in the network of the cart.")  # fmt: skip
 @click.option("--port", type=click.IntRange(0, 65535), default=None,
               help="TCP port of the page. Default: 8050, or a free one.")  # fmt: skip
+@click.option("--certificate", type=options.InputFileType(), help="Certificate of the page (PEM), for https.")
+@click.option("--key", type=options.InputFileType(), help="Key of the certificate, if the file does not have it.")
 @click.option("--autostart", is_flag=True, help="Start with the first position, instead of on the page.")
 @click.option("--exit", "leave", is_flag=True, help="End with the mission, also on a terminal.")
 @click.option("--out", type=options.FILE, required=True,
@@ -59,6 +66,8 @@ def command(
     covariates: tuple[str, ...],
     host: str,
     port: int | None,
+    certificate: Path | None,
+    key: Path | None,
     autostart: bool,
     leave: bool,
     out: Path,
@@ -77,6 +86,7 @@ def command(
     from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.simulation import MissionSettings
 
+    port = free_port(PORT if port is None else port, host, strict=port is not None)
     if not (out / "records").is_dir():
         options.prepare_output(out, False)
         if (out / "bag").exists():
@@ -84,7 +94,7 @@ def command(
     settings = GuideSettings(
         mission=MissionSettings(field=field, **with_graph(choices)), logger_uri=logger_uri, gnss_uri=gnss_uri,
         logger_format=logger, site=site, earlier=earlier, covariates=covariates, host=host,
-        port=free_port(PORT) if port is None else port, autostart=autostart, out=out,
+        port=port, certificate=None if certificate is None else (certificate, key), autostart=autostart, out=out,
     )  # fmt: skip
     with GuidedSurvey(settings) as survey:
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -80,13 +80,10 @@ def command(
     named: dict[str | int, str] = dict(_truth(text) for text in truths)
     with progress_bar() as progress:
         settings = ReplaySettings(
-            truths=named,
-            crs=crs,
-            earlier=_earlier(earlier),
-            covariates=() if covariates == ("none",) else covariates or None,
-            **options.chosen_settings(choices),
+            truths=named, crs=crs, earlier=_earlier(earlier),
+            covariates=() if covariates == ("none",) else covariates or None, **options.chosen_settings(choices),
             **choices,
-        )
+        )  # fmt: skip
         with options.reported_failure(out):
             replay = replay_bag(bag, settings, progress)
         progress("writing the results", 1.0)

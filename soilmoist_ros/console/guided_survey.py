@@ -15,6 +15,7 @@ import logging
 import math
 import shutil
 import socket
+import ssl
 import threading
 import time
 from collections import Counter, deque
@@ -31,7 +32,7 @@ from soilmoist_ros.console.plan_routes import SurveyFiles
 from soilmoist_ros.console.plan_work import Walk
 from soilmoist_ros.console.server import ConsoleServer
 from soilmoist_ros.console.views import choices_view, field_view, health_view, mission_view, place_views
-from soilmoist_ros.console.visitors import LOOPBACK, Access, invitation, reachable
+from soilmoist_ros.console.visitors import LOOPBACK, Access, invitation, own_certificate, reachable, tls_context
 from soilmoist_ros.exploration import (
     PERSON_ENTRY_M,
     AccessRules,
@@ -57,7 +58,7 @@ from soilmoist_ros.exploration import (
     status_health,
     warm_up,
 )
-from soilmoist_ros.foundation import Health, InputError
+from soilmoist_ros.foundation import Health, InputError, Level
 from soilmoist_ros.mapping import FieldGrid, MappingSettings, MapState, MapWorker, SoilMap, map_cells, map_health
 from soilmoist_ros.pipeline import open_survey
 from soilmoist_ros.recording import (
@@ -81,7 +82,7 @@ from soilmoist_ros.recording import (
     recover_bag,
     sample_points,
 )
-from soilmoist_ros.sensing import DOUBTS, Batch, CountRecord, Doubt, Driver, DriverSettings
+from soilmoist_ros.sensing import DOUBTS, PHONE, Batch, CountRecord, Doubt, Driver, DriverSettings, PhoneReceiver
 from soilmoist_ros.simulation import MissionSettings, mission_map
 
 STEP_S: Final = 0.2
@@ -99,6 +100,8 @@ class GuideSettings:
 
     :param mission: strategy, dwell, hours and motion; its field is the field file
     :param host: address that the page listens on
+    :param certificate: certificate and key, for a page by https; without, this computer makes one for a phone in
+        a network that is the receiver
     :param autostart: whether the mission starts with the first position, instead of a start on the page
     """
 
@@ -112,6 +115,7 @@ class GuideSettings:
     covariates: Sequence[str] = ()
     host: str = "127.0.0.1"
     port: int = 0
+    certificate: tuple[Path, Path | None] | None = None
     autostart: bool = False
 
     @property
@@ -119,17 +123,13 @@ class GuideSettings:
         """Rules of the mission."""
         mission = self.mission
         rules = MissionRules(
-            budget_s=3600 * mission.hours,
-            dwell=parse_dwell(str(mission.dwell)),
+            budget_s=3600 * mission.hours, dwell=parse_dwell(str(mission.dwell)),
             warm_up_stops=warm_up(str(mission.strategy), mission.preset)[0],
             min_dwell_s=mission.min_dwell_s or mission.cadence_s,
             min_last_dwell_s=(mission.min_dwell_s or mission.cadence_s) + mission.cadence_s,
-            speed_mps=mission.speed_mps,
-            stop_overhead_s=mission.stop_overhead_s,
-            stays=mission.preset == "recommended",
-            until_sd=mission.until_sd,
-            until_gain=mission.until_gain,
-        )
+            speed_mps=mission.speed_mps, stop_overhead_s=mission.stop_overhead_s,
+            stays=mission.preset == "recommended", until_sd=mission.until_sd, until_gain=mission.until_gain,
+        )  # fmt: skip
         return person_rules(rules)
 
 
@@ -150,12 +150,11 @@ class GuidedSurvey:
         self._plane, curve = survey.field.frame, survey.site.curve
         if mission.target == "vwc" and curve is None:
             raise InputError("the target is vwc, but there is no calibration", "give a calibrated site file")
-        self._driver = Driver(
-            DriverSettings(settings.logger_uri, settings.logger_format, settings.gnss_uri),
-            survey.site,
-            self._plane,
-            time.time(),
-        )
+        self._phone = PhoneReceiver() if settings.gnss_uri == PHONE else None
+        devices = DriverSettings(settings.logger_uri, settings.logger_format, settings.gnss_uri)
+        self._driver = Driver(devices, survey.site, self._plane, time.time(), self._phone)
+        self._driver.refuse_taken()
+        self._faults: dict[str, str] = {}
         self.stopped = False
         self.ended: Finish | None = None
         """End of the mission; ``None`` while it is not over."""
@@ -192,26 +191,18 @@ class GuidedSurvey:
             }
         )  # fmt: skip
         explorer = ExplorerSettings(
-            strategy=str(mission.strategy),
-            preset=mission.preset,
-            seed=mission.seed,
-            motion=mission.motion,
-            curve=curve if mission.target == "vwc" else None,
-            calibration=curve,
-            knowledge=survey.map.knowledge,
+            strategy=str(mission.strategy), preset=mission.preset, seed=mission.seed, motion=mission.motion,
+            curve=curve if mission.target == "vwc" else None, calibration=curve, knowledge=survey.map.knowledge,
             access=AccessRules(entry_m=PERSON_ENTRY_M, outside=Outside.WAY, lanes=mission.travel == "lanes"),
-        )
+        )  # fmt: skip
         self.board = Board()
         self._history, self._visits = RobotHistory(self.board, ""), VisitHistory(self.board)
         self._control: MissionControl = MissionControl(
             MissionSetup(field=survey.field, settings=explorer, rules=settings.rules),
-            partial(PersonNavigator, may_count=lambda: self._control.may_count()),
-            self,
-            MissionJournal(self._stored.journal),
-            clock=MissionClock(time.time, time.monotonic, boot_id()),
-            watch=person_watch(),
-            mission=self._stored.mission,
-        )
+            partial(PersonNavigator, may_count=lambda: self._control.may_count()), self,
+            MissionJournal(self._stored.journal), clock=MissionClock(time.time, time.monotonic, boot_id()),
+            watch=person_watch(), mission=self._stored.mission,
+        )  # fmt: skip
         self._autostart = settings.autostart and self._stored.starts
         if self._stored.mission is not None:
             self._control.take_up(self._stored.mission, self._stored.resumes)
@@ -232,12 +223,33 @@ class GuidedSurvey:
             self.board.put(name, value)
         access = Access((socket.gethostname(), f"{socket.gethostname()}.local"))
         files = SurveyFiles(runs, runs, runs)
-        self._server = ConsoleServer(self.board, self, access, lambda: self._picture, files, {"": walk})
-        port = self._server.start(settings.host, settings.port)
-        self.address = f"http://{reachable(settings.host)}:{port}/"
+        phone = self._phone
+        self.board.put("phone", phone is not None)
+        self._server = ConsoleServer(
+            self.board, self, access, lambda: self._picture, files, {"": walk}, phone=phone
+        )
+        tls = self._tls(reachable(settings.host))
+        access.secure = tls is not None
+        port = self._server.start(settings.host, settings.port, tls)
+        self.address = f"http{'s' * access.secure}://{reachable(settings.host)}:{port}/"
         """Address of the page."""
         self.invitation = "" if settings.host in LOOPBACK else invitation(self.address, access.token)
         """Text for another device that is to steer; empty if the page is for this machine only."""
+
+    def _tls(self, host: str) -> ssl.SSLContext | None:
+        """Encryption of the page, without which no phone in the network gives its position."""
+        settings = self._settings
+        if settings.certificate is not None:
+            return tls_context(*settings.certificate)
+        if self._phone is None or settings.host in LOOPBACK:
+            return None
+        try:
+            path = own_certificate(Path.home() / ".local/share/soilmoist_ros", host)
+        except InputError as error:
+            _log.warning("the phone cannot give its position to a page without encryption: %s", error)
+            return None
+        _log.warning("the browser warns of the certificate that this computer has made: go on to the page")
+        return tls_context(path, None)
 
     def __enter__(self) -> GuidedSurvey:
         return self
@@ -307,6 +319,10 @@ class GuidedSurvey:
             parts = [*control.health(), *self._driver.health(now_s)]
             parts += [map_health(self._survey.map, self._worker, now_s), self._bag.health()]
             self.board.put("health", health_view(parts))
+            faults = {part.name: part.message for part in parts if part.level is Level.ERROR}
+            for name in sorted(faults.keys() - self._faults.keys()):
+                _log.warning("%s: %s", name, faults[name])
+            self._faults = faults
 
     def _take(self, batch: Batch) -> None:
         """Store what the devices have sent, then use it."""

@@ -225,14 +225,10 @@ class Jobs:
 
     async def _run(self, arguments: Sequence[str], given: bytes, limit_s: float) -> tuple[int, bytes]:
         process = self._process = await asyncio.create_subprocess_exec(
-            *_YIELDING,
-            sys.executable,
-            *arguments,
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
+            *_YIELDING, sys.executable, *arguments, stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.STDOUT,
             env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-        )
+        )  # fmt: skip
         try:
             said, _ = await asyncio.wait_for(process.communicate(given), limit_s)
         finally:

@@ -10,6 +10,7 @@ import hashlib
 import html
 import json
 import logging
+import ssl
 import threading
 import time
 from collections import Counter
@@ -30,6 +31,7 @@ from soilmoist_ros.console.visitors import COOKIE, Access, Controls, Visitor, re
 from soilmoist_ros.exploration import OperatorRequest, Reply
 from soilmoist_ros.foundation import InputError, optional_module
 from soilmoist_ros.reporting import jsonable
+from soilmoist_ros.sensing import PhoneReceiver
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -99,6 +101,7 @@ class ConsoleServer:
     :param files: files on this computer: runs, and what may be chosen for the next mission
     :param walks: walks by the names of the robots
     :param background: GeoTIFF to show below the map; empty for none
+    :param phone: takes positions of the phone that has the controls; ``None`` if the receiver is another one
     """
 
     def __init__(
@@ -110,6 +113,7 @@ class ConsoleServer:
         files: SurveyFiles,
         walks: Mapping[str, Walk],
         background: str = "",
+        phone: PhoneReceiver | None = None,
     ) -> None:
         self._web = optional_module("aiohttp.web")
         self._board, self._steering, self._access, self._picture = board, steering, access, picture
@@ -121,15 +125,15 @@ class ConsoleServer:
         self._controls = Controls()
         self.operators = 0  # open pages that may steer
         self._files, self._walks = files, walks
-        self._background = background
+        self._background, self._phone = background, phone
         self._jobs: Jobs | None = None
         self._runner: web.AppRunner | None = None
 
-    def start(self, host: str, port: int) -> int:
+    def start(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> int:
         """Start to serve; returns the port. ``InputError`` if the address cannot be used."""
         self._thread.start()
         try:
-            return asyncio.run_coroutine_threadsafe(self._open(host, port), self._loop).result(20.0)
+            return asyncio.run_coroutine_threadsafe(self._open(host, port, tls), self._loop).result(20.0)
         except OSError as error:
             self.close()
             raise InputError(
@@ -151,7 +155,7 @@ class ConsoleServer:
         self._loop.run_forever()
         self._loop.close()
 
-    async def _open(self, host: str, port: int) -> int:
+    async def _open(self, host: str, port: int, tls: ssl.SSLContext | None) -> int:
         web = self._web
         app = web.Application(client_max_size=MAX_BODY, middlewares=[self._guard()])
         app.router.add_get("/", self._on_page)
@@ -163,13 +167,14 @@ class ConsoleServer:
         RunRoutes(web, self._files.runs, self._jobs).add(app, self._operators)
         PlanRoutes(web, self._files, self._jobs, self._walks).add(app, self._operators)
         BackgroundRoute(web, self._background, self._board, self._jobs).add(app)
-        for name, handler in (("stop", partial(self._on_stop, True)), ("take", self._on_take)):
+        here = (("position", self._on_position),) if self._phone else ()
+        for name, handler in (("stop", partial(self._on_stop, True)), ("take", self._on_take), *here):
             app.router.add_post(f"/{name}", self._operators(handler))
         for name, handler in (("command", self._on_command), ("release", partial(self._on_stop, False))):
             app.router.add_post(f"/{name}", self._operators(handler, holder=True))
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEP_S)
         await self._runner.setup()
-        await web.TCPSite(self._runner, host, port).start()
+        await web.TCPSite(self._runner, host, port, ssl_context=tls).start()
         self._loop.call_later(SILENT_S, self._end_silent, [])
         return int(self._runner.addresses[0][1])
 
@@ -357,6 +362,14 @@ class ConsoleServer:
 
     async def _on_take(self, content: Any) -> dict[str, Any]:
         return {"holds": self._controls.take(_client(content), who_of(content), over=True)}
+
+    async def _on_position(self, content: Any) -> dict[str, Any]:
+        """A position; never of a phone that nobody has given the controls: it may be far from the sensor."""
+        assert self._phone is not None
+        if not self._controls.had_last(_client(content)):
+            raise InputError("another phone gives the position", "take over on this one, if the sensor is here")
+        self._phone.take(content, time.time())
+        return {}
 
     async def _on_stop(self, pressed: bool, content: Any) -> dict[str, Any]:
         """Press or release, and wait until every planner says that its emergency stop is pressed or released."""

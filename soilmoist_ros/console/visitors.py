@@ -10,10 +10,13 @@ import io
 import ipaddress
 import secrets
 import socket
+import ssl
+import subprocess
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, Final
 from urllib.parse import SplitResult, urlsplit
 
@@ -178,6 +181,10 @@ class Controls:
         """True if a page has the controls."""
         return self._is_held() and client == self._holder
 
+    def had_last(self, client: str) -> bool:
+        """True if a page has the controls, or had them before they were free."""
+        return bool(client) and client == self._holder
+
     def take(self, client: str, who: str, over: bool = False) -> bool:
         """Give the controls to a page if they are free, or if it takes them over; whether it has them."""
         if not client or (self._is_held() and client != self._holder and not over):
@@ -261,12 +268,60 @@ def _number(name: str, value: Any) -> float:
 # How a browser gets to the page: a free port, an address with a token, as text and as a QR code -----------------
 
 
-def free_port(wanted: int) -> int:
-    """A port on this machine: the one that is wanted if it is free, else another."""
-    for port in (wanted, 0):
-        with contextlib.suppress(OSError), socket.create_server(("127.0.0.1", port)) as server:
-            return int(server.getsockname()[1])
-    raise InputError("no TCP port is free", "end other programs first")
+def free_port(wanted: int, host: str = "127.0.0.1", strict: bool = False) -> int:
+    """A port on this machine: the one that is wanted if it is free, else another.
+
+    :param strict: no other one will do
+    :raises InputError: if there is none, or the address is not of this machine
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    for port in (wanted,) if strict else (wanted, 0):
+        try:
+            with socket.create_server((host, port), family=family) as server:
+                return int(server.getsockname()[1])
+        except OSError as error:
+            why = error.strerror or str(error)
+    remedy = "end the program that uses it, which may be another survey, or choose another address and port"
+    raise InputError(f"the page cannot have port {wanted} of {host}: {why}", remedy)
+
+
+def tls_context(certificate: Path, key: Path | None) -> ssl.SSLContext:
+    """Encryption with a certificate.
+
+    :raises InputError: if the files are none, or do not belong together
+    """
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    try:
+        context.load_cert_chain(certificate, key)
+    except (OSError, ValueError) as error:
+        remedy = "give a certificate and its key, both as PEM"
+        raise InputError(f"is no certificate that can be used: {error}", remedy, certificate) from None
+    return context
+
+
+def own_certificate(folder: Path, host: str) -> Path:
+    """A certificate with its key that this computer makes for itself; browsers warn of it once.
+
+    :raises InputError: if openssl is missing
+    """
+    path = folder / "page.pem"
+    if not path.is_file():
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        names = f"subjectAltName=DNS:{socket.gethostname()},DNS:{socket.gethostname()}.local"
+        names += f",IP:{host}" if _address(host) else ""
+        made = folder / "page.new"
+        command = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -subj /CN=soilmoist"
+        files = "-keyout", str(made), "-out", str(made.with_suffix(".crt"))
+        try:
+            subprocess.run(
+                [*command.split(), "-days", "800", "-addext", names, *files], check=True, capture_output=True
+            )
+        except (OSError, subprocess.CalledProcessError) as error:
+            remedy = "apt install openssl, or give --certificate and --key"
+            raise InputError(f"openssl made no certificate: {error}", remedy) from None
+        made.write_bytes(made.read_bytes() + made.with_suffix(".crt").read_bytes())
+        made.replace(path)
+    return path
 
 
 def reachable(host: str) -> str:

@@ -226,21 +226,12 @@ def _write_series(
         soil_map = field_map.update()
         assert soil_map is not None  # there are a hundred samples
         run = MapRun(
-            soil_map=soil_map,
-            frame=result.frame,
-            created_utc=mission.created_utc,
-            track=survey.records,
-            title=f"Simulated survey {survey.name}",
-            field_name=result.field_title,
-            simulated=True,
-            version=__version__,
-            truth_rate=grid.to_raster(survey.field.rate_at(grid.cells)),
-            footprint_radius_m=settings.footprint_m,
-            name=name,
-            label=result.field_title or name,
-            calibration=mission.calibration,
-            irrigation=mission.irrigation,
-        )
+            soil_map=soil_map, frame=result.frame, created_utc=mission.created_utc, track=survey.records,
+            title=f"Simulated survey {survey.name}", field_name=result.field_title, simulated=True,
+            version=__version__, truth_rate=grid.to_raster(survey.field.rate_at(grid.cells)),
+            footprint_radius_m=settings.footprint_m, name=name, label=result.field_title or name,
+            calibration=mission.calibration, irrigation=mission.irrigation,
+        )  # fmt: skip
         home = folder / EARLIER / f"survey_{back}"
         write_outputs(home, run, crs)
         yield home
@@ -265,25 +256,14 @@ def mission_run(
     first, name = result.properties[0], property_name(settings.field_name)
     site = simulated_site(surrogate_field(settings.field_name), irrigation=irrigation)
     run = MapRun(
-        soil_map=replace(result.soil_map, curve=site.curve),
-        **site_facts(site),
-        frame=result.frame,
-        created_utc=created_utc or datetime.now(UTC),
-        track=result.records,
-        title="Simulated soil moisture mission",
-        field_name=result.field_title or settings.field_name,
-        losses=list(_left_out(result)),
-        simulated=True,
-        version=__version__,
-        settings=settings_summary(settings),
-        truth_rate=result.truth_rate,
-        footprint_radius_m=settings.footprint_m,
-        mission=result,
-        name=name,
-        label=result.field_title or settings.field_name,
-        covariates=first.covariates,
+        soil_map=replace(result.soil_map, curve=site.curve), **site_facts(site), frame=result.frame,
+        created_utc=created_utc or datetime.now(UTC), track=result.records,
+        title="Simulated soil moisture mission", field_name=result.field_title or settings.field_name,
+        losses=list(_left_out(result)), simulated=True, version=__version__, settings=settings_summary(settings),
+        truth_rate=result.truth_rate, footprint_radius_m=settings.footprint_m, mission=result, name=name,
+        label=result.field_title or settings.field_name, covariates=first.covariates,
         earlier=[*simulated_runs(first, result.soil_map), *earlier.get(name, ())],
-    )
+    )  # fmt: skip
     end_s = result.series[-1].time_s if result.series else 0.0
     run = replace(run, change=run_change(run.soil_map, end_s, run.earlier))
     others = [

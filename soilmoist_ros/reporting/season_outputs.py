@@ -186,21 +186,13 @@ def render_season(season: Season) -> str:
     """The page as HTML, without requests to other files."""
     labels = season.labels
     return render_page(
-        "season.html.j2",
-        title=season.title,
-        version=__version__,
-        place=season.field_name,
+        "season.html.j2", title=season.title, version=__version__, place=season.field_name,
         when=f"{len(season.surveys)} surveys, {labels[0]} to {labels[-1]}",
         where=f"{season.field_name} · page made {season.created_utc:%Y-%m-%d %H:%M} UTC",
-        simulated=season.simulated,
-        lead=_lead(season),
-        notes=season.notes,
-        data=season_data(season),
-        chart=mean_chart(season),
-        rows=list(_rows(season)),
-        moist=season.curve is not None,
+        simulated=season.simulated, lead=_lead(season), notes=season.notes, data=season_data(season),
+        chart=mean_chart(season), rows=list(_rows(season)), moist=season.curve is not None,
         dated=any(survey.run.date for survey in season.surveys),
-    )
+    )  # fmt: skip
 
 
 def season_data(season: Season) -> dict[str, Any]:

@@ -44,7 +44,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.general import DAY_SD as DAY_SD, GENERAL_SD as GENERAL_SD, SENSITIVITIES as SENSITIVITIES, SurveyAir as SurveyAir, general_calibration as general_calibration, named_sensor as named_sensor, sensitivity_of as sensitivity_of, unknown_sensor as unknown_sensor, why_no_soil as why_no_soil
     from soilmoist_ros.sensing.moisture.site import UNKNOWN_SENSOR as UNKNOWN_SENSOR, Calibration as Calibration, Irrigation as Irrigation, N0Estimate as N0Estimate, SensorModel as SensorModel, Site as Site, Soil as Soil, UncertaintyPart as UncertaintyPart, estimate_n0 as estimate_n0, load_site as load_site, n0_in_other_time as n0_in_other_time, unusual_n0 as unusual_n0, write_calibration as write_calibration, write_site_values as write_site_values
     from soilmoist_ros.sensing.moisture.texture import TEXTURES as TEXTURES, SoilTexture as SoilTexture
-    from soilmoist_ros.sensing.position.nmea import parse_nmea as parse_nmea
+    from soilmoist_ros.sensing.position.nmea import nmea_sentences as nmea_sentences, parse_nmea as parse_nmea, sentences_without_fix as sentences_without_fix
+    from soilmoist_ros.sensing.position.phone import PHONE as PHONE, PhoneReceiver as PhoneReceiver
     from soilmoist_ros.sensing.position.place_doubt import DOUBTS as DOUBTS, Doubt as Doubt, Doubts as Doubts, none_since as none_since, placed_of_any as placed_of_any
     from soilmoist_ros.sensing.position.place_judge import REPEATED_M as REPEATED_M, Expected as Expected, PlaceAges as PlaceAges, PlaceFix as PlaceFix, PlaceJudge as PlaceJudge, PlaceLimits as PlaceLimits, Verdict as Verdict
     from soilmoist_ros.sensing.position.track import NO_ARMS as NO_ARMS, CheckedTrack as CheckedTrack, LeverArms as LeverArms, Track as Track, distance_m as distance_m
@@ -80,7 +81,8 @@ __getattr__, __dir__, __all__ = open_door(
         "moisture.general": "DAY_SD GENERAL_SD SENSITIVITIES SurveyAir general_calibration named_sensor sensitivity_of unknown_sensor why_no_soil",
         "moisture.site": "UNKNOWN_SENSOR Calibration Irrigation N0Estimate SensorModel Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration write_site_values",
         "moisture.texture": "SoilTexture TEXTURES",
-        "position.nmea": "parse_nmea",
+        "position.nmea": "nmea_sentences parse_nmea sentences_without_fix",
+        "position.phone": "PHONE PhoneReceiver",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",
         "position.place_judge": "Expected PlaceAges PlaceFix PlaceJudge PlaceLimits REPEATED_M Verdict",
         "position.track": "CheckedTrack LeverArms NO_ARMS Track distance_m",

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import ipaddress
 import math
 import os
@@ -46,6 +47,12 @@ CONNECT_S = 3.0  # maximum time of an attempt to connect [s]
 MAX_SENDERS = 8  # senders that are remembered by their address
 RECENT_S = 60.0  # time after which a sender that has fallen silent is no longer shown [s]
 MAX_SILENT_PERIODS = 3.5  # maximum time without a record before an error, as a multiple of the record period
+_IN_USE = "end the other program that uses it, such as a second survey, a terminal, gpsd or ModemManager"
+_TAKEN = {
+    **dict.fromkeys((errno.EADDRINUSE, errno.EBUSY, errno.EAGAIN), _IN_USE),
+    errno.EACCES: "let this user: sudo usermod -a -G dialout $USER, then log in again; UDP needs a port from 1024",
+}
+"""What to do about a port that cannot be opened, by the error number."""
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 
 
@@ -357,6 +364,21 @@ class ReconnectingSource:
             senders=senders.recent, is_open=self._senders is not None and not senders.allowed, silent_s=silent_s,
             silence_limit_s=limit_s,
         )  # fmt: skip
+
+    def refuse_taken(self) -> None:
+        """Try a port of this computer, which no retry frees; a server elsewhere may come later.
+
+        :raises InputError: if another program uses it, or this user must not
+        """
+        if self._uri.startswith("tcp"):
+            return
+        try:
+            self._connect().close()
+        except OSError as error:
+            if error.errno in _TAKEN:
+                raise InputError(
+                    f"{self._uri} cannot be used: {error.strerror or error}", _TAKEN[error.errno]
+                ) from None
 
     def read_line(self, timeout_s: float) -> bytes | None:
         """The next line, ``None`` after the timeout."""

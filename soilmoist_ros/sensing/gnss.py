@@ -203,13 +203,9 @@ def fix_from_message(message: Any, received_s: float = NAN) -> Fix:
     variance = (covariance[0][0] + covariance[1][1]) / 2
     sd_m = math.sqrt(variance) if variance >= 0 else NAN
     return Fix(
-        stamp_s=stamp_s,
-        position=Position(latitude_deg, longitude_deg, float(message.altitude), sd_m),
-        status=status,
-        geoid_separation_m=0.0,
-        covariance_m2=covariance,
-        covariance_kind=kind,
-    )
+        stamp_s=stamp_s, position=Position(latitude_deg, longitude_deg, float(message.altitude), sd_m),
+        status=status, geoid_separation_m=0.0, covariance_m2=covariance, covariance_kind=kind,
+    )  # fmt: skip
 
 
 def stamp_of(message: Any) -> float:

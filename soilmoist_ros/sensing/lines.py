@@ -28,14 +28,10 @@ _log = logging.getLogger(__name__)
 StampOf = Callable[[bytes], float | None]
 """Time at which a line was sent [s since 1970 UTC], ``None`` if the line has no time."""
 _MAGIC = {
-    b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)",
-    b"\x1f\x8b": "a gzip archive",
-    b"%PDF": "a PDF document",
-    b"\x89PNG": "an image",
-    b"\xd0\xcf\x11\xe0": "an old Office document (.xls)",
-    b"\x89MCAP": "a ROS bag (MCAP)",
-    b"SQLite": "a database",
-}
+    b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)", b"\x1f\x8b": "a gzip archive",
+    b"%PDF": "a PDF document", b"\x89PNG": "an image", b"\xd0\xcf\x11\xe0": "an old Office document (.xls)",
+    b"\x89MCAP": "a ROS bag (MCAP)", b"SQLite": "a database",
+}  # fmt: skip
 
 
 class LinkState(enum.Enum):
@@ -64,6 +60,7 @@ class LinkStatus:
     :param is_open: whether datagrams of anybody are accepted
     :param silent_s: time since the last byte or connection [s]
     :param silence_limit_s: such a time after which the link reconnects [s]
+    :param remedy: what to do about an error, if it is not the usual
     """
 
     uri: str
@@ -80,6 +77,7 @@ class LinkStatus:
     is_open: bool = False
     silent_s: float = 0.0
     silence_limit_s: float = math.inf
+    remedy: str = ""
 
 
 class LineSource(Protocol):

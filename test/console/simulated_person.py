@@ -115,7 +115,10 @@ class PageAdvice:
         import aiohttp
 
         async def listen() -> None:
-            async with aiohttp.ClientSession() as session, session.ws_connect(f"{self.address}live") as socket:
+            async with (
+                aiohttp.ClientSession() as session,
+                session.ws_connect(f"{self.address}live", ssl=False) as socket,
+            ):
                 async for message in socket:
                     if message.type is aiohttp.WSMsgType.TEXT:
                         self.sections.update(json.loads(message.data).get("set", {}))

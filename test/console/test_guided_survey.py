@@ -18,7 +18,7 @@ from browser import PHONE, chromium
 from simulated_person import PageAdvice, SimulatedPerson
 
 from soilmoist_ros.recording import BagReader, read_records
-from soilmoist_ros.simulation import MissionSettings
+from soilmoist_ros.simulation import MissionSettings, surrogate_field
 
 SETTINGS = MissionSettings(
     "patches", speed_mps=6.0, stop_overhead_s=0.5, cadence_s=1.0, position_sd_m=0.05, seed=3
@@ -56,28 +56,6 @@ def raster(path):
 
     with rasterio.open(path) as file:
         return file.read()
-
-
-def test_a_person_who_ignores_advice_and_turns_wrong_gets_a_report(tmp_path):
-    pages = []
-    with (
-        SimulatedPerson(SETTINGS, lambda: pages and pages[0](), ignores=1, wrong_turn=2) as person,
-        guided(person, tmp_path / "out", "--hours", "0.02", "--autostart") as (process, page),
-    ):
-        pages.append(page)
-        until(lambda: process.poll() is not None)
-        said, errors = process.communicate()
-        assert process.returncode == 0, errors
-    assert "equals the robot's last one, bit for bit" in said
-    assert (tmp_path / "out" / "report.html").is_file()
-    assert "\nx" in (tmp_path / "out" / "visits.csv").read_text(), "a stop of their own choice"
-    again = subprocess.run(
-        [*COMMAND, "replay", str(tmp_path / "out"), "--out", str(tmp_path / "again")],
-        capture_output=True,
-        text=True,
-    )
-    assert again.returncode == 0, again.stderr
-    np.testing.assert_array_equal(raster(tmp_path / "out" / "map.tif"), raster(tmp_path / "again" / "map.tif"))
 
 
 def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
@@ -119,27 +97,79 @@ def test_ctrl_c_before_the_first_record_says_how_to_go_on(tmp_path):
     assert "error" not in errors
 
 
-def test_the_page_leads_by_an_arrow_and_a_ring(tmp_path):
-    pages = []
+def test_a_phone_is_the_receiver_and_shows_arrow_ring_and_report(tmp_path, monkeypatch):
+    """By https, with the certificate that the command makes; the person ignores advice and turns wrong."""
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    pages, faults, asked = [], [], []
+    frame = surrogate_field("patches").field.frame
     with (
         chromium() as browser,
-        SimulatedPerson(SETTINGS, lambda: pages and pages[0]()) as person,
-        guided(person, tmp_path / "out", "--hours", "1", "--dwell", "fmi:15") as (_process, advice),
-    ):
-        page = browser.new_page(viewport=PHONE)
-        faults = []
+        SimulatedPerson(SETTINGS, lambda: pages and pages[0](), ignores=1, wrong_turn=2) as person,
+        guided(person, tmp_path / "out", "--hours", "0.025", "--dwell", "fmi:8", "--gnss-uri", "phone:", "--host",
+               "127.0.0.2") as (process, advice),
+    ):  # fmt: skip
+        assert advice.address.startswith("https://127.0.0.2:")
+        phone, other = (
+            browser.new_context(viewport=PHONE, ignore_https_errors=True, permissions=["geolocation"])
+            for _ in range(2)
+        )
+
+        def carry(context, accuracy_m=2.0, away_m=0.0):
+            place = frame.to_geographic(np.array(person.place) + away_m)[0].tolist()
+            context.set_geolocation({"latitude": place[0], "longitude": place[1], "accuracy": accuracy_m})
+            page.wait_for_timeout(200)
+
+        def seen(what):
+            until(lambda: carry(phone) or what())
+
+        page = phone.new_page()
         page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on("request", lambda request: asked.append(request.url))
         page.goto(advice.address)
-        page.get_by_role("button", name="Start the survey").click(timeout=1000 * LIMIT_S)
-        page.locator("#guide .arrow").wait_for(timeout=1000 * LIMIT_S)
+        carry(phone, accuracy_m=65.0)
+        page.get_by_role("button", name="Use this phone's position").click(timeout=1000 * LIMIT_S)
+        page.locator("#guide-alarm", has_text="the phone knows its position within 65 m only").wait_for(
+            timeout=1000 * LIMIT_S
+        )
+        start = page.get_by_role("button", name="Start the survey")
+        seen(start.is_visible)
+        page.screenshot(path=tmp_path / "ready.png")
+        start.click()
+        seen(page.locator("#guide .arrow").is_visible)
         assert page.locator("#guide-big").inner_text().endswith(" m")
         assert page.locator("#stop").is_hidden(), "nothing but the person drives"
+        second = other.new_page()
+        carry(other, away_m=500.0)
+        second.goto(advice.address)
+        answer = second.evaluate(
+            """async () => (await fetch("position", {method: "POST", headers: {"Content-Type": "application/json"},
+            body: JSON.stringify({latitude: 1, longitude: 1, accuracy: 1, age_s: 0, client: "b"})})).json()"""
+        )
+        assert "another phone gives the position" in answer["error"]
         pages.append(advice)
-        page.locator("#guide .ring").wait_for(timeout=1000 * LIMIT_S)
-        page.get_by_text("more: ±").wait_for(timeout=1000 * LIMIT_S)
+        seen(page.locator("#guide .ring").is_visible)
+        seen(page.get_by_text("more: ±").is_visible)
         box = page.get_by_role("button", name="Go on now").bounding_box()
         assert box["height"] >= 64, "for a thumb"
         assert box["y"] + box["height"] <= PHONE["height"], "in sight"
         page.get_by_role("button", name="Go on now").click()
-        page.locator("#guide .arrow").wait_for(timeout=1000 * LIMIT_S)
+        seen(page.locator("#guide .arrow").is_visible)
+        seen(lambda: process.poll() is not None)
+        said, errors = process.communicate()
+        assert process.returncode == 0, errors
         assert not faults
+        assert {url.split("/")[2] for url in asked} == {advice.address.split("/")[2]}, "no network but the cart's"
+    assert "equals the robot's last one, bit for bit" in said
+    assert "the browser warns of the certificate" in errors
+    assert (tmp_path / "out" / "report.html").is_file()
+    with BagReader(tmp_path / "out" / "bag") as reader:
+        lines = [reader.decode(message).data for message in reader.messages(["/raw/gnss"])]
+    assert any(line.startswith("$GNGST") and ",1.414," in line for line in lines)
+    assert "\nx" in (tmp_path / "out" / "visits.csv").read_text(), "a stop of their own choice"
+    again = subprocess.run(
+        [*COMMAND, "replay", str(tmp_path / "out"), "--out", str(tmp_path / "again")],
+        capture_output=True,
+        text=True,
+    )
+    assert again.returncode == 0, again.stderr
+    np.testing.assert_array_equal(raster(tmp_path / "out" / "map.tif"), raster(tmp_path / "again" / "map.tif"))

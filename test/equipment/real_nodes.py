@@ -266,13 +266,9 @@ class RealNodes:
         scenario = out / "scenario.yaml"
         scenario.write_text(yaml.safe_dump(dict(settings.scenario) or {"title": "nothing goes wrong"}))
         demo = DemoSettings(
-            out,
-            settings.mission,
-            settings.time_factor,
-            settings.navigator,
-            str(scenario),
+            out, settings.mission, settings.time_factor, settings.navigator, str(scenario),
             exit_when_finished=False,
-        )
+        )  # fmt: skip
         files = write_configuration(demo, self.field, out)
         ports = {device: self._port() for device in ("logger", "gnss")}
         more: dict[str, dict[str, Any]] = {

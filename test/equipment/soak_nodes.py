@@ -109,13 +109,10 @@ def soak_nodes(options: argparse.Namespace) -> int:
     spans = day_of_faults(options.hours, options.seed)
     print(f"{len(spans)} faults in {options.hours:g} h; from {begin_s / 3600:.1f} h on", flush=True)
     settings = NodesSettings(
-        out=options.out / "nodes",
-        mission=MissionSettings(field="rough", hours=MISSION_H, seed=options.seed),
-        time_factor=options.time_factor,
-        scenario=scenario_of(spans, begin_s=begin_s),
-        begin_s=begin_s,
+        out=options.out / "nodes", mission=MissionSettings(field="rough", hours=MISSION_H, seed=options.seed),
+        time_factor=options.time_factor, scenario=scenario_of(spans, begin_s=begin_s), begin_s=begin_s,
         more={"recorder": {"file_mb": FILE_MB, "keep_gb": KEEP_GB, "delete_oldest": True}},
-    )
+    )  # fmt: skip
     with free_domain() as domain, RealNodes(settings, domain) as nodes:
         later = [span for span in spans if span.at_s >= begin_s]
         disturber = Disturber(nodes, later, MISSION_H * 3600.0)

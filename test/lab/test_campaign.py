@@ -319,12 +319,9 @@ def test_ctrl_c_stops_the_processes(tmp_path):
     command = [sys.executable, str(tmp_path / "slow.py"), str(path), str(tmp_path)]
     # Tests that a shell starts in the background ignore Ctrl-C; child processes inherit this.
     process = subprocess.Popen(
-        command,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
+        command, stderr=subprocess.PIPE, text=True, start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+    )  # fmt: skip
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob("started*")) and time.monotonic() < deadline:
         time.sleep(0.05)

@@ -84,12 +84,9 @@ def started(tools):
 
     def start(*command):
         process = subprocess.Popen(
-            [sys.executable, *map(str, command)],
-            env=environment,
-            start_new_session=True,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+            [sys.executable, *map(str, command)], env=environment, start_new_session=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
         running.append(process)
         return process
 

@@ -249,13 +249,9 @@ def test_a_whole_survey_is_mapped_as_by_kriging_to_the_last_digits():
     samples = merge_records(GRID.cells[::3], [one.raw_counts for one in many], [9.0] * len(many), 6.0, spread)
     samples = dataclasses.replace(samples, spread=samples.spread + footprint_spread(4.0))
     fit = estimate_variogram(
-        samples.xy,
-        samples.counts,
-        samples.exposure_s,
-        extent_m=GRID.extent_m,
-        spread=samples.spread,
+        samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m, spread=samples.spread,
         local_noise=True,
-    )
+    )  # fmt: skip
     assert (field_map.state.records, field_map.state.stamp_s) == (len(many), many[-1].stamp_s)
     for band, expected in zip(found.bands, make_soil_map(samples, GRID, fit, CURVE).bands, strict=True):
         np.testing.assert_allclose(band, expected, rtol=1e-10)

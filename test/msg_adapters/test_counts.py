@@ -32,18 +32,10 @@ from soilmoist_ros.sensing import CountRecord, Kind
 coordinates = st.floats(-5e4, 5e4, width=32)
 positive = st.floats(1e-3, 1e5)
 records = st.builds(
-    CountRecord,
-    stamp_s=st.integers(0, 2**31 - 2).map(float),
-    x_m=coordinates,
-    y_m=coordinates,
-    z_m=coordinates,
-    raw_counts=st.integers(0, 2**32 - 1),
-    exposure_s=positive,
-    effective_exposure_s=positive,
-    f_pressure=positive,
-    f_humidity=positive,
-    f_intensity=positive,
-)
+    CountRecord, stamp_s=st.integers(0, 2**31 - 2).map(float), x_m=coordinates, y_m=coordinates, z_m=coordinates,
+    raw_counts=st.integers(0, 2**32 - 1), exposure_s=positive, effective_exposure_s=positive, f_pressure=positive,
+    f_humidity=positive, f_intensity=positive,
+)  # fmt: skip
 
 
 @given(st.lists(records, min_size=1, max_size=5))

@@ -89,12 +89,9 @@ def test_no_fix_is_published_as_such():
 )
 def test_any_message_is_a_fix_with_a_place_or_none(status, latitude, longitude, covariance, kind):
     message = NavSatFix(
-        status=NavSatStatus(status=status),
-        latitude=latitude,
-        longitude=longitude,
-        position_covariance=covariance,
+        status=NavSatStatus(status=status), latitude=latitude, longitude=longitude, position_covariance=covariance,
         position_covariance_type=kind,
-    )
+    )  # fmt: skip
     found = fix_from_message(message)
     placed = abs(found.position.latitude_deg) <= 90 and abs(found.position.longitude_deg) <= 180
     assert placed == (found.status is not FixStatus.NO_FIX)

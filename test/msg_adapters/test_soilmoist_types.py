@@ -217,22 +217,11 @@ def test_control_characters_of_other_planners_do_not_come_in():
     alarm = Alarm(0.0, "fix", next(iter(Response)), odd)
     names = (odd,)
     status = replace(
-        IDLE,
-        reason=odd,
-        target=Stop(odd, 1.0, 2.0),
-        blacklisted=names,
-        queue=names,
-        alarms=(alarm,),
-        field=odd,
+        IDLE, reason=odd, target=Stop(odd, 1.0, 2.0), blacklisted=names, queue=names, alarms=(alarm,), field=odd,
         earlier=names,
-    )
+    )  # fmt: skip
     found = mission_state_from_message(sent(status))
     shown = (
-        found.reason,
-        found.target.name,
-        *found.blacklisted,
-        *found.queue,
-        found.alarms[0].reason,
-        found.field,
-    )
+        found.reason, found.target.name, *found.blacklisted, *found.queue, found.alarms[0].reason, found.field,
+    )  # fmt: skip
     assert (set(shown), found.earlier) == ({"north 5"}, ("north 5",))

@@ -254,12 +254,9 @@ with free_domain() as domain:
 def hold(folder):
     """A process with another folder for its files, as in a container that shares the network."""
     process = subprocess.Popen(
-        [sys.executable, "-c", HOLD],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-c", HOLD], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         env=os.environ | {"TMPDIR": str(folder)},
-    )
+    )  # fmt: skip
     return process, int(process.stdout.readline())
 
 

@@ -27,15 +27,12 @@ TRACK = [
     replace(RECORD, stamp_s=1.77e9 + 20, quarantine="noisy_tube", raw_counts=9000),
 ]
 FAILED = FailedRun(
-    why="All 2 records lie 70 km west of the field 'north <1>'.",
-    todo=("Correct the sign.", "Map again."),
-    created_utc=NOW,
-    track=TRACK,
-    field_name="north <1>",
+    why="All 2 records lie 70 km west of the field 'north <1>'.", todo=("Correct the sign.", "Map again."),
+    created_utc=NOW, track=TRACK, field_name="north <1>",
     inputs=[InputFile("bag_0.mcap", size_bytes=7, sha256="ab")],
     losses=[LossRow("outside the field", 1, "at x = 5 m", "lost", "check the field file")],
     troubles=[Trouble("sensor_driver: logger", "records have a wrong checksum", 12, error=True)],
-)
+)  # fmt: skip
 
 
 def test_what_was_counted():

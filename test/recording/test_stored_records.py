@@ -121,16 +121,8 @@ def write_bag(folder, many):
         for one in many:
             stamp = types["builtin_interfaces/msg/Time"](int(one.stamp_s), 0)
             row = (
-                one.x_m,
-                one.y_m,
-                one.z_m,
-                one.raw_counts,
-                one.exposure_s,
-                one.effective_exposure_s,
-                1.0,
-                1.0,
-                1.0,
-            )
+                one.x_m, one.y_m, one.z_m, one.raw_counts, one.exposure_s, one.effective_exposure_s, 1.0, 1.0, 1.0,
+            )  # fmt: skip
             data = np.frombuffer(np.array([row], layout).tobytes(), "u1")
             header = types["std_msgs/msg/Header"](stamp, "map")
             cloud = types[CLOUD](header, 1, 1, fields, False, layout.itemsize, layout.itemsize, data, True)

@@ -445,16 +445,10 @@ def make_case(seed: int, number: int, fault: Fault | None = None) -> Case:
         wrong = {Fault.FIX_FROZEN, *((Fault.FIX_DRIFT,) if Fault.OTHER_MAP in drawn else ())}
         faults = Faults([span for span in faults.spans if span.fault not in wrong])
     return Case(
-        ground=ground,
-        navigator=navigator,
-        strategy=strategies[(field + 2 * turn) % len(strategies)],
-        faults=faults,
-        seed=seed * 1_000_003 + number,
-        budget_s=budget_s,
-        home=bool(rng.uniform() < 0.7),
-        fixes_hz=FIXES_HZ[field % len(FIXES_HZ)],
-        stated=STATED[(field + turn) % len(STATED)],
-    )
+        ground=ground, navigator=navigator, strategy=strategies[(field + 2 * turn) % len(strategies)],
+        faults=faults, seed=seed * 1_000_003 + number, budget_s=budget_s, home=bool(rng.uniform() < 0.7),
+        fixes_hz=FIXES_HZ[field % len(FIXES_HZ)], stated=STATED[(field + turn) % len(STATED)],
+    )  # fmt: skip
 
 
 def make_quiet_case(seed: int, number: int) -> Case:
@@ -467,11 +461,6 @@ def make_quiet_case(seed: int, number: int) -> Case:
     turn, rate = divmod(turn, len(QUIET_HZ))
     case = make_case(seed, number + turn)  # each receiver and rate with each navigator
     return replace(
-        case,
-        faults=Faults(),
-        budget_s=3600.0,
-        strategy=QUIET_STRATEGIES[number % len(QUIET_STRATEGIES)],
-        receiver=tuple(RECEIVERS)[receiver],
-        fixes_hz=QUIET_HZ[rate],
-        stated=STATED[(number // 7) % len(STATED)],
-    )
+        case, faults=Faults(), budget_s=3600.0, strategy=QUIET_STRATEGIES[number % len(QUIET_STRATEGIES)],
+        receiver=tuple(RECEIVERS)[receiver], fixes_hz=QUIET_HZ[rate], stated=STATED[(number // 7) % len(STATED)],
+    )  # fmt: skip

@@ -80,22 +80,14 @@ class PlannerProcess:
         self.finished = False
         journal, snapshot, events, complete = store.open_journal()
         settings = ExplorerSettings(
-            strategy=case.strategy,
-            preset="paper",
-            seed=case.seed,
-            motion=RobotMotion(SPEED_MPS, STOP_OVERHEAD_S),
+            strategy=case.strategy, preset="paper", seed=case.seed, motion=RobotMotion(SPEED_MPS, STOP_OVERHEAD_S),
             access=access,
-        )
+        )  # fmt: skip
         rules = MissionRules(
-            budget_s=case.budget_s,
-            dwell=parse_dwell("fmi:60", 240.0),
-            warm_up_stops=settings.warm_up_stops,
-            min_dwell_s=30.0,
-            speed_mps=SPEED_MPS,
-            stop_overhead_s=STOP_OVERHEAD_S,
-            arrival_radius_m=case.radius_m,
+            budget_s=case.budget_s, dwell=parse_dwell("fmi:60", 240.0), warm_up_stops=settings.warm_up_stops,
+            min_dwell_s=30.0, speed_mps=SPEED_MPS, stop_overhead_s=STOP_OVERHEAD_S, arrival_radius_m=case.radius_m,
             blacklist_s=300.0,
-        )
+        )  # fmt: skip
         frozen_s = POSES_FROZEN_S if case.navigator == "goal_pose" else WatchLimits().fix_frozen_s
         self.control = MissionControl(
             MissionSetup(

@@ -196,16 +196,12 @@ class _Rehearsal:
         return Outcome(
             violations=tuple(self.judge.violations),
             visits=self._visits + (self.planner.visits if self.planner is not None else 0),
-            driven_m=self.world.robot.odometer_m,
-            kills=self._kills,
-            alarms=self._alarms,
-            stops=self._stops,
+            driven_m=self.world.robot.odometer_m, kills=self._kills, alarms=self._alarms, stops=self._stops,
             asked=self.asked,
             quarantined=sum(bool(self.world.doubts.placed(one).quarantine) for one in self.world.published),
-            hours=self.world.time_s / 3600,
-            refused="" if self._started else self._refusal or "it did not start",
+            hours=self.world.time_s / 3600, refused="" if self._started else self._refusal or "it did not start",
             ended=self._ended,
-        )
+        )  # fmt: skip
 
     def _second(self) -> bool:
         """Let a second pass; whether the mission has ended."""

@@ -3,7 +3,7 @@
 // The guide of a person with the sensor: where to go, how long to stay, when it is enough.
 
 import { fixed, said, t } from "./texts.js";
-import { connected, sections } from "./link.js";
+import { connected, request, sections, takeControls } from "./link.js";
 import { insideOf } from "./map.js";
 import { $, button, duration, element, fill, setText, slide } from "./widgets.js";
 
@@ -11,9 +11,11 @@ const RING_M = 2 * Math.PI * 44, BUSY = ["planning", "waiting", "cancelling"], A
 let before = "", sound = null, use = null;
 
 // A sound needs a tap before it; phones that are silent vibrate.
+const stayAwake = () => { if (!document.hidden) navigator.wakeLock?.request("screen").catch(() => null); };
 addEventListener("pointerdown", () => {
   sound ??= window.AudioContext ? new AudioContext() : null;
-  navigator.wakeLock?.request("screen").catch(() => null);
+  stayAwake();
+  document.addEventListener("visibilitychange", stayAwake);  // a locked phone has given the wake lock back
 }, { once: true });
 
 function signal(tone, pattern) {
@@ -86,6 +88,53 @@ function actions(now) {
   return [element("div", { class: "buttons" }, pause), end];
 }
 
+// Where the phone is the GNSS receiver: its position goes to the computer as long as this page has the controls.
+const ASK_MS = 2000, PLACE = { enableHighAccuracy: true, maximumAge: 0, timeout: 20000 };
+const mayPlace = window.isSecureContext && navigator.geolocation;
+let watch = null, busy = false, cameAt = 0, fault = "";
+
+async function sendPlace({ coords, timestamp }) {
+  cameAt = performance.now();
+  if (busy || watch === null) return;
+  busy = true;
+  const { latitude, longitude, accuracy, altitude, speed } = coords;
+  const answer = await request("position", { latitude, longitude, accuracy, altitude, speed, age_s: (Date.now() - timestamp) / 1000 }, 5000);
+  busy = false;
+  fault = said(answer.error ?? "");
+}
+
+function failPlace({ code }) {
+  fault = t({ 1: "phone_denied", 3: "phone_waiting" }[code] ?? "phone_none");
+  if (code === 1) stopPhone();
+}
+
+function startPhone() {
+  stopPhone();
+  sessionStorage.setItem("phone", "1");
+  fault = t("phone_waiting");
+  watch = navigator.geolocation.watchPosition(sendPlace, failPlace, PLACE);
+}
+
+function stopPhone() {
+  if (watch !== null) navigator.geolocation.clearWatch(watch);
+  watch = null;
+  sessionStorage.removeItem("phone");
+}
+
+// Some browsers say nothing while the phone stands, and stop a watch while the page is hidden.
+setInterval(() => {
+  if (watch !== null && performance.now() - cameAt > ASK_MS) navigator.geolocation.getCurrentPosition(sendPlace, () => null, PLACE);
+}, ASK_MS);
+document.addEventListener("visibilitychange", () => { if (watch !== null && !document.hidden) startPhone(); });
+if (sessionStorage.getItem("phone") && mayPlace) startPhone();
+
+// One tap, also after somebody else had the controls.
+function phoneActions() {
+  if (!sections.phone || watch !== null || !connected() || !use.maySteer()) return [];
+  if (!mayPlace) return [element("p", {}, t("phone_insecure"))];
+  return [button(t("phone_use"), async () => { if (await takeControls()) startPhone(); }, "primary big")];
+}
+
 function near(now) {
   const [x, y, , sd] = where();
   return now.stop && Math.hypot(now.stop[1] - x, now.stop[2] - y) <= Math.max(now.guided, 2 * (sd ?? 0));
@@ -101,12 +150,13 @@ function picture(shown) {
 export function renderGuide(helpers) {
   use = helpers;
   document.body.classList.toggle("guided", Boolean(use.mission()?.guided));
+  if (watch !== null && sections.viewer?.holder && !sections.viewer.holds) stopPhone();
   const now = use.mission(), shown = view(now), worst = (sections.health ?? [])[0];
   fill("guide-sign", [shown.kind, shown.turn, shown.share], () => picture(shown));
   setText("guide-title", shown.title); setText("guide-big", shown.big ?? ""); setText("guide-line", shown.line ?? "");
-  setText("guide-alarm", worst?.level && now?.running ? `${said(worst.name)}: ${said(worst.message)}` : "");
+  setText("guide-alarm", (sections.phone && fault) || (worst?.level && now?.running ? `${said(worst.name)}: ${said(worst.message)}` : ""));
   setText("guide-rest", now?.running ? `${t("n_stops", { n: now.stops })} · ${t("guide_left", { duration: duration(now.left_s) })}` : "");
-  fill("guide-actions", [now?.phase, now?.paused, now?.running, now?.ready, isEnough(now ?? {}), near(now ?? {}), sections.viewer, sections.report, connected()], () => actions(now));
+  fill("guide-actions", [now?.phase, now?.paused, now?.running, now?.ready, isEnough(now ?? {}), near(now ?? {}), sections.viewer, sections.report, connected(), watch !== null], () => [...phoneActions(), ...actions(now)]);
   const key = now ? `${now.phase} ${now.stop?.[0]} ${isEnough(now)}` : "";
   if (key !== before && before) {
     if (now?.phase === "travelling") signal(660, [200, 100, 200]);

@@ -111,19 +111,12 @@ def write_layers(
         stamped = [name for name, column in layer.columns.items() if column.dtype == np.dtype("datetime64[ms]")]
         describe = driver == "GPKG" and layer.description
         raw.write(
-            path,
-            None if table else to_wkb(to_crs(layer.shapes, frame, crs)),
-            list(layer.columns.values()),
-            list(layer.columns),
-            layer=layer.name,
-            driver=driver,
-            geometry_type=None if table else layer.kind,
-            crs=None if table else crs.to_wkt(),
-            append=number > 0,
-            dataset_options=dict(options) or None,
+            path, None if table else to_wkb(to_crs(layer.shapes, frame, crs)), list(layer.columns.values()),
+            list(layer.columns), layer=layer.name, driver=driver, geometry_type=None if table else layer.kind,
+            crs=None if table else crs.to_wkt(), append=number > 0, dataset_options=dict(options) or None,
             layer_options={"DESCRIPTION": layer.description} if describe else None,
             gdal_tz_offsets={name: np.full(len(layer.columns[name]), _UTC) for name in stamped},
-        )
+        )  # fmt: skip
     return path
 
 

@@ -237,11 +237,8 @@ class CorrectionSettings(Section):
         assert beta is not None
         assert reference_hpa is not None
         return Corrections(
-            beta_per_hpa=beta,
-            reference_pressure_hpa=reference_hpa,
-            humidity_coefficient_m3g=humidity.coefficient_m3g,
-            reference_humidity_gm3=humidity.reference_gm3,
-            reference_intensity=self.intensity.reference if self.intensity else None,
-            intensity_scale=scale,
+            beta_per_hpa=beta, reference_pressure_hpa=reference_hpa,
+            humidity_coefficient_m3g=humidity.coefficient_m3g, reference_humidity_gm3=humidity.reference_gm3,
+            reference_intensity=self.intensity.reference if self.intensity else None, intensity_scale=scale,
             f_surroundings=self.f_biomass * self.f_road,
-        )
+        )  # fmt: skip

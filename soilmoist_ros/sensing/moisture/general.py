@@ -257,12 +257,9 @@ def general_calibration(site: Site, air: SurveyAir) -> tuple[Calibration, Soil] 
         f"{scale.rigidity_gv:.1f} GV, {scale.pressure_hpa:.0f} hPa{snow}"
     )
     calibration = Calibration(
-        n0_cps=float(f"{n0_cps:.5g}"),
-        n0_sd_cps=float(f"{total * n0_cps:.4g}"),
-        method="general",
-        parts=[*parts, *of_soil],
-        note=note,
-    )
+        n0_cps=float(f"{n0_cps:.5g}"), n0_sd_cps=float(f"{total * n0_cps:.4g}"), method="general",
+        parts=[*parts, *of_soil], note=note,
+    )  # fmt: skip
     return calibration, soil
 
 
@@ -287,13 +284,9 @@ def unknown_sensor(site: Site, air: SurveyAir, rate_cps: float) -> tuple[Calibra
         note += f"; these counts would mean {by_model}"
     part = _part(UNKNOWN_SENSOR, float(f"{n0_cps:.5g}"), "counts/s", share * n0_cps, "default range", share)
     calibration = Calibration(
-        n0_cps=float(f"{n0_cps:.5g}"),
-        n0_sd_cps=float(f"{share * n0_cps:.4g}"),
-        method=UNKNOWN_SENSOR,
-        illustrative=True,
-        parts=[part, *of_soil],
-        note=note,
-    )
+        n0_cps=float(f"{n0_cps:.5g}"), n0_sd_cps=float(f"{share * n0_cps:.4g}"), method=UNKNOWN_SENSOR,
+        illustrative=True, parts=[part, *of_soil], note=note,
+    )  # fmt: skip
     return calibration, soil
 
 

@@ -157,13 +157,9 @@ class Calibration(Section):
         [g/m^3].
         """
         common = (
-            self.n0_cps,
-            soil.bulk_density_gcm3,
-            soil.lattice_water,
-            soil.organic_water,
-            self.n0_sd_cps or 0.0,
+            self.n0_cps, soil.bulk_density_gcm3, soil.lattice_water, soil.organic_water, self.n0_sd_cps or 0.0,
             soil.bulk_density_sd_gcm3 or 0.0,
-        )
+        )  # fmt: skip
         bound_water_sd = soil.bound_water_sd or 0.0
         if self.curve == "universal":
             return UniversalCurve(

@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pynmea2
@@ -472,3 +472,51 @@ def _no_sentence(lines: Sequence[bytes]) -> tuple[str, str]:
         "has no NMEA sentence with a correct checksum",
         "give the text that the GNSS receiver sent, with lines such as $GPGGA,...*hh",
     )
+
+
+# Sentences of a receiver that is simulated, or in a phone -------------------------------------------------------
+
+
+def nmea_sentences(stamp_s: float, position: Position, speed_mps: float = NAN, rtk: bool = True) -> list[str]:
+    """RMC, GGA and GST of one epoch [s since 1970 UTC], of an RTK receiver or of one without corrections, whose
+    altitude is above the ellipsoid. Times are written to 0.01 s.
+    """
+    quality, mode, seen, geoid = ("4", "R", ("18", "0.7"), "48.0") if rtk else ("1", "A", ("", ""), "0.0")
+    clock, date = _clock_and_date(stamp_s)
+    latitude, north = _degrees_minutes(position.latitude_deg, 2), "N" if position.latitude_deg >= 0 else "S"
+    longitude, east = _degrees_minutes(position.longitude_deg, 3), "E" if position.longitude_deg >= 0 else "W"
+    place = (latitude, north, longitude, east)
+    sd, up = f"{position.horizontal_sd_m:.3f}", f"{2 * position.horizontal_sd_m:.3f}"
+    altitude, speed = _text(position.altitude_m), _text(speed_mps / KNOTS_MPS)
+    gga = (clock, *place, quality, *seen, altitude, "M", geoid, "M", "", "")
+    return [
+        str(pynmea2.RMC("GN", "RMC", (clock, "A", *place, speed, "", date, "", "", mode))),
+        str(pynmea2.GGA("GN", "GGA", gga)),
+        str(pynmea2.GST("GN", "GST", (clock, sd, sd, sd, "0.0", sd, sd, up))),
+    ]
+
+
+def sentences_without_fix(stamp_s: float) -> list[str]:
+    """RMC and GGA of an epoch [s since 1970 UTC] with a time but no position."""
+    clock, date = _clock_and_date(stamp_s)
+    nowhere = ("", "", "", "")
+    return [
+        str(pynmea2.RMC("GN", "RMC", (clock, "V", *nowhere, "", "", date, "", "", "N"))),
+        str(pynmea2.GGA("GN", "GGA", (clock, *nowhere, "0", "03", "", "", "M", "", "M", "", ""))),
+    ]
+
+
+def _text(value: float) -> str:
+    return f"{value:.3f}" if math.isfinite(value) else ""
+
+
+def _clock_and_date(stamp_s: float) -> tuple[str, str]:
+    time = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=10 * round(stamp_s * 100))
+    return f"{time:%H%M%S}.{time.microsecond // 10_000:02d}", f"{time:%d%m%y}"
+
+
+def _degrees_minutes(degrees: float, width: int) -> str:
+    # Whole units of 1e-7 minutes, so that rounding never prints 60 minutes.
+    units = round(abs(degrees) * 600_000_000)
+    whole, rest = divmod(units, 600_000_000)
+    return f"{whole:0{width}d}{rest / 1e7:010.7f}"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from soilmoist_ros.foundation import Health, Level, LocalFrame
-from soilmoist_ros.sensing.connections import MAX_SILENT_PERIODS, Retry, open_source
+from soilmoist_ros.sensing.connections import MAX_SILENT_PERIODS, ReconnectingSource, Retry, open_source
 from soilmoist_ros.sensing.formats.log_layout import LogHeader
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.gnss import EARLIEST_DATE_S, SIMULATED, Fix, FixStatus, clock_words, utc_text
@@ -37,12 +37,9 @@ OLD_INTENSITY = 0.5
 """Age of the incoming intensity without a warning, as a share of the age from which it is not used."""
 MIN_JUDGED = 3  # number of records from which more than half in quarantine are an error
 _LINK_LEVELS = {
-    LinkState.CONNECTED: Level.OK,
-    LinkState.ENDED: Level.OK,
-    LinkState.CONNECTING: Level.ERROR,
-    LinkState.SILENT: Level.ERROR,
-    LinkState.CLOSED: Level.STALE,
-}
+    LinkState.CONNECTED: Level.OK, LinkState.ENDED: Level.OK, LinkState.CONNECTING: Level.ERROR,
+    LinkState.SILENT: Level.ERROR, LinkState.CLOSED: Level.STALE,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -86,11 +83,19 @@ class Driver:
     """Reads the devices in background threads; all other work runs in the caller's thread.
 
     :param now_s: time, if known [s since 1970 UTC]; dates the recordings of receivers that send no date
+    :param receiver: GNSS receiver; ``None`` for the one at the address in the settings
     :raises InputError: if a setting is invalid
     """
 
-    def __init__(self, settings: DriverSettings, site: Site, frame: LocalFrame, now_s: float = NAN) -> None:
-        self._settings = settings
+    def __init__(
+        self,
+        settings: DriverSettings,
+        site: Site,
+        frame: LocalFrame,
+        now_s: float = NAN,
+        receiver: LineSource | None = None,
+    ) -> None:
+        self._settings, self._receiver = settings, receiver
         self._site = site
         self._reference_stamp_s = now_s if now_s > 0 else NAN
         self.stream = SensorStream(site, frame, settings.logger_format, settings.fix_wait_s, settings.arms)
@@ -100,6 +105,15 @@ class Driver:
         self.doubts = Doubts()
         """Doubts of a planner about the place; records of that time are quarantined."""
         self._heard_s = math.inf  # monotonic time at which bytes of the logger were seen first
+
+    def refuse_taken(self) -> None:
+        """Check the ports of this computer before the start.
+
+        :raises InputError: if another program uses one
+        """
+        for source in self._open_all().values():
+            if isinstance(source, ReconnectingSource):
+                source.refuse_taken()
 
     def start(self, wake: Callable[[], None]) -> None:
         """Start reading; ``wake`` is called from threads when lines wait for :meth:`step`.
@@ -175,7 +189,9 @@ class Driver:
             return None if record is None else record.stamp_s
 
         sources = {LOGGER: open_source(settings.logger_uri, logger_retry, logger_stamp, playback)}
-        if settings.gnss_uri:
+        if self._receiver is not None:
+            sources[GNSS] = self._receiver
+        elif settings.gnss_uri:
             nmea = NmeaParser(reference_stamp_s=self._reference_stamp_s, on_problem=lambda problem: None)
 
             def fix_stamp(line: bytes) -> float | None:
@@ -194,7 +210,8 @@ def link_health(name: str, status: LinkStatus) -> Health:
     level = _LINK_LEVELS[status.state]
     message = status.state.value
     if level is Level.ERROR and status.last_error:
-        message += f": {status.last_error}; check the cable, the power and the address {status.uri}"
+        remedy = status.remedy or f"check the cable, the power and the address {status.uri}"
+        message += f": {status.last_error}; {remedy}"
     elif level is Level.ERROR and status.n_refused:
         message += f": datagrams of {status.last_refused} were refused; compare 'from' in the address {status.uri}"
     elif status.is_open and len(status.senders) > 1:

@@ -69,13 +69,9 @@ class SensorStream:
         form = form.on_clock(site.logger_clock)
         self.parser = RecordParser(form, site.longitude, self._on_problem)
         self.survey = Survey(
-            site,
-            frame,
-            tubes=len(self.parser.layout.tubes) if self.parser.layout else None,
-            fix_wait_s=fix_wait_s,
-            arms=arms,
-            on_problem=self._on_problem,
-        )
+            site, frame, tubes=len(self.parser.layout.tubes) if self.parser.layout else None,
+            fix_wait_s=fix_wait_s, arms=arms, on_problem=self._on_problem,
+        )  # fmt: skip
         self.last_record: LoggerRecord | None = None
         self.last_fix: Fix | None = None
         self._new_fix: Fix | None = None

@@ -346,12 +346,9 @@ class MissionSettings:
         "over the mission.", float, unit="h", low=0,
     )  # fmt: skip
     series_every_s: float = _setting(
-        60.0,
-        "Time between entries of the series; each map of stops is entered as well.",
-        unit="s",
-        low=0,
+        60.0, "Time between entries of the series; each map of stops is entered as well.", unit="s", low=0,
         above=True,
-    )
+    )  # fmt: skip
     robots: int = _setting(
         1, "Robots that share one map. They start apart near a corner of the field; each avoids the stops of the "
         "others, and collisions are not simulated.", low=1,

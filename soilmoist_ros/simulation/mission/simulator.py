@@ -412,14 +412,10 @@ class _Simulation:
         if self.forecasts_wanted and (last := self.robots[0].explorer.achieved()) is not None:
             self.forecasts.append(TimedForecast(self.now_s, last))
         return MissionResult(
-            settings=self.settings,
-            series=tuple(self.series),
-            visits=tuple(self.visits),
+            settings=self.settings, series=tuple(self.series), visits=tuple(self.visits),
             tracks=tuple(np.array(robot.body.track) for robot in self.robots),
-            properties=tuple(channel.mapped(self.now_s) for channel in self.channels),
-            frame=self.field.frame,
+            properties=tuple(channel.mapped(self.now_s) for channel in self.channels), frame=self.field.frame,
             motion=tuple(robot.learned for robot in self.robots),
-            ended="; ".join(f"{self.named(robot)}{robot.ended}" for robot in self.robots),
-            log=tuple(self.log),
+            ended="; ".join(f"{self.named(robot)}{robot.ended}" for robot in self.robots), log=tuple(self.log),
             forecasts=tuple(self.forecasts),
-        )
+        )  # fmt: skip

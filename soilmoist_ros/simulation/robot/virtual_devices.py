@@ -6,11 +6,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 
 import numpy as np
-import pynmea2
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import LocalFrame
@@ -24,6 +22,8 @@ from soilmoist_ros.sensing import (
     Position,
     format_header,
     format_record,
+    nmea_sentences,
+    sentences_without_fix,
 )
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.robot.scenario import STEADY, RateDrift, SensorFaults, TubeFault
@@ -122,16 +122,10 @@ class VirtualSensor:
         f_pressure, f_humidity = morning_factors(end_s) if self.weather else (1.0, 1.0)
         factor = f_pressure * f_humidity
         return CountRecord(
-            stamp_s=end_s,
-            x_m=reported_xy[0],
-            y_m=reported_xy[1],
-            z_m=0.0,
-            raw_counts=int(self.rng.poisson(rate / factor * self.cadence_s)),
-            exposure_s=self.cadence_s,
-            effective_exposure_s=self.cadence_s / factor,
-            f_pressure=f_pressure,
-            f_humidity=f_humidity,
-        )
+            stamp_s=end_s, x_m=reported_xy[0], y_m=reported_xy[1], z_m=0.0,
+            raw_counts=int(self.rng.poisson(rate / factor * self.cadence_s)), exposure_s=self.cadence_s,
+            effective_exposure_s=self.cadence_s / factor, f_pressure=f_pressure, f_humidity=f_humidity,
+        )  # fmt: skip
 
 
 @lru_cache
@@ -246,40 +240,3 @@ class VirtualGnss:
             return sentences_without_fix(self._start_s + elapsed_s)
         latitude, longitude = self._frame.to_geographic(np.array(xy) + noise)[0].tolist()
         return nmea_sentences(self._start_s + elapsed_s, Position(latitude, longitude, ALTITUDE_M, self._sd_m))
-
-
-def nmea_sentences(stamp_s: float, position: Position) -> list[str]:
-    """RMC, GGA and GST of one epoch [s since 1970 UTC] of an RTK receiver; times are written to 0.01 s."""
-    clock, date = _clock_and_date(stamp_s)
-    latitude, north = _degrees_minutes(position.latitude_deg, 2), "N" if position.latitude_deg >= 0 else "S"
-    longitude, east = _degrees_minutes(position.longitude_deg, 3), "E" if position.longitude_deg >= 0 else "W"
-    place = (latitude, north, longitude, east)
-    sd, up = f"{position.horizontal_sd_m:.3f}", f"{2 * position.horizontal_sd_m:.3f}"
-    gga = (clock, *place, "4", "18", "0.7", f"{position.altitude_m:.3f}", "M", "48.0", "M", "", "")
-    return [
-        str(pynmea2.RMC("GN", "RMC", (clock, "A", *place, "", "", date, "", "", "R"))),
-        str(pynmea2.GGA("GN", "GGA", gga)),
-        str(pynmea2.GST("GN", "GST", (clock, sd, sd, sd, "0.0", sd, sd, up))),
-    ]
-
-
-def sentences_without_fix(stamp_s: float) -> list[str]:
-    """RMC and GGA of an epoch [s since 1970 UTC] with a time but no position."""
-    clock, date = _clock_and_date(stamp_s)
-    nowhere = ("", "", "", "")
-    return [
-        str(pynmea2.RMC("GN", "RMC", (clock, "V", *nowhere, "", "", date, "", "", "N"))),
-        str(pynmea2.GGA("GN", "GGA", (clock, *nowhere, "0", "03", "", "", "M", "", "M", "", ""))),
-    ]
-
-
-def _clock_and_date(stamp_s: float) -> tuple[str, str]:
-    time = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=10 * round(stamp_s * 100))
-    return f"{time:%H%M%S}.{time.microsecond // 10_000:02d}", f"{time:%d%m%y}"
-
-
-def _degrees_minutes(degrees: float, width: int) -> str:
-    # Whole units of 1e-7 minutes, so that rounding never prints 60 minutes.
-    units = round(abs(degrees) * 600_000_000)
-    whole, rest = divmod(units, 600_000_000)
-    return f"{whole:0{width}d}{rest / 1e7:010.7f}"

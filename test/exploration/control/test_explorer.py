@@ -65,14 +65,9 @@ def test_the_correction_factor_shortens_the_dwell_at_low_pressure():
     prospect = at_900_hpa.situation(REQUEST, PLACE).prospect()
     worth = prospect.worth()
     expected_s, _ = best_dwell(
-        worth.on_way,
-        worth.gain,
-        worth.variance,
-        0.42 * worth.rate,
-        worth.travel_s,
-        np.full(len(worth.rate), 3600.0),
-        10.0,
-    )
+        worth.on_way, worth.gain, worth.variance, 0.42 * worth.rate, worth.travel_s,
+        np.full(len(worth.rate), 3600.0), 10.0,
+    )  # fmt: skip
     np.testing.assert_allclose(worth.dwell_s, expected_s)
     assert at_900_hpa.plan(REQUEST, PLACE).choice.dwell.factor == 0.42
     sooner, later = (explorer(factor).situation(REQUEST, PLACE).prospect().worth() for factor in (0.42, 1.0))

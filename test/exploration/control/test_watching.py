@@ -42,13 +42,10 @@ class Farm(StandIn):
         self.charge = math.nan
         self.moves, self.counted = [], []
         self.control = MissionControl(
-            square_setup(100, 5.0, no_go=no_go, more={"home": "r0c0"}, **rules),
-            self.navigator,
-            self,
-            executor=AtOnce(),
-            clock=MissionClock(self.now_s, lambda: self.steady_s, "boot"),
+            square_setup(100, 5.0, no_go=no_go, more={"home": "r0c0"}, **rules), self.navigator, self,
+            executor=AtOnce(), clock=MissionClock(self.now_s, lambda: self.steady_s, "boot"),
             watch=watch or Watch(),
-        )
+        )  # fmt: skip
         self.control.use_graph(None)
 
     # the navigator

@@ -26,23 +26,13 @@ def situation(
     travel[[NUMBER[name] for name in out_of_reach]] = np.inf
     rule = parse_dwell(dwell)
     return Situation(
-        candidates=STOPS,
-        candidates_xy=PLACES,
-        stop_variance=lambda: np.full(len(PLACES), np.nan),
-        map_variance=np.ones(len(PLACES)),
-        map_xy=PLACES,
-        cell_m=5.0,
-        position_xy=np.asarray(position, float),
-        measured_xy=np.empty((0, 2)),
-        travel_s=travel,
-        travel_between_s=lambda indices: MODEL.between_s(STOPS, indices),
-        time_left_s=left,
-        expected_dwell_s=rule.expected_s(rate),
-        rate_cps=rate,
-        overhead_s=MODEL.motion.stop_overhead_s,
-        counting=counting,
-        dwell=rule,
-    )
+        candidates=STOPS, candidates_xy=PLACES, stop_variance=lambda: np.full(len(PLACES), np.nan),
+        map_variance=np.ones(len(PLACES)), map_xy=PLACES, cell_m=5.0, position_xy=np.asarray(position, float),
+        measured_xy=np.empty((0, 2)), travel_s=travel,
+        travel_between_s=lambda indices: MODEL.between_s(STOPS, indices), time_left_s=left,
+        expected_dwell_s=rule.expected_s(rate), rate_cps=rate, overhead_s=MODEL.motion.stop_overhead_s,
+        counting=counting, dwell=rule,
+    )  # fmt: skip
 
 
 def rng(seed=0):

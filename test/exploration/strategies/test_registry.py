@@ -42,19 +42,13 @@ def situation(
     stops = tuple(Stop(name, float(x), float(y)) for name, (x, y) in zip(names, places, strict=True))
     model = FreeTravel(RobotMotion())
     return Situation(
-        candidates=stops,
-        candidates_xy=places,
-        stop_variance=lambda: np.asarray(variance, float),
-        map_variance=np.asarray(variance if len(variance) == len(PLACES) else HILLS, float),
-        map_xy=PLACES,
-        cell_m=5.0,
-        position_xy=np.asarray(position, float),
+        candidates=stops, candidates_xy=places, stop_variance=lambda: np.asarray(variance, float),
+        map_variance=np.asarray(variance if len(variance) == len(PLACES) else HILLS, float), map_xy=PLACES,
+        cell_m=5.0, position_xy=np.asarray(position, float),
         measured_xy=np.asarray(measured, float).reshape(-1, 2),
         travel_s=model.travel_s(position, stops) if travel is None else np.asarray(travel, float),
-        travel_between_s=lambda indices: model.between_s(stops, indices),
-        time_left_s=left,
-        expected_dwell_s=dwell,
-    )
+        travel_between_s=lambda indices: model.between_s(stops, indices), time_left_s=left, expected_dwell_s=dwell,
+    )  # fmt: skip
 
 
 def rng(seed=0):

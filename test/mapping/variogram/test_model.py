@@ -268,15 +268,10 @@ def test_long_exposure_is_ordinary_kriging_of_pykrige(model, factor):
     rate = 3 + np.sin(xy[:, 0] / 40)
     exposure_s = np.full(40, 2.0**50)
     peer = OrdinaryKriging(
-        *xy.T,
-        rate,
-        variogram_model=model,
+        *xy.T, rate, variogram_model=model,
         variogram_parameters={"psill": 0.28, "range": 40 * math.sqrt(3) * factor, "nugget": 0.02},
-        anisotropy_scaling=3.0,
-        anisotropy_angle=35.0,
-        exact_values=True,
-        pseudo_inv=False,
-    )
+        anisotropy_scaling=3.0, anisotropy_angle=35.0, exact_values=True, pseudo_inv=False,
+    )  # fmt: skip
     x_m, y_m = np.linspace(-20, 220, 25), np.linspace(-30, 230, 31)
     expected = peer.execute("grid", x_m, y_m)
     kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3, 3.0, 35.0))

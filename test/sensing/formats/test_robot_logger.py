@@ -27,15 +27,11 @@ def records(draw) -> LoggerRecord:
     counts[draw(st.integers(0, 11))] = 5.0
     live_s = draw(st.integers(1, 12_000)) / 1000
     return LoggerRecord(
-        stamp_s=draw(st.integers(700_000_000_000, 4_000_000_000_000)) / 1000,
-        tube_counts=tuple(counts),
+        stamp_s=draw(st.integers(700_000_000_000, 4_000_000_000_000)) / 1000, tube_counts=tuple(counts),
         tube_live_s=tuple(NAN if math.isnan(count) else live_s for count in counts),
-        pressure_hpa=draw(hundredths(300, 1085)),
-        temperature_degc=draw(hundredths(-60, 65)),
-        relative_humidity=draw(hundredths(0, 1)),
-        line=1,
-        record_number=draw(st.integers(-1, 10**9)),
-    )
+        pressure_hpa=draw(hundredths(300, 1085)), temperature_degc=draw(hundredths(-60, 65)),
+        relative_humidity=draw(hundredths(0, 1)), line=1, record_number=draw(st.integers(-1, 10**9)),
+    )  # fmt: skip
 
 
 @pytest.mark.slow
