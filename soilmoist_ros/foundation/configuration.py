@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import stat
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
@@ -26,6 +26,7 @@ _MAX_YAML_VALUES: Final = 100_000
 """Values of a file, where each alias counts as all that it stands for; reading them takes a few seconds."""
 
 
+@cache
 def config_folder() -> Path:
     """The ``config`` folder of the source tree, otherwise of ``share/soilmoist_ros``.
 

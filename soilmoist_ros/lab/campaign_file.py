@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -237,6 +237,7 @@ def _with_whole_paths(choices: Any, folder: Path) -> Any:
     return choices.model_copy(update=update)
 
 
+@cache  # a campaign has thousands of missions on a few fields
 def _field_file(field: str) -> Path | None:
     """The file of a field, ``None`` for a built-in one."""
     if _is_path(field):

@@ -70,8 +70,13 @@ def known_field(name_or_path: str) -> Field:
 
 def surrogate_field_names() -> list[str]:
     """Names of all surrogate fields: built-in ones, then shipped field files with a truth."""
+    return [*BUILT_IN, *_shipped_with_truth()]
+
+
+@cache
+def _shipped_with_truth() -> tuple[str, ...]:
     folder = config_folder() / "fields"
-    return [*BUILT_IN, *(name for name in resource_names("fields") if has_truth(folder / f"{name}.yaml"))]
+    return tuple(name for name in resource_names("fields") if has_truth(folder / f"{name}.yaml"))
 
 
 @cache
