@@ -107,11 +107,14 @@ class Planner(Node):
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
         by_name = self._values.text("navigator") == "goto_node"
-        self._inputs = PlannerInputs(self, self._control, self._frames, map_topic, others, properties, by_name)
+        robot = self._values.texts("robot_properties")
+        self._inputs = PlannerInputs(
+            self, self._control, self._frames, map_topic, others, properties, by_name, robot
+        )
         if graph == "free":
             self._control.use_graph(None)
         elif graph != "topic":
-            self._inputs.use_map(read_travel_map(Path(graph), self._field))
+            self._inputs.use_map(read_travel_map(Path(graph), self._field).for_robot(robot))
         self._keepout = PlannerKeepout(self, self._values)
         self._commands = PlannerCommands(self, self._control, self._values, self._stay)
         # Limits of the mission use ROS time. Messages, displays and limits of the navigation use steady time.

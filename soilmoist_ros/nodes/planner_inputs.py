@@ -83,6 +83,7 @@ class PlannerInputs:
 
     :param map_topic: topic of the navigation's map; empty for no subscription
     :param by_name: whether the navigation chooses the way by its own map
+    :param robot: properties of the robot, for the restrictions of the map
     """
 
     def __init__(
@@ -94,8 +95,9 @@ class PlannerInputs:
         others: Sequence[str] = (),
         properties: Iterable[str] = (),
         by_name: bool = False,
+        robot: Sequence[str] = (),
     ) -> None:
-        self._by_name = by_name
+        self._by_name, self._robot = by_name, robot
         self._node = node
         self._control = control
         self._frames = frames
@@ -192,7 +194,7 @@ class PlannerInputs:
 
     def _on_map(self, message: String) -> None:
         try:
-            found = parse_topological_map(message.data)
+            found = parse_topological_map(message.data).for_robot(self._robot)
         except InputError as error:
             self._newer, self._map_fault, self._unreadable = None, "", str(error)
             self._faults.ignore("the map of the navigation", error)

@@ -80,6 +80,8 @@ PARAMETERS: Final = (
         "file: a topological map, or tracks as lines in GeoJSON, GPX, KML or a shapefile"),
     row("lanes", False, "whether a car drives, which turns around only at ends and junctions of the graph"),
     row("map_topic", "/topological_map_2", "topic of the navigation's map"),
+    row("robot_properties", [], "what this robot is, for the restrictions of the navigation's map, such as "
+        "robot_short; nodes and edges whose restriction is not surely met are not used"),
     row("robot_radius_m", ROBOT_RADIUS_M, "distance that the robot's centre keeps from no-go areas and, with "
         "graph: free, from the border; the default is half the width of Thorvald, 0 keeps none", "m", 0.0),
     row("outside", "home", "use of the map's nodes and edges outside the field, which are never measured at and "

@@ -68,6 +68,8 @@ class FencedGraph:
         start, end = whole.xy[whole.edges[:, 0]], whole.xy[whole.edges[:, 1]]
         within = fence.area.allows(start, end)
         clear = within if outside is Outside.NEVER else within | fence.avoids_no_go(start, end)
+        if whole.barred is not None:
+            within, clear = within & ~whole.barred, clear & ~whole.barred
         self._beyond = _home_outside(whole, fence, home) if home else ""
         self.whole, self.fence = whole, fence
         self._usable = inside if outside is Outside.NEVER else inside | fence.avoids_no_go(whole.xy, whole.xy)
@@ -172,6 +174,8 @@ class FencedGraph:
             f"{flags.sum()} {what} ({listing(names[flags])})" for what, flags in groups.items() if flags.any()
         ]
         lost = ~allowed & (self._nodes | inside)[self.whole.edges].all(axis=1)
+        if self.whole.barred is not None:  # the map's own doubts name them
+            lost &= ~self.whole.barred
         edges = dict.fromkeys(tuple(sorted(pair)) for pair in names[self.whole.edges[lost]].tolist())
         if edges:
             said = listing(f"{start} - {end}" for start, end in edges)

@@ -4,12 +4,13 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,8 @@ _SAME_DATUM_M = 0.1  # distance between two spellings of a datum from which they
 KNOWN_ACTIONS = ("NavigateToPose", "NavigateThroughPoses", "DriveOnHeading", "row_traversal", "row_change")
 """Actions of edges that the topological navigation has without a map that describes them."""
 _RESTRICTIONS = ("restrictions_planning", "restrictions_runtime")
+NO_GO = "no_go"
+"""Tag of a node, and property of nodes and edges, that robots must keep away from."""
 XY_TOLERANCE_M = 0.3  # distance at which a node of a map that is made here counts as reached [m]
 ANY_HEADING_RAD = 6.283  # goal tolerance that lets the robot arrive at any heading [rad]
 
@@ -62,6 +65,7 @@ class TopologicalMap:
     graph: TravelGraph
     datum: LocalFrame | None = None  # origin of the places on the earth; ``None`` if the map names none
     frame: str = ""  # name of the frame of the graph; empty if the map names none
+    closed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # nodes and edges by what closes them
 
     @property
     def name(self) -> str:
@@ -100,23 +104,43 @@ class TopologicalMap:
         remedy = "describe those that it has under 'actions' in the map"
         return f"the navigation may refuse to drive: {text}; {remedy}" if refused else ""
 
+    def for_robot(self, properties: Iterable[str]) -> TopologicalMap:
+        """The map for a robot with these properties, such as ``robot_short``; other edges are barred."""
+        robot, barred, free = frozenset(properties), set[tuple[str, str]](), set[tuple[str, str]]()
+        closed: dict[str, dict[str, None]] = {}
+        for name, ends, texts in self._restricted():
+            against = [text for text in texts if text == NO_GO or not permitted(text, robot)]
+            for text in against:
+                closed.setdefault(text, {})[name] = None
+            (barred if against else free).add(ends)
+        barred -= free  # two edges may lead the same way
+        names = np.array(self.graph.names)[self.graph.edges].tolist()
+        flags = np.array([not barred.isdisjoint({(a, b), (a, ""), (b, "")}) for a, b in names], np.bool_)
+        graph = replace(self.graph, barred=flags if flags.any() else None)
+        return replace(self, graph=graph, closed={text: tuple(found) for text, found in closed.items()})
+
     def restrictions(self) -> str:
-        """Nodes and edges that keep robots away, by a restriction or as ``no_go``; empty if there are none."""
-        found: dict[str, list[str]] = {}
+        """Nodes and edges that the robot may not use, with the restriction; empty if there are none."""
+        of = (f"{text} of {listing(names)}" for text, names in self.closed.items())
+        remedy = "list its area under 'no_go' in the field file; " if NO_GO in self.closed else ""
+        if set(self.closed) - {NO_GO}:
+            remedy += "set robot_properties to what this robot is"
+        text = f"not used, as the map restricts them: {'; '.join(of)} ({remedy.removesuffix('; ')})"
+        return text if self.closed else ""
+
+    def _restricted(self) -> Iterator[tuple[str, tuple[str, str], list[str]]]:
+        """Name, ends (a node has one) and restrictions of all nodes and edges."""
         for entry in self.document["nodes"]:
             node, meta = entry["node"], entry.get("meta")
-            edges = [(edge, edge.get("edge_id"), ()) for edge in node.get("edges") or []]
-            tags = meta.get("tag") if isinstance(meta, Mapping) else ()
-            for part, name, marks in [(node, node["name"], tags or ()), *edges]:
-                for key in _RESTRICTIONS:
-                    if (text := str(part.get(key) or "True").strip()).lower() != "true":
-                        found.setdefault(text, []).append(str(name))
+            tags = (meta.get("tag") if isinstance(meta, Mapping) else None) or ()
+            parts = [(node, (node["name"], ""), tags)]
+            parts += [(edge, (node["name"], edge["node"]), ()) for edge in node.get("edges") or []]
+            for part, (start, end), marks in parts:
+                texts = [str(part.get(key)) for key in _RESTRICTIONS if part.get(key) is not None]
                 properties = part.get("properties")
-                if (isinstance(properties, Mapping) and properties.get("no_go")) or "no_go" in marks:
-                    found.setdefault("no_go", []).append(str(name))
-        of = (f"{text} of {listing(dict.fromkeys(names))}" for text, names in found.items())
-        remedy = " (list its area under 'no_go' in the field file)" if "no_go" in found else ""
-        return f"restrictions of the topological map are not looked at: {'; '.join(of)}{remedy}" if found else ""
+                if (isinstance(properties, Mapping) and properties.get(NO_GO)) or NO_GO in marks:
+                    texts.append(NO_GO)
+                yield str(part.get("edge_id", f"{start}_{end}") if end else start), (str(start), str(end)), texts
 
     def to_json(self) -> str:
         """The document as it goes on the topic ``topological_map_2``."""
@@ -125,6 +149,51 @@ class TopologicalMap:
     def to_yaml(self) -> str:
         """The document as a map file, read alike by YAML 1.1 (which the navigation uses) and 1.2."""
         return "".join(f"{line}\n" for line in _yaml_lines(self.document))
+
+
+def permitted(text: str, robot: Collection[str]) -> bool:
+    """True if a restriction surely permits a robot of these properties.
+
+    A restriction is a name such as ``robot_tall``, or names joined by ``|``, ``&`` and ``~``. A name that the
+    robot has is true, and another one of its kind (what stands before the underscore) is false. Names of other
+    kinds are unknown, and so is what depends on them: it is not permitted. ``robot`` alone stands for any robot,
+    and ``obstacleFree_1`` for places that are free of other robots, which is seen to at run time.
+
+    >>> permitted("robot_short | robot_hunter", {"robot_short"}), permitted("~robot_short", {"robot_short"})
+    (True, False)
+    >>> permitted("~side_a", {"robot_short"}), permitted("side_a | robot_short", {"robot_short"})
+    (False, True)
+    """
+    if text.strip().lower() in ("", "none", "true"):
+        return True
+    try:
+        return _truth(ast.parse(text.strip(), mode="eval").body, robot) is True
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return False
+
+
+def _truth(part: ast.expr, robot: Collection[str]) -> bool | None:
+    """Truth of a part of a restriction in Kleene's logic; ``None`` if it is unknown."""
+    match part:
+        case ast.Constant(bool() as known):
+            return known
+        case ast.Constant(str() as name) | ast.Name(name):
+            kind = name.partition("_")[0]
+            if name in robot or name == "robot" or kind == "obstacleFree":
+                return True
+            return False if any(one.partition("_")[0] == kind for one in robot) else None
+        case ast.UnaryOp(ast.Invert() | ast.Not(), inner):
+            found = _truth(inner, robot)
+            return None if found is None else not found
+        case ast.BinOp(left, ast.BitAnd() | ast.BitOr() as sign, right):
+            values, decisive = [_truth(left, robot), _truth(right, robot)], isinstance(sign, ast.BitOr)
+        case ast.BoolOp(sign, parts):
+            values, decisive = [_truth(one, robot) for one in parts], isinstance(sign, ast.Or)
+        case ast.List(parts) | ast.Tuple(parts):
+            values, decisive = [_truth(one, robot) for one in parts], True
+        case _:
+            return None
+    return decisive if decisive in values else None if None in values else not decisive
 
 
 def read_topological_map(path: Path) -> TopologicalMap:
@@ -265,7 +334,7 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
         raise InputError(mistakes or error.mistakes) from None
     if mistakes:
         raise InputError(mistakes)
-    return TopologicalMap(content, graph, datum, move.frame)
+    return TopologicalMap(content, graph, datum, move.frame).for_robot(())
 
 
 def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:

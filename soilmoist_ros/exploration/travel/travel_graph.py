@@ -22,6 +22,7 @@ from soilmoist_ros.mapping import Field
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class TravelGraph:
     xy: Array  # their places, shape (n, 2) [m]
     edges: Indices  # start and end of each edge as indices of nodes, shape (e, 2)
     length_m: Array  # length of each edge, shape (e,) [m], >= 0
+    barred: Flags | None = None  # edges that the robot must not use, shape (e,); ``None`` without any
     _rows: dict[int, tuple[Array, Indices]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod

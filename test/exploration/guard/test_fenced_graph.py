@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The part of a map that the fence allows, and goals that stay inside it."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -68,6 +69,17 @@ def test_equally_long_routes_of_which_one_is_forbidden_are_not_left_to_the_navig
     places = {"w": (20, 20), "n": (30, 30), "e": (40, 20), "s": (30, 10)}
     fenced = FencedGraph(graph(places, "w n e", "w s e"), Fence(pond))
     assert fenced.nodes_to_send((20, 20), Stop("e", 40, 20), 5.0) == ("s", "e")
+
+
+def test_an_edge_that_the_map_closes_for_the_robot_is_never_driven_and_the_fence_does_not_name_it():
+    whole = graph({"w": (10, 5), "m": (30, 5), "e": (50, 5), "s": (30, 10)}, "w m e", "w s e")
+    ends = np.array(whole.names)[whole.edges]
+    barred = (ends == "m").any(axis=1)
+    fenced = FencedGraph(replace(whole, barred=barred), Fence(FIELD))
+    assert [stop.name for stop in fenced.stops] == ["w", "e", "s"]
+    assert fenced.nodes_to_send((10, 5), Stop("e", 50, 5), 5.0) == ("s", "e"), "the server would drive through m"
+    assert "m" in fenced.warning
+    assert "edge" not in fenced.warning
 
 
 def test_a_navigation_may_take_every_route_that_is_about_the_shortest():

@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import copy
+import itertools
 import json
 from datetime import datetime
 from itertools import pairwise
@@ -15,6 +16,7 @@ from soilmoist_ros.exploration.travel.topological_map import (
     TopologicalMap,
     make_topological_map,
     parse_topological_map,
+    permitted,
     read_topological_map,
 )
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
@@ -288,13 +290,83 @@ def test_restrictions_are_named_and_a_message_is_read():
     content["nodes"][0]["node"]["edges"][0]["restrictions_runtime"] = "False"
     message = parse({"data": json.dumps(content)})
     assert message.graph.names == graph().names
-    assert message.restrictions().endswith("looked at: False of gate_row 1; robot_tall of row 1")
+    assert "False of gate_row 1; robot_tall of row 1 (set robot_properties" in message.restrictions()
     for key, mark in (("properties", {"no_go": True}), ("tag", ["no_go", "barn"])):
         content = document()
         part = content["nodes"][2]["node" if key == "properties" else "meta"]
         part[key] = mark
-        assert (
-            parse(content)
-            .restrictions()
-            .endswith("no_go of row_2 (list its area under 'no_go' in the field file)")
+        found = parse(content)
+        assert found.restrictions().endswith("no_go of row_2 (list its area under 'no_go' in the field file)")
+        assert all("row_2" in ends for ends in barred_ends(found))
+
+
+def barred_ends(found):
+    """Names of the ends of the edges that the robot may not use."""
+    return {
+        tuple(found.graph.names[end] for end in found.graph.edges[one])
+        for one in np.flatnonzero(found.graph.barred)
+    }
+
+
+NAMES = ("robot_short", "robot_tall", "side_a")
+
+
+@given(
+    st.recursive(
+        st.sampled_from(NAMES),
+        lambda inner: st.one_of(
+            inner.map(lambda one: f"~({one})"),
+            st.tuples(inner, st.sampled_from("&|"), inner).map(
+                lambda parts: f"({parts[0]}) {parts[1]} ({parts[2]})"
+            ),
+        ),
+        max_leaves=8,
+    ),
+    st.sets(st.sampled_from(NAMES[:2])),
+)
+def test_a_restriction_permits_only_what_is_true_whatever_the_unknown_names_are(text, robot):
+    known = {name: name in robot for name in NAMES[:2]} if robot else {}
+    unknown = [name for name in NAMES if name not in known]
+    truths = []
+    for values in itertools.product((False, True), repeat=len(unknown)):
+        names = {**known, **dict(zip(unknown, values, strict=True))}
+        # Python's own bitwise signs on 0 and 1, as sympy has them on its symbols
+        truths.append(
+            bool(eval(text.replace("~", "1 ^ "), {}, {name: int(one) for name, one in names.items()}) & 1)
         )
+    if permitted(text, robot):
+        assert all(truths)
+    if not unknown:
+        assert permitted(text, robot) == truths[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "robot", "may"),
+    [
+        ("robot", (), True), ("obstacleFree_1", (), True), ("True", (), True), (None, (), True),
+        ("False", ("robot_short",), False), ("robot_short", (), False), ("robot_short", ("robot_tall",), False),
+        ("robot_short | robot_hunter", ("robot_hunter",), True), ("allowedside_a", ("robot_short",), False),
+        ("~allowedside_a", ("robot_short",), False), ("['robot_short', 'robot_tall']", ("robot_tall",), True),
+        ("__import__('os').system('true')", ("robot_short",), False), ("robot_short &", ("robot_short",), False),
+    ],
+)  # fmt: skip
+def test_restrictions_of_public_maps(text, robot, may):
+    content = document()
+    content["nodes"][0]["node"]["edges"][0]["restrictions_planning"] = text
+    found = parse(content).for_robot(robot)
+    assert (found.graph.barred is None) == may
+    if not may:
+        assert str(text) in found.restrictions()
+
+
+def test_a_closed_node_closes_its_edges_and_one_of_two_edges_leaves_the_other():
+    content = document()
+    content["nodes"][1]["node"]["restrictions_runtime"] = "robot_tall"
+    name = content["nodes"][1]["node"]["name"]
+    ends = {tuple(parse(content).graph.names[end] for end in pair) for pair in parse(content).graph.edges}
+    assert barred_ends(parse(content)) == {pair for pair in ends if name in pair}
+    content = document()
+    edges = content["nodes"][0]["node"]["edges"]
+    edges.append({**edges[0], "edge_id": "another way", "restrictions_planning": "robot_tall"})
+    assert parse(content).graph.barred is None
+    assert "another way" in parse(content).restrictions()
