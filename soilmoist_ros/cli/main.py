@@ -35,15 +35,12 @@ COMMANDS = {
 """Subcommands with the first sentence of their help."""
 _PLAY = "play recordings with soilmoist bag play"
 RENAMED = {
-    "--variogram": "use --model",
-    "--also": "use --property FIELD[:WEIGHT]",
-    "--also-weight": "use --property FIELD:WEIGHT",
-    "--overhead": "use --stop-overhead",
-    "--also-truth": "use --truth PROPERTY=FIELD",
-    "--speed": f"use --time-factor, or {_PLAY}",
+    "--variogram": "use --model", "--also": "use --property FIELD[:WEIGHT]",
+    "--also-weight": "use --property FIELD:WEIGHT", "--overhead": "use --stop-overhead",
+    "--also-truth": "use --truth PROPERTY=FIELD", "--speed": f"use --time-factor, or {_PLAY}",
     **dict.fromkeys(("--live", "--topics", "--start"), _PLAY),
     "--formats": "soilmoist list exports shows the formats",
-}
+}  # fmt: skip
 """Options of earlier releases, and what to do."""
 EXAMPLES = {
     "map": (

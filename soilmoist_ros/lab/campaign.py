@@ -129,14 +129,10 @@ def run_campaign(
                 raise CampaignStoppedError(f"{error}: {stored_text()}") from None
         in_order = tuple((mission, rows[mission.key]) for mission in wanted if mission.key in rows)
         return CampaignOutcome(
-            total=len(wanted),
-            computed=len(rows) - reused,
-            reused=reused,
-            failures=tuple(failures[m.key] for m in wanted if m.key in failures),
-            remarks=tuple(remarks),
-            written=tuple(write_tables(out, in_order)),
-            rows=in_order,
-        )
+            total=len(wanted), computed=len(rows) - reused, reused=reused,
+            failures=tuple(failures[m.key] for m in wanted if m.key in failures), remarks=tuple(remarks),
+            written=tuple(write_tables(out, in_order)), rows=in_order,
+        )  # fmt: skip
 
 
 def stored_rows(campaign: Campaign, out: Path) -> tuple[tuple[CampaignMission, MissionRow], ...]:
@@ -233,12 +229,9 @@ class Pace:
         done, elapsed_s = self.state.done + 1, now_s - self._began_s
         each_s = elapsed_s / (done - self._at_start) if elapsed_s > 0 else math.nan
         self.state = replace(
-            self.state,
-            done=done,
-            failed=self.state.failed + failed,
-            per_minute=60 / each_s,
+            self.state, done=done, failed=self.state.failed + failed, per_minute=60 / each_s,
             left_s=(self.state.total - done) * each_s,
-        )
+        )  # fmt: skip
         self._progress(self.state)
 
     def waits(self, note: str) -> None:

@@ -101,19 +101,13 @@ def pack(result: MissionResult, key: str) -> bytes:
     rings = [] if soil_map is None else [*soil_map.grid.polygons, *soil_map.grid.holes]
     stream = io.BytesIO()
     np.savez_compressed(
-        stream,
-        about=np.array(json.dumps(about)),
-        series=_packed_series(result),
+        stream, about=np.array(json.dumps(about)), series=_packed_series(result),
         tracks=np.concatenate([np.empty((0, 2)), *result.tracks]),
-        track_lengths=np.array([len(track) for track in result.tracks], int),
-        x_m=x_m,
-        y_m=y_m,
-        rate=np.asarray(rate, np.float32),
-        rate_sd=np.asarray(rate_sd, np.float32),
-        truth_rate=np.asarray(truth, np.float32),
-        rings=np.concatenate([np.empty((0, 2)), *rings]),
+        track_lengths=np.array([len(track) for track in result.tracks], int), x_m=x_m, y_m=y_m,
+        rate=np.asarray(rate, np.float32), rate_sd=np.asarray(rate_sd, np.float32),
+        truth_rate=np.asarray(truth, np.float32), rings=np.concatenate([np.empty((0, 2)), *rings]),
         ring_lengths=np.array([len(ring) for ring in rings], int),
-    )
+    )  # fmt: skip
     return stream.getvalue()
 
 
@@ -127,18 +121,14 @@ def unpack(content: bytes) -> CampaignRun:
             raise StaleMissionError(f"has format {about['schema']}, not {SCHEMA}")
         visits = tuple(Visit(**{**visit, "ended": VisitEnd(visit["ended"])}) for visit in about["visits"])
         return CampaignRun(
-            settings=_settings(about["settings"]),
-            key=about["key"],
-            version=about["version"],
-            field_title=about["field_title"],
-            ended=about["ended"],
+            settings=_settings(about["settings"]), key=about["key"], version=about["version"],
+            field_title=about["field_title"], ended=about["ended"],
             efficiency=math.nan if about.get("efficiency") is None else float(about["efficiency"]),
-            series=tuple(map(_row, arrays["series"].astype(float).tolist())),
-            visits=visits,
+            series=tuple(map(_row, arrays["series"].astype(float).tolist())), visits=visits,
             tracks=_pieces(arrays["tracks"], arrays["track_lengths"]),
             outlines=_pieces(arrays["rings"], arrays["ring_lengths"]),
             **{name: np.asarray(arrays[name], float) for name in ("x_m", "y_m", "rate", "rate_sd", "truth_rate")},
-        )
+        )  # fmt: skip
     except StaleMissionError:
         raise
     except Exception as error:  # numpy, zipfile and tokenize have many errors for damaged bytes

@@ -60,24 +60,15 @@ def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ())
             "no mission of the campaign is finished", "run the campaign, and see why its missions failed"
         )
     return render_page(
-        "campaign.html.j2",
-        title=data.campaign.title,
-        version=code_version(),
+        "campaign.html.j2", title=data.campaign.title, version=code_version(),
         where=f"{len(data.missions)} of {data.expected} simulated missions · soilmoist_ros {code_version()}",
-        simulated=True,
-        campaign=data.campaign,
-        done=len(data.missions),
-        expected=data.expected,
-        failures=[str(failure) for failure in failures],
-        experiments=list(_experiments(data)),
-        common=_common_settings(data),
-        optimal="optimal" in set(data.missions["dwell"]),
-        sections=list(_sections(data)),
-        finals=list(_finals(data)),
+        simulated=True, campaign=data.campaign, done=len(data.missions), expected=data.expected,
+        failures=[str(failure) for failure in failures], experiments=list(_experiments(data)),
+        common=_common_settings(data), optimal="optimal" in set(data.missions["dwell"]),
+        sections=list(_sections(data)), finals=list(_finals(data)),
         differences=[(case.title, rows) for case in data.cases if (rows := _differences(data, case))],
-        hindsight=list(_hindsight(data)),
-        runs=len(data.campaign.runs),
-    )
+        hindsight=list(_hindsight(data)), runs=len(data.campaign.runs),
+    )  # fmt: skip
 
 
 def _experiments(data: CampaignData) -> Iterator[Row]:
@@ -219,16 +210,11 @@ def _differences(data: CampaignData, case: Case) -> list[Row]:
             continue
         texts.append(
             Row(
-                first=first,
-                second=second,
-                pairs=error.pairs,
-                clear=(error.clear, distance.clear),
-                error=_interval(error),
-                error_share=_share_of_other(error),
-                distance=_interval(distance, max_decimals=0),
-                distance_share=_share_of_other(distance),
+                first=first, second=second, pairs=error.pairs, clear=(error.clear, distance.clear),
+                error=_interval(error), error_share=_share_of_other(error),
+                distance=_interval(distance, max_decimals=0), distance_share=_share_of_other(distance),
             )
-        )
+        )  # fmt: skip
     return texts
 
 
@@ -260,16 +246,13 @@ def _hindsight(data: CampaignData) -> Iterator[Row]:
         )
         rows = tuple(
             Row(
-                strategy=strategy_text(row["strategy"]),
-                dwell=dwell_text(row["dwell"]),
-                pairs=row["pairs"],
-                end=_ratio(row["end_ratio"], row["end_ratio_se"]),
-                distance=f"{row['distance_ratio']:.2f}",
+                strategy=strategy_text(row["strategy"]), dwell=dwell_text(row["dwell"]), pairs=row["pairs"],
+                end=_ratio(row["end_ratio"], row["end_ratio_se"]), distance=f"{row['distance_ratio']:.2f}",
                 quarter=_ratio(row["quarter_ratio"], row["quarter_ratio_se"]),
             )
             for row in table.to_dict("records")
             if (row["strategy"], row["dwell"]) not in LATTICES
-        )
+        )  # fmt: skip
         yield Row(title=case.title, best=best, rows=rows)
 
 

@@ -67,18 +67,12 @@ def mission_row(stored: CampaignRun, every_s: float) -> MissionRow:
     metrics = metrics_at(stored, times_s)
     quarter_s = np.array([QUARTER * 3600 * stored.settings.hours])
     return MissionRow(
-        key=stored.key,
-        field_title=stored.field_title or stored.settings.field_name,
-        ended=stored.ended,
-        efficiency=stored.efficiency,
-        end_s=stored.series[-1].time_s if stored.series else float("nan"),
-        mse_quarter=float(metrics_at(stored, quarter_s)["mse"][0]),
-        border_share=border_share(stored),
+        key=stored.key, field_title=stored.field_title or stored.settings.field_name, ended=stored.ended,
+        efficiency=stored.efficiency, end_s=stored.series[-1].time_s if stored.series else float("nan"),
+        mse_quarter=float(metrics_at(stored, quarter_s)["mse"][0]), border_share=border_share(stored),
         final={name: values[0].item() for name, values in metrics_at(stored, np.array([np.inf])).items()},
-        times_s=times_s,
-        names=tuple(map(sys.intern, metrics)),
-        values=np.array([*metrics.values()], float),
-    )
+        times_s=times_s, names=tuple(map(sys.intern, metrics)), values=np.array([*metrics.values()], float),
+    )  # fmt: skip
 
 
 def results_table(finished: Finished) -> pd.DataFrame:
@@ -110,19 +104,12 @@ def missions_table(finished: Finished) -> pd.DataFrame:
     """
     rows = [
         {
-            "key": mission.key,
-            "experiments": " ".join(mission.experiments),
-            **mission.settings.as_texts(),
-            "field_title": row.field_title,
-            "end_s": row.end_s,
-            **row.final,
-            "mse_quarter": row.mse_quarter,
-            "border_share": row.border_share,
-            "ended": row.ended,
-            "efficiency": row.efficiency,
+            "key": mission.key, "experiments": " ".join(mission.experiments), **mission.settings.as_texts(),
+            "field_title": row.field_title, "end_s": row.end_s, **row.final, "mse_quarter": row.mse_quarter,
+            "border_share": row.border_share, "ended": row.ended, "efficiency": row.efficiency,
         }
         for mission, row in finished
-    ]
+    ]  # fmt: skip
     columns = ["key", "experiments", *SETTINGS, "field_title", "end_s"]
     columns += [*_metric_names(row.final for _, row in finished)]
     columns += ["mse_quarter", "border_share", "ended", "efficiency"]

@@ -108,14 +108,9 @@ class Console(Node):
         if background and not Path(background).expanduser().exists():
             raise InputError("there is no such background", "check the parameter background", Path(background))
         self._server = ConsoleServer(
-            self._board,
-            self._steering,
-            access,
-            lambda: self._picture,
-            files,
-            self._walks,
+            self._board, self._steering, access, lambda: self._picture, files, self._walks,
             background and str(Path(background).expanduser().absolute()),
-        )
+        )  # fmt: skip
         port = self._server.start(host, values.whole("port"))
         self._page = public or f"http://{reachable(host)}:{port}/"
         self.get_logger().info(f"console: {self._page}")

@@ -84,38 +84,26 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     }
     for one in mission.properties:
         nodes[f"{one.name}/mapper"] = {
-            "field": files["field"],
-            "save_dir": str(out / f"map_{one.name}"),
-            **explained,
-            **_given(others=[f"{robot}/{one.name}" for robot in several]),
-            **fitted,
-        }
+            "field": files["field"], "save_dir": str(out / f"map_{one.name}"), **explained,
+            **_given(others=[f"{robot}/{one.name}" for robot in several]), **fitted,
+        }  # fmt: skip
     for number, robot in enumerate(robots):
         nodes[node_name(robot, "planner")] = {
             "field": files["field"],
             **of_mission("strategy", "dwell", "hours", "until_sd", "until_gain", "preset"),
-            "seed": mission.seed + number,
-            **trips,
-            **of_mission("stop_cost_s", "metre_cost_s", "min_dwell_s"),
-            **known,
-            "navigator": settings.navigator,
-            "autostart": settings.autostart,
+            "seed": mission.seed + number, **trips, **of_mission("stop_cost_s", "metre_cost_s", "min_dwell_s"),
+            **known, "navigator": settings.navigator, "autostart": settings.autostart,
             "exit_when_finished": settings.exit_when_finished,
             **_given(others=several, properties=[f"{one.name}:{one.weight}" for one in mission.properties]),
             **simulated,
-        }
+        }  # fmt: skip
         nodes[node_name(robot, "watchdog")] = {"silent_s": 10.0}
     nodes["field_simulator"] = {
         "field": _absolute(mission.field_name),
         **_given(properties=[_absolute(one.field_name) for one in mission.properties]),
-        **of_mission("seed", "robots"),
-        **trips,
-        "speed": settings.time_factor,
-        "scenario": settings.scenario,
-        "logger_port": 0,
-        "gnss_port": 0,
-        "ports_file": str(out / "log" / "ports.json"),
-    }
+        **of_mission("seed", "robots"), **trips, "speed": settings.time_factor, "scenario": settings.scenario,
+        "logger_port": 0, "gnss_port": 0, "ports_file": str(out / "log" / "ports.json"),
+    }  # fmt: skip
     nodes |= {node_name(robot, "sensor_driver"): {**files, **simulated} for robot in robots}
     if settings.console_port:
         page = {"field": files["field"], "port": settings.console_port, "runs": str(out.parent)}

@@ -338,14 +338,9 @@ class NavigationServer(ABC):
             self._numbers.clear()
         if present:
             self._server = ActionServer(
-                self._node,
-                self._kind,
-                self._name,
-                execute_callback=self._execute,
-                goal_callback=self._on_goal,
-                handle_accepted_callback=self._on_accepted,
-                cancel_callback=self._on_cancel,
-            )
+                self._node, self._kind, self._name, execute_callback=self._execute, goal_callback=self._on_goal,
+                handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel,
+            )  # fmt: skip
 
     def feed_back(self, event: OnRoute | Remaining) -> None:
         """Publish feedback of a goal of this action."""

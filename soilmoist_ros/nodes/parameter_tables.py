@@ -242,17 +242,10 @@ TABLES: Final = {
 def mission_settings(given: Parameters) -> MissionSettings:
     """Settings of the simulated field, robot and devices, as for a simulation without ROS."""
     return MissionSettings(
-        field=given.text("field"),
-        properties=tuple(map(PropertySettings, given.texts("properties"))),
-        seed=given.whole("seed"),
-        robots=given.whole("robots"),
-        travel="graph",
-        graph=given.text("graph") or None,
-        speed_mps=given.number("speed_mps"),
-        stop_overhead_s=given.number("stop_overhead_s"),
-        turn_s_per_rad=given.number("turn_s_per_rad"),
-        cadence_s=given.number("cadence_s"),
-        footprint_m=given.number("footprint_m"),
-        position_sd_m=given.number("position_sd_m"),
+        field=given.text("field"), properties=tuple(map(PropertySettings, given.texts("properties"))),
+        seed=given.whole("seed"), robots=given.whole("robots"), travel="graph", graph=given.text("graph") or None,
+        speed_mps=given.number("speed_mps"), stop_overhead_s=given.number("stop_overhead_s"),
+        turn_s_per_rad=given.number("turn_s_per_rad"), cadence_s=given.number("cadence_s"),
+        footprint_m=given.number("footprint_m"), position_sd_m=given.number("position_sd_m"),
         weather=given.flag("weather"),
-    )
+    )  # fmt: skip

@@ -79,25 +79,15 @@ class Planner(Node):
         )
         self._frames = PlannerFrames(self, self._values, self._field)
         setup = MissionSetup(
-            field=self._field,
-            settings=settings,
-            rules=rules,
-            home=self._values.text("home"),
-            start_delay_s=self._values.number("start_delay_s"),
-            properties=properties,
+            field=self._field, settings=settings, rules=rules, home=self._values.text("home"),
+            start_delay_s=self._values.number("start_delay_s"), properties=properties,
             open_survey=partial(chosen_survey, self._values),
-        )
+        )  # fmt: skip
         self._control: MissionControl = MissionControl(
-            setup,
-            partial(make_navigator, self, self._values, lambda: self._control.may_count()),
-            self._outputs,
-            MissionJournal(self._stored.journal),
-            clock=self._mission_clock(),
-            watch=make_watch(self._values),
-            mission=self._stored.mission,
-            team=make_team(self._values),
-            frames=self._frames.robot,
-        )
+            setup, partial(make_navigator, self, self._values, lambda: self._control.may_count()), self._outputs,
+            MissionJournal(self._stored.journal), clock=self._mission_clock(), watch=make_watch(self._values),
+            mission=self._stored.mission, team=make_team(self._values), frames=self._frames.robot,
+        )  # fmt: skip
         self._autostart = self._values.flag("autostart") and self._stored.starts
         if self._stored.mission is not None:
             self._control.take_up(self._stored.mission, self._stored.resumes)

@@ -199,22 +199,15 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings) -> Mission
     number = parameters.number
     recommended = settings.preset == "recommended"
     rules = MissionRules(
-        budget_s=number("hours") * 3600,
-        dwell=parse_dwell(parameters.text("dwell")),
-        warm_up_stops=settings.warm_up_stops,
-        min_dwell_s=number("min_dwell_s"),
+        budget_s=number("hours") * 3600, dwell=parse_dwell(parameters.text("dwell")),
+        warm_up_stops=settings.warm_up_stops, min_dwell_s=number("min_dwell_s"),
         min_last_dwell_s=number("min_dwell_s") + RECORD_S if recommended else PUBLISHED_MIN_LAST_DWELL_S,
-        stays=recommended,
-        speed_mps=settings.motion.speed_mps,
-        stop_overhead_s=settings.motion.stop_overhead_s,
-        arrival_radius_m=number("arrival_radius_m"),
-        return_margin_s=number("return_margin_s"),
-        cancel_limit_s=CANCEL_LIMIT_S,
-        silence_limit_s=number("records_old_s") or SILENCE_S,
-        on_silence=OnSilence(parameters.text("on_silence")),
-        until_sd=number("until_sd"),
+        stays=recommended, speed_mps=settings.motion.speed_mps, stop_overhead_s=settings.motion.stop_overhead_s,
+        arrival_radius_m=number("arrival_radius_m"), return_margin_s=number("return_margin_s"),
+        cancel_limit_s=CANCEL_LIMIT_S, silence_limit_s=number("records_old_s") or SILENCE_S,
+        on_silence=OnSilence(parameters.text("on_silence")), until_sd=number("until_sd"),
         until_gain=number("until_gain"),
-    )
+    )  # fmt: skip
     return person_rules(rules) if parameters.text("navigator") == PERSON else rules
 
 

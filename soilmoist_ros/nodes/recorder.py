@@ -101,13 +101,10 @@ class Recorder(Node):
         check_name(text("name"))
         self._distribution = os.environ.get("ROS_DISTRO", "jazzy")
         self._recorder = BagRecorder(
-            lambda: next_bag(self._out, text("name"), self._distribution),
-            number("flush_period_s"),
-            int(number("queue_mb") * 1e6),
-            file_bytes=number("file_mb") * 1e6 or math.inf,
-            file_s=number("file_min") * 60 or math.inf,
-            notes=self._notes,
-        )
+            lambda: next_bag(self._out, text("name"), self._distribution), number("flush_period_s"),
+            int(number("queue_mb") * 1e6), file_bytes=number("file_mb") * 1e6 or math.inf,
+            file_s=number("file_min") * 60 or math.inf, notes=self._notes,
+        )  # fmt: skip
         self._limit_bytes = number("keep_gb") * 1e9 or math.inf
         self._deletes = self._settings.flag("delete_oldest")
         self._splits = bool(number("file_mb") or number("file_min"))

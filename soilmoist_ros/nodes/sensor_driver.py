@@ -198,13 +198,10 @@ class DriverOutputs:
         self._log: RecordLog | None = None
         self._header: StoredHeader | None = None
         topics: dict[str, tuple[type, Any]] = {
-            "counts": (PointCloud2, RECORDS),
-            QUARANTINED: (PointCloud2, RECORDS),
-            "pressure": (FluidPressure, SENSOR),
-            "temperature": (Temperature, SENSOR),
-            "relative_humidity": (RelativeHumidity, SENSOR),
-            "raw/logger": (String, RECORDS),
-        }
+            "counts": (PointCloud2, RECORDS), QUARANTINED: (PointCloud2, RECORDS),
+            "pressure": (FluidPressure, SENSOR), "temperature": (Temperature, SENSOR),
+            "relative_humidity": (RelativeHumidity, SENSOR), "raw/logger": (String, RECORDS),
+        }  # fmt: skip
         if given.text("gnss_uri"):
             topics |= {"fix": (NavSatFix, SENSOR), "raw/gnss": (String, RECORDS)}
         self._publishers = {

@@ -113,15 +113,10 @@ class Faults:
 def offered_qos(profile: QoSProfile) -> Qos:
     """The offer of a publisher, in the terms of rosbag2."""
     return Qos(
-        profile.history.name.lower(),
-        int(profile.depth),
-        profile.reliability.name.lower(),
-        profile.durability.name.lower(),
-        profile.deadline.nanoseconds,
-        profile.lifespan.nanoseconds,
-        profile.liveliness.name.lower(),
-        profile.liveliness_lease_duration.nanoseconds,
-    )
+        profile.history.name.lower(), int(profile.depth), profile.reliability.name.lower(),
+        profile.durability.name.lower(), profile.deadline.nanoseconds, profile.lifespan.nanoseconds,
+        profile.liveliness.name.lower(), profile.liveliness_lease_duration.nanoseconds,
+    )  # fmt: skip
 
 
 def requested_qos(request: Request) -> QoSProfile:
@@ -155,10 +150,6 @@ def quiet_node(node: Node, suffix: str) -> Node:
     """A node whose messages are taken when it suits, instead of one by one as they come."""
     # Without global arguments, a new name for the other node does not rename this node as well.
     return Node(
-        f"{node.get_name()}_{suffix}",
-        context=node.context,
-        namespace=node.get_namespace(),
-        use_global_arguments=False,
-        start_parameter_services=False,
-        enable_rosout=False,
-    )
+        f"{node.get_name()}_{suffix}", context=node.context, namespace=node.get_namespace(),
+        use_global_arguments=False, start_parameter_services=False, enable_rosout=False,
+    )  # fmt: skip

@@ -71,16 +71,12 @@ REMEDIES = {
     **dict.fromkeys(("cores", CORES), _MORE_CORES),
     "sensitivity": "counting next to a calibrated station (soilmoist calibrate)",
     UNKNOWN_SENSOR: "the model of the sensor (--sensor MODEL, or sensor_sensitivity in the site file)",
-    "intensity": "the file of a neutron monitor",
-    "pressure": "a checked barometer",
-    "humidity": "a checked sensor of the air humidity",
-    "biomass": "weighed plants of a square metre",
-    "road": "a way farther from the road, or its width and moisture",
-    "snow": "a survey without snow",
-    DENSITY: "weighed cores of known volume",
-    WATER: "clay and organic carbon from a soil laboratory",
+    "intensity": "the file of a neutron monitor", "pressure": "a checked barometer",
+    "humidity": "a checked sensor of the air humidity", "biomass": "weighed plants of a square metre",
+    "road": "a way farther from the road, or its width and moisture", "snow": "a survey without snow",
+    DENSITY: "weighed cores of known volume", WATER: "clay and organic carbon from a soil laboratory",
     "counting of the calibration": "longer counting during the calibration",
-}
+}  # fmt: skip
 """Remedies by the names of parts of the uncertainty; that of counting follows from the map."""
 
 

@@ -214,14 +214,11 @@ class LiveRobot:
         status = self.status
         x_m, y_m = self.xy or (math.nan, math.nan)
         return {
-            "name": self.namespace,
-            "x_m": x_m,
-            "y_m": y_m,
-            **{key: status.get(key) or None for key in _TEXTS},
+            "name": self.namespace, "x_m": x_m, "y_m": y_m, **{key: status.get(key) or None for key in _TEXTS},
             **{key: float(status[key]) if key in status else None for key in _NUMBERS},
             **{key: status[key] == "True" if key in status else None for key in _FLAGS},
             "sensor_fault": self.sensor_fault or None,
-        }
+        }  # fmt: skip
 
     def facts(self, status: Mapping[str, str]) -> dict[str, str]:
         """Lines of the view: state, target of a single robot, forecast, fault of the sensor."""
@@ -270,13 +267,10 @@ class LiveMission:
         bands = [band for one in self.maps if (band := one.band) is not None]
         targets = [(float(one.get("target_x_m", "nan")), float(one.get("target_y_m", "nan"))) for one in statuses]
         return LiveView(
-            self._title,
-            self._facts(statuses, len(samples)),
-            bands,
-            samples,
+            self._title, self._facts(statuses, len(samples)), bands, samples,
             [robot.xy for robot in self.robots if robot.xy is not None],
             [place for place in targets if all(map(math.isfinite, place))],
-        )
+        )  # fmt: skip
 
     def _facts(self, statuses: Sequence[Mapping[str, str]], n_samples: int) -> dict[str, str]:
         facts: dict[str, str] = {}

@@ -78,11 +78,8 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "mission": None if run.mission is None else mission_summary(run.mission),
         "properties": [
             {
-                "name": one.name,
-                "label": one.label,
-                "n_records": len(one.track),
-                "n_samples": len(one.soil_map.samples),
-                **_rate_map(one.soil_map, one.truth_rate),
+                "name": one.name, "label": one.label, "n_records": len(one.track),
+                "n_samples": len(one.soil_map.samples), **_rate_map(one.soil_map, one.truth_rate),
                 "budget": _budget(one),
             }
             for one in run.properties
@@ -97,7 +94,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "warning_codes": [note.code for note in found],
         "settings": dict(run.settings),
         "outputs": list(outputs),
-    }
+    }  # fmt: skip
     return dict(jsonable(content))
 
 

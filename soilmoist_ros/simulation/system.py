@@ -162,15 +162,11 @@ class SimulatedRobot:
         self._free_travel = FreeTravel(travel.motion, (field.polygon,), field.field.no_go)
         first, *others = (
             VirtualSensor(
-                one,
-                sensor_stream(seed, kind, number, robots),
-                settings.cadence_s,
-                settings.footprint_m,
-                settings.weather,
-                scenario.rain.drift if scenario.rain else settings.rate_drift,
+                one, sensor_stream(seed, kind, number, robots), settings.cadence_s, settings.footprint_m,
+                settings.weather, scenario.rain.drift if scenario.rain else settings.rate_drift,
             )
             for kind, one in enumerate(fields)
-        )
+        )  # fmt: skip
         self.logger = VirtualLogger(first, start_s, tubes, scenario.sensor)
         self._further = [
             (wanted.name, sensor, rng)

@@ -106,6 +106,7 @@ class PageAdvice:
 
     def __init__(self, address: str) -> None:
         self.address, self.sections = address, {}
+        self._stops: dict[int, int] = {}
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
 
@@ -122,9 +123,16 @@ class PageAdvice:
                 async for message in socket:
                     if message.type is aiohttp.WSMsgType.TEXT:
                         self.sections.update(json.loads(message.data).get("set", {}))
+                        mission = self.sections.get("mission/", {})
+                        self._stops[mission.get("stops", 0)] = mission.get("counts", 0)
 
         with contextlib.suppress(OSError, aiohttp.ClientError):  # the process has ended
             asyncio.run(listen())
+
+    @property
+    def counted(self) -> int:
+        """Counts at all stops, as the page has shown them since the process began."""
+        return sum(self._stops.values())
 
     def __call__(self) -> tuple[float, float] | None:
         mission = self.sections.get("mission/")

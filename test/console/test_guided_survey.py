@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+import os
+import random
+import re
 import signal
 import subprocess
 import sys
@@ -25,6 +28,7 @@ SETTINGS = MissionSettings(
 )
 COMMAND = (sys.executable, "-m", "soilmoist_ros.cli.main")
 LIMIT_S = 240.0
+KILLS = int(os.environ.get("GUIDE_KILLS", "1"))
 pytestmark = [pytest.mark.slow, pytest.mark.process]
 
 
@@ -59,14 +63,24 @@ def raster(path):
 
 
 def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
-    pages, out = [], tmp_path / "out"
+    """Killed at random moments, ``GUIDE_KILLS`` times; the counts that the page had shown are stored by then."""
+    pages, out, moment = [], tmp_path / "out", random.Random(KILLS)
+    hours = str(0.02 + 0.004 * (KILLS - 1))
     with SimulatedPerson(SETTINGS, lambda: pages and pages[-1]()) as person:
-        with guided(person, out, "--hours", "0.02", "--autostart") as (process, page):
-            pages.append(page)
-            until(lambda: page.sections.get("mission/", {}).get("stops", 0) >= 1)
-            process.kill()
-            process.wait()
-        with guided(person, out, "--hours", "0.02", "--autostart") as (process, page):
+        for kill in range(KILLS):
+            with guided(person, out, "--hours", hours, "--autostart") as (process, page):
+                pages.append(page)
+                if not kill:
+                    until(lambda page=page: page.sections.get("mission/", {}).get("stops", 0) >= 1)
+                time.sleep(moment.uniform(0.0, 4.0) if kill else 0.0)
+                shown = page.counted
+                process.kill()
+                process.wait()
+            journal = (out / "records" / "sensor_driver" / "journal.jsonl").read_text()
+            kept = sum(map(int, re.findall(r'"raw_counts":(\d+)', journal)))
+            assert shown <= kept
+            print(f"kill {kill + 1}: {shown} counts shown, {kept} stored")
+        with guided(person, out, "--hours", hours, "--autostart") as (process, page):
             pages.append(page)
             until(lambda: process.poll() is not None)
             said, errors = process.communicate()

@@ -9,7 +9,16 @@ import sys
 
 import pytest
 
-from soilmoist_ros.console.visitors import ABSENT_S, Access, Controls, Visitor, free_port, invitation
+from soilmoist_ros.console.visitors import (
+    ABSENT_S,
+    Access,
+    Controls,
+    Visitor,
+    free_port,
+    invitation,
+    own_certificate,
+    tls_context,
+)
 from soilmoist_ros.foundation.errors import InputError
 
 HERE = {"Host": "127.0.0.1:8050"}
@@ -168,3 +177,24 @@ def test_a_page_takes_another_port_if_the_wanted_one_is_in_use():
         taken = other.getsockname()[1]
         with socket.create_server(("127.0.0.1", free_port(taken))) as mine:
             assert mine.getsockname()[1] != taken
+        with pytest.raises(InputError, match=f"cannot have port {taken} of 127.0.0.1.*end the program"):
+            free_port(taken, strict=True)
+
+
+def test_a_computer_makes_its_certificate_once_and_a_wrong_one_is_refused(tmp_path):
+    made = own_certificate(tmp_path / "own", "192.168.1.5")
+    assert made.stat().st_mode & 0o077 == 0, "it has the key"
+    content = made.read_bytes()
+    assert own_certificate(tmp_path / "own", "10.0.0.1").read_bytes() == content, "browsers know it"
+    assert tls_context(made, None).get_ciphers()
+    (tmp_path / "no.pem").write_text("no")
+    with pytest.raises(InputError, match="no certificate that can be used"):
+        tls_context(tmp_path / "no.pem", None)
+
+
+def test_the_position_is_that_of_the_page_that_had_the_controls_last():
+    controls = Controls(lambda: 0.0)
+    assert not controls.had_last("a"), "nobody had them"
+    controls.take("a", "Ada")
+    controls.take("b", "Bo", over=True)
+    assert [controls.had_last(client) for client in ("a", "b", "")] == [False, True, False]

@@ -39,11 +39,9 @@ LEFT_BYTES = 3000
 """What a disk that is nearly full still takes."""
 PLAIN = {Fault.PAUSE: Verb.PAUSE, Fault.ABORT: Verb.ABORT, Fault.SKIP: Verb.SKIP}
 KILLED = {
-    Fault.KILL_PLANNER: "planner",
-    Fault.KILL_MAPPER: "mapper",
-    Fault.KILL_DRIVER: "sensor_driver",
+    Fault.KILL_PLANNER: "planner", Fault.KILL_MAPPER: "mapper", Fault.KILL_DRIVER: "sensor_driver",
     Fault.KILL_RECORDER: "recorder",
-}
+}  # fmt: skip
 STEPS_S = {Fault.CLOCK_BACK: -3600.0, Fault.CLOCK_FORWARD: 6 * 3600.0}
 OF_NAVIGATION = {Fault.SERVER_ABORTS: "fails", Fault.SERVER_LIES: "no_motion", Fault.SERVER_HANGS: "hangs"}
 OF_THE_WORLD = (

@@ -92,15 +92,11 @@ def events() -> list[dict[str, object]]:
     return [
         event_to_dict(event)
         for event in (
-            Command(0.0, Verb.START),
-            Planned(1.0, 1, choice, 20.0),
-            Moved(2.0, 3.0, 4.0),
-            GoalReached(20.0, 1, 12.0, 8.0),
-            *(RecordArrived(30.0 + 10 * number, record) for number in range(6)),
-            Command(95.0, Verb.RULE_OUT, polygon=((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))),
-            Tick(100.0),
+            Command(0.0, Verb.START), Planned(1.0, 1, choice, 20.0), Moved(2.0, 3.0, 4.0),
+            GoalReached(20.0, 1, 12.0, 8.0), *(RecordArrived(30.0 + 10 * number, record) for number in range(6)),
+            Command(95.0, Verb.RULE_OUT, polygon=((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))), Tick(100.0),
         )
-    ]
+    ]  # fmt: skip
 
 
 def event_lines() -> list[bytes]:

@@ -187,12 +187,10 @@ def wide():
 def test_no_text_is_cut_off_or_written_over_another(wide):
     case = wide.cases[0]
     figures = [
-        campaign_figures.strategies_figure(wide, case),
-        campaign_figures.intervals_figure(wide, case),
-        campaign_figures.coverage_figure(wide, wide.cases),
-        campaign_figures.examples_figure(wide, case),
+        campaign_figures.strategies_figure(wide, case), campaign_figures.intervals_figure(wide, case),
+        campaign_figures.coverage_figure(wide, wide.cases), campaign_figures.examples_figure(wide, case),
         *(figure for _, figure in campaign_figures.campaign_figures(wide)),
-    ]
+    ]  # fmt: skip
     for figure in figures[-3:]:  # those for publications
         assert 25.4 * figure.get_size_inches()[0] == pytest.approx(174)
         sizes = [text.get_fontsize() for text in figure.findobj(Text) if text.get_text()]

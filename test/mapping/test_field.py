@@ -205,9 +205,7 @@ def test_covariates_start_at_the_field_file(tmp_path):
     image, relief = load_field(write(tmp_path, text)).covariates
     assert (image.path, image.band) == (tmp_path / "image.tif", "ndvi")
     assert (relief.path, relief.derive, relief.label) == (
-        tmp_path / "maps/relief.tif",
-        ("slope", "aspect"),
-        "relief",
-    )
+        tmp_path / "maps/relief.tif", ("slope", "aspect"), "relief",
+    )  # fmt: skip
     with pytest.raises(InputError, match="'elevation', 'slope'"):
         load_field(write(tmp_path, text.replace("[slope,", "[slop,")))

@@ -49,14 +49,9 @@ def rectangle(west, south, columns, rows, cell_m, hole=False):
 
 
 grids = st.builds(
-    rectangle,
-    st.integers(-400, 400).map(float),
-    st.integers(-400, 400).map(float),
-    st.integers(5, 12),
-    st.integers(5, 12),
-    st.sampled_from([0.5, 1.0, 2.5, 10.0]),
-    st.booleans(),
-)
+    rectangle, st.integers(-400, 400).map(float), st.integers(-400, 400).map(float), st.integers(5, 12),
+    st.integers(5, 12), st.sampled_from([0.5, 1.0, 2.5, 10.0]), st.booleans(),
+)  # fmt: skip
 
 
 @settings(max_examples=25, deadline=None)

@@ -133,11 +133,8 @@ def test_a_map_with_calibration_in_numbers(state):
         "field", 1234, 500_000_000,
     )  # fmt: skip
     assert (message.records, message.samples, message.raw_counts, message.effective_exposure_s) == (
-        21,
-        2,
-        605,
-        210,
-    )
+        21, 2, 605, 210,
+    )  # fmt: skip
     assert (message.variogram_model, message.nugget, message.sill, message.range_m) == ("matern32", 0.1, 0.5, 25.0)
     variance = np.nanmean(soil_map.variance)
     assert message.mean_rate == 5.0

@@ -178,15 +178,12 @@ def test_a_planner_has_the_map_of_the_mapper_when_the_rate_drifts(ros, start, fi
     stops = [(x, y) for x in range(5, 60, 10) for y in range(5, 50, 10)]
     records = [
         record(
-            12 * number,
-            *(stops[number % 30] + rng.normal(0, 0.2, 2)).tolist(),
-            int(rng.poisson(300 + 60 * np.sin(stops[number % 30][0] / 12) + 0.8 * number)),
-            exposure_s=100.0,
-            effective_exposure_s=95.0,
-            f_pressure=100 / 95,
+            12 * number, *(stops[number % 30] + rng.normal(0, 0.2, 2)).tolist(),
+            int(rng.poisson(300 + 60 * np.sin(stops[number % 30][0] / 12) + 0.8 * number)), exposure_s=100.0,
+            effective_exposure_s=95.0, f_pressure=100 / 95,
         )
         for number in range(90)
-    ]
+    ]  # fmt: skip
     outputs = Outputs(ros)
     _, publisher = start()
     publisher.publish(counts_to_message(records))

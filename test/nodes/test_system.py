@@ -7,15 +7,19 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
+sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "console"))
 from diagnostic_msgs.msg import DiagnosticStatus
 from rosgraph_msgs.msg import Clock
+from simulated_person import SimulatedPerson
 
 from msg_adapters import mission_from_message, to_seconds
 from soilmoist_ros.exploration.mission.types import Phase
@@ -52,12 +56,8 @@ class Robot:
         self.start("planner", field=files["field"], autostart=True, exit_when_finished=True, **time, **mission)
         ports = folder / "ports.json"
         simulator = {
-            "field": "synthetic-high",
-            "logger_port": 0,
-            "gnss_port": 0,
-            "ports_file": str(ports),
-            **simulator,
-        }
+            "field": "synthetic-high", "logger_port": 0, "gnss_port": 0, "ports_file": str(ports), **simulator,
+        }  # fmt: skip
         self.start("field_simulator", **simulator)
         ros.wait_for(lambda: self.alive() and ports.exists(), message="the simulator's ports")
         uris = {
@@ -132,3 +132,40 @@ def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
     assert 4 * simulated.series[-1].mse < known / 4
     assert mission.series[-1].mse < 4 * simulated.series[-1].mse
     assert mission.series[-1].coverage95 > 0.7
+
+
+def test_a_person_is_guided_to_the_end_of_a_mission(ros, tmp_path):
+    """Real time, real sockets."""
+    names = {"field": "patches", "dwell": "fmi:3.0", "hours": 0.015, "seed": 3}
+    missions = ros.collect(DiagnosticStatus, "mission", LATCHED)
+
+    def advice():
+        status = mission_from_message(missions[-1]) if missions else None
+        travels = status is not None and status.phase is Phase.TRAVELLING and status.target is not None
+        return (status.target.x_m, status.target.y_m) if travels else None
+
+    settings = MissionSettings(
+        "patches", speed_mps=6.0, stop_overhead_s=0.5, cadence_s=1.0, position_sd_m=0.05, seed=3
+    )
+    with SimulatedPerson(settings, advice, wrong_turn=1) as person:
+        write_parameters(tmp_path, "mapper", {"field": "patches"})
+        processes = [
+            ros.start("recorder", params={"out": str(tmp_path), "name": "bag"}),
+            ros.start("mapper", params={"field": "patches", "save_dir": str(tmp_path / "map")}),
+            ros.start("planner", params={
+                **names, "navigator": "person", "graph": "free", "autostart": True, "exit_when_finished": True,
+                "min_dwell_s": 1.0, "speed_mps": 6.0, "stop_overhead_s": 1.0,
+            }),
+        ]  # fmt: skip
+        planner = processes[-1]
+        ros.wait_for(lambda: missions and any((tmp_path / "bag").glob("*.mcap")), message="all nodes")
+        uris = {"logger_uri": person.uri("logger"), "gnss_uri": person.uri("gnss")}
+        processes.append(ros.start("sensor_driver", params={"field": "patches", **uris}))
+        ros.wait_for(lambda: not planner.running, LIMIT_S, "the end of the mission")
+        assert planner.process.returncode == 0, planner.output()
+        ros.wait_for(lambda: mission_from_message(missions[-1]).phase is Phase.FINISHED)
+        assert all(process.stop() == 0 for process in reversed(processes) if process is not planner)
+    assert mission_from_message(missions[-1]).samples >= 2
+    replay = replay_bag(tmp_path / "bag", ReplaySettings())
+    assert replay.comparisons[0].same is True, replay.comparisons[0].message
+    assert (tmp_path / "map" / "report.html").is_file()

@@ -27,11 +27,9 @@ def records(seed: int, end_s: float, shift_m: float = 0.0) -> list[CountRecord]:
 def run_folder(path: Path, its: list[CountRecord], frame: LocalFrame = FRAME, **more: object) -> Path:
     path.mkdir(parents=True, exist_ok=True)
     about = {
-        "datum": {"latitude_deg": frame.latitude_deg, "longitude_deg": frame.longitude_deg},
-        "simulated": False,
-        "properties": [{"name": ""}],
-        **more,
-    }
+        "datum": {"latitude_deg": frame.latitude_deg, "longitude_deg": frame.longitude_deg}, "simulated": False,
+        "properties": [{"name": ""}], **more,
+    }  # fmt: skip
     (path / "summary.json").write_text(json.dumps(about))
     write_records(path / "records.csv", its)
     return path

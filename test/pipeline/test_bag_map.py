@@ -224,11 +224,8 @@ def test_doubts_about_the_place_give_the_map_of_the_mapper(tmp_path):
     first, middle, last = records[0].stamp_s, records[len(records) // 2].stamp_s, records[-1].stamp_s
     stood = Doubt(middle - 35.0, middle, DoubtOutcome.RETURNED, 21.0, 22.0)
     doubts = [
-        Doubt(first - 100.0),
-        Doubt(first - 100.0, first + 25.0, DoubtOutcome.LOST),
-        stood,
-        Doubt(last - 5.0),
-    ]
+        Doubt(first - 100.0), Doubt(first - 100.0, first + 25.0, DoubtOutcome.LOST), stood, Doubt(last - 5.0),
+    ]  # fmt: skip
     bag = copy_bag(
         GOLDEN / "one_stop" / "bag", tmp_path / "bag", texts=[(topic, doubt.to_text()) for doubt in doubts],
         storage_plugin=StoragePlugin.MCAP,

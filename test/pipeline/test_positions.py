@@ -40,16 +40,11 @@ OWN = {
 def log_lines():
     records = [
         LoggerRecord(
-            T0 + 10 * n,
-            tuple(3 + n * tube % 7 for tube in range(1, 13)),
-            (10.0,) * 12,
-            1013.0,
-            18.0,
-            0.5,
+            T0 + 10 * n, tuple(3 + n * tube % 7 for tube in range(1, 13)), (10.0,) * 12, 1013.0, 18.0, 0.5,
             record_number=n,
         )
         for n in range(1, RECORDS + 1)
-    ]
+    ]  # fmt: skip
     return [*format_header().splitlines(), *map(format_record, records)]
 
 

@@ -60,11 +60,9 @@ def test_ros_reads_them_as_well(tmp_path):
     try:
         for namespace in ("/", "/robot1/deep"):
             node = Node(
-                "mapper",
-                context=context,
-                namespace=namespace,
+                "mapper", context=context, namespace=namespace,
                 automatically_declare_parameters_from_overrides=True,
-            )
+            )  # fmt: skip
             found = {name: node.get_parameter(name).value for name in values}
             node.destroy_node()
             assert repr(found) == repr(values)

@@ -22,12 +22,10 @@ from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, CountReco
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 records = st.builds(
-    CountRecord,
-    **{name: numbers for name in COLUMNS if name not in ("stamp_s", "raw_counts", "quarantine")},
-    stamp_s=st.floats(FIRST_STAMP_S, LAST_STAMP_S),
-    raw_counts=st.integers(0, 2**32 - 1),
+    CountRecord, **{name: numbers for name in COLUMNS if name not in ("stamp_s", "raw_counts", "quarantine")},
+    stamp_s=st.floats(FIRST_STAMP_S, LAST_STAMP_S), raw_counts=st.integers(0, 2**32 - 1),
     quarantine=st.sampled_from(["", "noisy_tube"]),
-)
+)  # fmt: skip
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)

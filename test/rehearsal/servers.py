@@ -376,10 +376,8 @@ class Misled:
             way = [*([(x - 0.8, y), (x + 0.8, y)] * round(STAYS_S / 3.2)), *way]
         if far and (span := faults.span(Fault.STRAY, now_s)) is not None:
             (x, y), whole, off_m = (
-                way[0],
-                math.dist(here, way[0]),
-                math.copysign(3.0 + 34.0 * abs(span.size - 0.5), span.size - 0.5),
-            )
+                way[0], math.dist(here, way[0]), math.copysign(3.0 + 34.0 * abs(span.size - 0.5), span.size - 0.5),
+            )  # fmt: skip
             along, across = (x - here[0]) / whole, (y - here[1]) / whole
             middle = ((x + here[0]) / 2 - off_m * across, (y + here[1]) / 2 + off_m * along)
             way = [middle, *way]

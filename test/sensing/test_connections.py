@@ -272,3 +272,16 @@ def test_addresses_of_both_versions():
     assert senders.accepts("fe80::1%eth0")
     assert not senders.accepts("::ffff:192.168.5.21")
     assert not senders.accepts("2001:db8::1")
+
+
+def test_a_port_that_another_program_uses_is_refused_before_the_start(port):
+    link = f"/dev/pts/{os.ttyname(one := os.openpty()[1]).rsplit('/', 1)[1]}"
+    tty.setraw(one)
+    for uri in (f"udp://127.0.0.1:{port}", f"serial://{link}"):
+        source = open_source(uri)
+        source.refuse_taken()
+        source.read_line(0.05)
+        with pytest.raises(InputError, match=r"cannot be used: .* -> end the other program"):
+            open_source(uri).refuse_taken()
+        source.close()
+    open_source("tcp://127.0.0.1:1").refuse_taken()

@@ -57,14 +57,10 @@ def format_record(record: LoggerRecord) -> str:
     if len(live) != 1:
         raise ValueError(f"the tubes must have the same live time, the record has {sorted(live)}")
     fields = [
-        _stamp(record.stamp_s),
-        str(record.record_number) if record.record_number >= 0 else "",
-        f"{live.pop():.3f}",
-        _number(record.pressure_hpa, 2),
-        _number(record.temperature_degc, 2),
-        _number(record.relative_humidity * 100, 2),
-        *(_number(count, 0) for count in record.tube_counts),
-    ]
+        _stamp(record.stamp_s), str(record.record_number) if record.record_number >= 0 else "",
+        f"{live.pop():.3f}", _number(record.pressure_hpa, 2), _number(record.temperature_degc, 2),
+        _number(record.relative_humidity * 100, 2), *(_number(count, 0) for count in record.tube_counts),
+    ]  # fmt: skip
     return _with_checksum(",".join(fields))
 
 

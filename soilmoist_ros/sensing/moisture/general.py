@@ -219,13 +219,10 @@ def soil_of(site: Site) -> tuple[Soil, list[UncertaintyPart]]:
     return full, [
         _part("bulk density", full.bulk_density_gcm3, "g/cm3", density_sd, given),
         _part(
-            "lattice and organic water",
-            round(water, 5),
-            "g/g",
-            full.bound_water_sd or 0.0,
+            "lattice and organic water", round(water, 5), "g/g", full.bound_water_sd or 0.0,
             given if known else "default range",
         ),
-    ]
+    ]  # fmt: skip
 
 
 def general_calibration(site: Site, air: SurveyAir) -> tuple[Calibration, Soil] | None:
@@ -355,22 +352,15 @@ def _changing_parts(site: Site, air: SurveyAir) -> Iterator[UncertaintyPart]:
     level, intensity_sd = _intensity(site, air)
     known = site.corrections.intensity is not None and _of_jungfraujoch(site)
     yield _part(
-        "intensity",
-        level,
-        "of that of N0",
-        level * intensity_sd,
-        "measured" if known else "default range",
+        "intensity", level, "of that of N0", level * intensity_sd, "measured" if known else "default range",
         intensity_sd,
-    )
+    )  # fmt: skip
     corrected, coefficient = site.corrections.humidity is not None, Corrections.humidity_coefficient_m3g
     yield _part(
-        "humidity",
-        site.reference_humidity_gm3 if corrected else HUMIDITY_GM3,
-        "g/m3",
-        0.3 if corrected else HUMIDITY_SD_GM3,
-        "measured" if corrected else "default range",
+        "humidity", site.reference_humidity_gm3 if corrected else HUMIDITY_GM3, "g/m3",
+        0.3 if corrected else HUMIDITY_SD_GM3, "measured" if corrected else "default range",
         coefficient * (0.3 if corrected else HUMIDITY_SD_GM3),
-    )
+    )  # fmt: skip
     biomass, biomass_sd, origin = biomass_of(site)
     yield _part("biomass", biomass, "kg/m2", biomass_sd, origin, DRY_BIOMASS_SHARE_M2KG * biomass_sd)
     if site.corrections.road is not None:

@@ -235,21 +235,17 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
     problems, last = stream.logger_problems, stream.last_record
     difference_s = stream.clock_difference_s
     values = {
-        "logger": stream.parser.format.title,
-        "serial number": stream.parser.serial or "unknown",
-        "records": str(stream.records_out),
-        "records waiting for a fix": str(stream.survey.waiting),
+        "logger": stream.parser.format.title, "serial number": stream.parser.serial or "unknown",
+        "records": str(stream.records_out), "records waiting for a fix": str(stream.survey.waiting),
         "records without a position": str(problems.noted[Kind.NO_POSITION]),
         "records per minute": _number(stream.records_per_minute, 2),
         "records and lines lost": str(problems.lost.total() - problems.lost[Kind.DUPLICATE]),
-        "records quarantined": str(stream.quarantined.total()),
-        "masked tubes": _masked(stream) or "none",
+        "records quarantined": str(stream.quarantined.total()), "masked tubes": _masked(stream) or "none",
         "index of dispersion": _number(stream.survey.checks.totals.used.index, 2),
-        "logger clock minus ours [s]": _number(difference_s, 1),
-        **_by_kind("dropped", problems.lost),
+        "logger clock minus ours [s]": _number(difference_s, 1), **_by_kind("dropped", problems.lost),
         **_by_kind("noted", problems.noted),
         **{f"quarantined: {reason_text(code)}": str(count) for code, count in sorted(stream.quarantined.items())},
-    }
+    }  # fmt: skip
     if (latest := stream.survey.latest_intensity) is not None:
         values["incoming intensity"] = "none yet" if math.isnan(latest.rate) else f"{latest.rate:g}"
         values["age of the intensity [s]"] = f"{stream.survey.intensity_age_s:.0f}"

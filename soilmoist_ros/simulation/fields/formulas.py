@@ -350,16 +350,10 @@ class Half(Shape):
 
 
 FAMILIES: dict[str, type[RateFormula]] = {
-    **dict.fromkeys(("gaussian_field", "exponential", "matern32"), RandomField),
-    "patches": Patches,
-    "ridge": Ridge,
-    "gradient": Gradient,
-    "half": Half,
-    "halves": Halves,
-    "rough_patch": RoughPatch,
-    "strips": Strips,
-    "texture": Texture,
-}
+    **dict.fromkeys(("gaussian_field", "exponential", "matern32"), RandomField), "patches": Patches,
+    "ridge": Ridge, "gradient": Gradient, "half": Half, "halves": Halves, "rough_patch": RoughPatch,
+    "strips": Strips, "texture": Texture,
+}  # fmt: skip
 
 
 def formula(family: str, **parameters: Any) -> RateFormula:

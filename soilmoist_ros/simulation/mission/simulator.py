@@ -161,18 +161,11 @@ class _Simulation:
         # The calibration belongs to the mission field; other properties have no moisture.
         self.channels = [
             Channel(
-                one,
-                self.grid,
-                settings,
-                one.curve if one is first else None,
-                wanted,
-                number,
-                earlier.get(wanted.name, ()),
-                known,
-                kind.whole_map or settings.map_from == "stops",
+                one, self.grid, settings, one.curve if one is first else None, wanted, number,
+                earlier.get(wanted.name, ()), known, kind.whole_map or settings.map_from == "stops",
             )
             for number, (one, wanted) in enumerate(zip(fields, mission_properties(settings), strict=True))
-        ]
+        ]  # fmt: skip
         starts = start_stops(first.field, self.stops, settings)
         self.robots = [self.robot(number, start) for number, start in enumerate(starts)]
         # Times from the positions of a record to its end.
@@ -234,15 +227,11 @@ class _Simulation:
         body = VirtualRobot(settings.real_motion, start.xy)
         sensors = [
             VirtualSensor(
-                channel.field,
-                sensor_stream(seed, kind, number, settings.robots),
-                settings.cadence_s,
-                settings.footprint_m,
-                settings.weather,
-                settings.rate_drift,
+                channel.field, sensor_stream(seed, kind, number, settings.robots), settings.cadence_s,
+                settings.footprint_m, settings.weather, settings.rate_drift,
             )
             for kind, channel in enumerate(self.channels)
-        ]
+        ]  # fmt: skip
         noise_m = position_errors(seed, number, settings.position_sd_m)
         learned = LearnedMotion(settings.motion, settings.learn_travel)
         return _Robot(number + 1, mission, explorer, body, sensors, noise_m, learned)

@@ -18,11 +18,9 @@ def square_setup(side_m, cell_m, strategy="random", no_go=(), settings=None, mor
     chosen = {"strategy": strategy, "preset": "paper", "seed": 1, "motion": RobotMotion(1.0), **(settings or {})}
     given = {"budget_s": 7200.0, "dwell": parse_dwell("fmi:60"), "warm_up_stops": 0, "speed_mps": 1.0, **rules}
     return MissionSetup(
-        field=Field("square", LocalFrame(53.0, 0.0), corners, no_go, cell_m),
-        settings=ExplorerSettings(**chosen),
-        rules=MissionRules(**given),
-        **(more or {}),
-    )
+        field=Field("square", LocalFrame(53.0, 0.0), corners, no_go, cell_m), settings=ExplorerSettings(**chosen),
+        rules=MissionRules(**given), **(more or {}),
+    )  # fmt: skip
 
 
 class AtOnce(Executor):

@@ -105,12 +105,9 @@ def graph(*places):
 
 def test_only_nodes_in_the_field_are_measured_at_but_others_are_home_and_way():
     access = FieldAccess(
-        field(),
-        RobotMotion(),
-        graph(("shed", -9.0, 0.0), ("edge", -1.0, 5.0), ("in", 5.0, 5.0)),
-        AccessRules(beyond_m=2.0),
-        home="shed",
-    )
+        field(), RobotMotion(), graph(("shed", -9.0, 0.0), ("edge", -1.0, 5.0), ("in", 5.0, 5.0)),
+        AccessRules(beyond_m=2.0), home="shed",
+    )  # fmt: skip
     assert [stop.name for stop in access.stops] == ["edge", "in"]
     assert access.stop("shed") == Stop("shed", -9.0, 0.0)
     assert np.isfinite(access.travel.travel_s((-9.0, 0.0), access.stops)).all()

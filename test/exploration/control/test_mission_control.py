@@ -305,10 +305,8 @@ def test_a_clock_that_is_set_changes_nothing_but_the_stamps(step_s):
     pass_time(1.0, step_s)
     after = around.status
     assert (after.phase, after.reason, after.clock_offset_s) == (
-        before.phase,
-        before.reason,
-        pytest.approx(step_s),
-    )
+        before.phase, before.reason, pytest.approx(step_s),
+    )  # fmt: skip
     assert after.time_used_s == pytest.approx(before.time_used_s + 1.0)
     assert after.estimated_end_s == pytest.approx(before.estimated_end_s + step_s), "people see their own time"
     steady[0] += 30.0

@@ -65,15 +65,10 @@ def test_the_worth_of_a_stop_is_the_fall_with_and_without_it(seed, overhead_s, d
     exposure_s = np.array([[10.0, 20.0, 30.0], [10.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     worth = model.worth(
         Trips(
-            numbers,
-            np.full(3, 60.0),
-            ways,
-            exposure_s,
-            np.full(3, overhead_s),
-            np.full(3, 600.0),
+            numbers, np.full(3, 60.0), ways, exposure_s, np.full(3, overhead_s), np.full(3, 600.0),
             np.full(3, 60.0),
         )
-    )
+    )  # fmt: skip
     for row, number in enumerate(numbers):
         node, used = model.stop_nodes[number], exposure_s[row] > 0
         nodes, seconds = ways[row][used], exposure_s[row][used]

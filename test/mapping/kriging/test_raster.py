@@ -62,13 +62,10 @@ def surveys(draw):
     x_m = 5 + draw(st.floats(0.3, 3)) * np.arange(nx)
     y_m = (-40 + draw(st.floats(0.3, 3)) * np.arange(ny))[:: draw(st.sampled_from([1, -1]))]
     variogram = Variogram(
-        draw(st.sampled_from(SMOOTH)),
-        draw(st.sampled_from([0.0, 0.05])),
-        np.hypot(np.ptp(x_m), np.ptp(y_m)) / 10 ** draw(st.floats(0, 2)),
-        0.5,
-        draw(st.sampled_from([1.0, 1.0, 3.0])),
-        draw(st.sampled_from([0.0, 90.0, 33.0])),
-    )
+        draw(st.sampled_from(SMOOTH)), draw(st.sampled_from([0.0, 0.05])),
+        np.hypot(np.ptp(x_m), np.ptp(y_m)) / 10 ** draw(st.floats(0, 2)), 0.5,
+        draw(st.sampled_from([1.0, 1.0, 3.0])), draw(st.sampled_from([0.0, 90.0, 33.0])),
+    )  # fmt: skip
     mask = np.add.outer((y_m - y_m.mean()) ** 2, (x_m - x_m.mean()) ** 2) <= draw(st.sampled_from([0.3, 9.0])) * (
         np.ptp(x_m) ** 2 + np.ptp(y_m) ** 2
     )

@@ -131,11 +131,9 @@ def test_fit_variogram_refuses(data, options, message):
 
 def prior():
     return FieldPrior(
-        lambda xy: np.column_stack([xy[:, 0], xy[:, 0] * xy[:, 1]]),
-        np.array([1.0, 2.0]),
-        np.array([[-0.3, 0.1], [0.1, 0.5]]),
-        np.array([1.0, -0.5]),
-    )
+        lambda xy: np.column_stack([xy[:, 0], xy[:, 0] * xy[:, 1]]), np.array([1.0, 2.0]),
+        np.array([[-0.3, 0.1], [0.1, 0.5]]), np.array([1.0, -0.5]),
+    )  # fmt: skip
 
 
 def test_mean_and_covariance_are_those_of_the_features():

@@ -92,10 +92,8 @@ def test_the_search_stops_within_a_hundredth_of_the_uncertainty(seed, monkeypatc
     expected = maximise_reml(samples, "matern32", 60.0)
     for one, other in ((found.mode, expected.mode), (found.variogram, expected.variogram)):
         factors = [
-            one.structured_sill / other.structured_sill,
-            one.range_m / other.range_m,
-            one.nugget / other.nugget,
-        ]
+            one.structured_sill / other.structured_sill, one.range_m / other.range_m, one.nugget / other.nugget,
+        ]  # fmt: skip
         assert (np.abs(np.log(factors)) < 0.01 * np.array(expected.log_sd)).all()
     assert found.variogram.anisotropy == pytest.approx(expected.variogram.anisotropy, rel=1e-3)
 

@@ -15,16 +15,12 @@ from soilmoist_ros.recording import Qos, find_definition, request_for
 from soilmoist_ros.recording.bag.metadata import INFINITE_NS, qos_from_yaml, search_prefixes, to_yaml
 
 QOS = st.builds(
-    Qos,
-    st.sampled_from(["keep_last", "keep_all", "system_default", "unknown"]),
-    st.integers(0, 1000),
+    Qos, st.sampled_from(["keep_last", "keep_all", "system_default", "unknown"]), st.integers(0, 1000),
     st.sampled_from(["reliable", "best_effort", "system_default", "unknown"]),
-    st.sampled_from(["volatile", "transient_local", "system_default", "unknown"]),
+    st.sampled_from(["volatile", "transient_local", "system_default", "unknown"]), st.integers(0, INFINITE_NS),
+    st.integers(0, INFINITE_NS), st.sampled_from(["automatic", "manual_by_topic", "system_default", "unknown"]),
     st.integers(0, INFINITE_NS),
-    st.integers(0, INFINITE_NS),
-    st.sampled_from(["automatic", "manual_by_topic", "system_default", "unknown"]),
-    st.integers(0, INFINITE_NS),
-)
+)  # fmt: skip
 
 
 @pytest.mark.slow

@@ -36,15 +36,9 @@ def irrigated(doses=(0.0, 10.0, 15.0), latitude=53.27, longitude=-0.52, cell_m=2
     used = sorted(set(doses))
     zones = [
         DoseZone(
-            outline.intersection(part),
-            used.index(gross) + 1,
-            gross,
-            0.8 * gross,
-            0.5 * gross,
-            1.2 * gross,
-            0.9,
+            outline.intersection(part), used.index(gross) + 1, gross, 0.8 * gross, 0.5 * gross, 1.2 * gross, 0.9,
             0.7,
         )
         for part, gross in zip(PARTS, doses, strict=True)
-    ]
+    ]  # fmt: skip
     return source, Plan(one, zones, "2026-05-03", True)

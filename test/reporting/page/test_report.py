@@ -158,10 +158,8 @@ def test_embedded_map_is_the_map(html, the_map):
     grid, layers = data["grids"][0], {layer["key"]: layer for layer in data["layers"]}
     assert (grid["ny"], grid["nx"]) == the_map.rate.shape
     assert (grid["x0"], grid["y0"], grid["cell"]) == (
-        the_map.grid.x_m[0],
-        the_map.grid.y_m[0],
-        the_map.grid.cell_m,
-    )
+        the_map.grid.x_m[0], the_map.grid.y_m[0], the_map.grid.cell_m,
+    )  # fmt: skip
     bands = {
         "vwc": 100 * the_map.vwc, "p05": 100 * the_map.vwc_p05, "p95": 100 * the_map.vwc_p95,
         "rate": the_map.rate, "rate_sd": the_map.rate_sd,

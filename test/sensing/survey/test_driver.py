@@ -11,13 +11,14 @@ import time
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.errors import Level
+from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.log_layout import LogHeader
 from soilmoist_ros.sensing.formats.robot_logger import format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, utc_text
 from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing.position.phone import PHONE, PhoneReceiver
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings, fix_health, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream
@@ -268,3 +269,33 @@ def test_what_came_instead_of_a_fix_is_said(survey):
         message = fix_health(survey, T0).message
         assert words in message
         assert f"by this computer {utc_text(T0)} (UTC)" in message
+
+
+HERE = {"latitude": -52.1, "longitude": 13.2, "accuracy": 5.0, "age_s": 0.5, "altitude": None, "speed": 1.2}
+
+
+def test_a_phone_is_a_receiver_whose_old_and_coarse_positions_are_refused():
+    phone = PhoneReceiver()
+    driver = Driver(
+        DriverSettings("tcp://127.0.0.1:1", FORMAT, PHONE), Site(), LocalFrame(-52.1, 13.2), 0.0, phone
+    )
+    with started(driver):
+        link = next(part for part in driver.health(0.0) if part.name == "GNSS link")
+        assert (link.level, "keep the page open" in link.message) == (Level.ERROR, True)
+        for wrong, said in (
+            ({"accuracy": 65.0}, "within 65 m only"), ({"age_s": 30.0}, "30 s old"), ({"latitude": ""}, "sent no"),
+            ({"accuracy": 0.0}, "sent no"), ({"age_s": None}, "sent no"), ({"longitude": 1e9}, "sent no"),
+        ):  # fmt: skip
+            with pytest.raises(InputError, match=said):
+                phone.take(HERE | wrong, 1.8e9)
+        for second in range(3):
+            phone.take(HERE, 1.8e9 + second)
+        fixes = [
+            fix for batch in until(driver, lambda all: sum(len(b.fixes) for b in all) > 1) for fix in batch.fixes
+        ]
+        assert next(part for part in driver.health(0.0) if part.name == "GNSS link").level is Level.OK
+    assert [fix.stamp_s for fix in fixes[:2]] == [1.8e9 - 0.5, 1.8e9 + 0.5]
+    place = fixes[0].position
+    assert (place.latitude_deg, place.longitude_deg) == pytest.approx((-52.1, 13.2), abs=1e-9)
+    assert place.horizontal_sd_m == pytest.approx(5.0 / math.sqrt(2), abs=1e-3)
+    assert fixes[0].speed_mps == pytest.approx(1.2, abs=1e-3)

@@ -39,12 +39,8 @@ FORMAT = "thorvald_crs"
 def record(number, **values):
     weather = {"pressure_hpa": 1000.0, "temperature_degc": 20.0, "relative_humidity": 0.5}
     values = {
-        "tube_counts": (5.0,) * 12,
-        "tube_live_s": (10.0,) * 12,
-        "record_number": number,
-        **weather,
-        **values,
-    }
+        "tube_counts": (5.0,) * 12, "tube_live_s": (10.0,) * 12, "record_number": number, **weather, **values,
+    }  # fmt: skip
     return LoggerRecord(T0 + 10.0 * number, **values)
 
 

@@ -146,15 +146,10 @@ def test_time_crawls_after_a_goal_because_the_planner_needs_positions():
 
 
 PROGRESS = st.builds(
-    RobotProgress,
-    st.sampled_from([None, *Phase]),
-    st.sampled_from([-math.inf, 90.0, 100.0]),
-    st.sampled_from([-math.inf, math.nan, 90.0, 100.0]),
-    st.sampled_from([math.nan, 95.0]),
-    st.booleans(),
-    st.sampled_from([-math.inf, 90.0, 100.0]),
-    st.sampled_from([-math.inf, math.nan, 90.0, 100.0]),
-)
+    RobotProgress, st.sampled_from([None, *Phase]), st.sampled_from([-math.inf, 90.0, 100.0]),
+    st.sampled_from([-math.inf, math.nan, 90.0, 100.0]), st.sampled_from([math.nan, 95.0]), st.booleans(),
+    st.sampled_from([-math.inf, 90.0, 100.0]), st.sampled_from([-math.inf, math.nan, 90.0, 100.0]),
+)  # fmt: skip
 ROBOTS = st.fixed_dictionaries({"robot_1": PROGRESS, "robot_2": PROGRESS})
 
 

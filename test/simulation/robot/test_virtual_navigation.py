@@ -35,11 +35,9 @@ class Drive:
     def __init__(self, at=(0.0, 0.0), **faults):
         self.robot = VirtualRobot(MOTION, at)
         self.navigation = VirtualNavigation(
-            GraphTravel(GRAPH, MOTION),
-            self.robot,
-            NavigationFaults.model_validate(faults),
+            GraphTravel(GRAPH, MOTION), self.robot, NavigationFaults.model_validate(faults),
             np.random.default_rng(3),
-        )
+        )  # fmt: skip
         self.events = []
         self.now_s = 0.0
 
