@@ -33,6 +33,7 @@ NAMES = {
     "stop_overhead_s": "{} s lost at each stop",
     "turn_s_per_rad": "{} s/rad for turning",
     "learn_travel": "travel times learned: {}",
+    "person": "person: {}",
     "real_speed_mps": "{} m/s in truth",
     "stop_cost_s": "a stop avoided for {} s",
     "metre_cost_s": "a metre avoided for {} s",

@@ -162,8 +162,9 @@ LEARNING = 0.08
 MIN_EVERY_S = 60.0  # shortest mission time between two forecasts [s]
 MAX_FORECASTS = 60  # number of forecasts in a long mission
 UNIFORM_FROM = 0.2  # share of the mission time after which a field may be called uniform
-SPREAD = 0.3
-"""Logarithm of the band's factor when the exposure has grown e-fold; 80 % of missions end within the band."""
+SPREAD, MAX_SPREAD = 2.2, 1.4
+"""Band in which 80 % of missions end: where the exposure grows e^x-fold, the logarithm of its factor is
+``x / (2.2 + 1.4 x)``. Fitted to 168 missions, 72 of them on fields that the project did not make."""
 _STEPS = 8
 _PRIOR_EXPOSURE_S = 120.0
 _MIN_SHARE = 0.05
@@ -307,7 +308,8 @@ class _Curve:
         steps = range(1, _STEPS + 1) if left_s > 0 else ()
         times_s = tuple(left_s * step / _STEPS for step in steps)
         sds = tuple(map(self.sd, times_s))
-        factors = tuple(math.exp(SPREAD * math.sqrt(math.log(self._growth(time_s)))) for time_s in times_s)
+        growths = (math.log(self._growth(time_s)) for time_s in times_s)
+        factors = tuple(math.exp(growth / (SPREAD + MAX_SPREAD * growth)) for growth in growths)
         return Forecast(self.sd(0.0), times_s, sds, factors, self.sd(SOON_S), mean_rate_cps, moisture, hidden)
 
 

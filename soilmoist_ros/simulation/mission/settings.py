@@ -162,6 +162,12 @@ def _plain_dwell(text: str) -> str:
     return str(parse_dwell(text))
 
 
+def _plain_person(text: str) -> str:
+    from soilmoist_ros.simulation.robot.virtual_navigation import Habits
+
+    return str(Habits.parse(text))
+
+
 def _share(value: float) -> float:
     if value > 1:
         raise InputError(f"must be at most 1, but it is {value!r}")
@@ -330,6 +336,11 @@ class MissionSettings:
     metre_cost_s: float = _setting(
         0.0, "Time that it is worth to avoid a metre: the planner drives less.", unit="s/m", low=0
     )
+    person: str | None = _setting(
+        None, "A person carries the sensor, and judges advice: obedient, usual (0.1,0.1,0.1), or probabilities on "
+        "each trip of a pause, a wrong turn and a stop of their own. Default: a robot.", str,
+        check=_plain_person,
+    )  # fmt: skip
     cadence_s: float = _setting(10.0, "Duration of a record.", unit="s", low=0, above=True)
     cell_m: float | None = _setting(
         None, "Cell size of the map. Default: the field's.", float, unit="m", low=0, above=True

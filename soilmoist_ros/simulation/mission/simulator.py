@@ -48,6 +48,7 @@ from soilmoist_ros.exploration import (
     make_strategy,
     nominal_rate_cps,
     pending_measurement,
+    person_rules,
     strategy_kind,
     strategy_stream,
     warm_up,
@@ -66,9 +67,9 @@ from soilmoist_ros.simulation.mission.mission_result import (
     Watch,
 )
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.streams import position_errors, sensor_stream
+from soilmoist_ros.simulation.mission.streams import person_stream, position_errors, sensor_stream
 from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
-from soilmoist_ros.simulation.robot.virtual_navigation import VirtualRobot
+from soilmoist_ros.simulation.robot.virtual_navigation import Habits, VirtualPerson, VirtualRobot
 
 Array = NDArray[np.float64]
 
@@ -182,28 +183,27 @@ class _Simulation:
         recommended = settings.preset == "recommended"
         min_dwell_s = settings.min_dwell_s or settings.cadence_s
         warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
-        mission = Mission(
-            MissionRules(
-                budget_s=settings.hours * 3600,
-                dwell=dwell_rule(settings.dwell),
-                warm_up_stops=warm_up_stops,
-                speed_mps=settings.speed_mps,
-                detour=1.0,
-                stop_overhead_s=settings.stop_overhead_s,
-                min_dwell_s=min_dwell_s,
-                # A record must be counted wholly at the stop, and the time of its beginning is not chosen.
-                min_last_dwell_s=min_dwell_s + settings.cadence_s
-                if recommended
-                else settings.min_dwell_s or PUBLISHED_MIN_LAST_DWELL_S,
-                stays=recommended and settings.map_from == "records",
-                arrival_radius_m=max(3.0, 5 * settings.position_sd_m),
-                standstill_s=0.0,  # a simulated robot stands at once
-                backoff_s=0.0,
-                silence_limit_s=max(60.0, 3 * settings.cadence_s),
-                until_sd=settings.until_sd,
-                until_gain=settings.until_gain,
-            )
+        rules = MissionRules(
+            budget_s=settings.hours * 3600,
+            dwell=dwell_rule(settings.dwell),
+            warm_up_stops=warm_up_stops,
+            speed_mps=settings.speed_mps,
+            detour=1.0,
+            stop_overhead_s=settings.stop_overhead_s,
+            min_dwell_s=min_dwell_s,
+            # A record must be counted wholly at the stop, and the time of its beginning is not chosen.
+            min_last_dwell_s=min_dwell_s + settings.cadence_s
+            if recommended
+            else settings.min_dwell_s or PUBLISHED_MIN_LAST_DWELL_S,
+            stays=recommended and settings.map_from == "records",
+            arrival_radius_m=max(3.0, 5 * settings.position_sd_m),
+            standstill_s=0.0,  # a simulated robot stands at once
+            backoff_s=0.0,
+            silence_limit_s=max(60.0, 3 * settings.cadence_s),
+            until_sd=settings.until_sd,
+            until_gain=settings.until_gain,
         )
+        mission = Mission(rules if settings.person is None else person_rules(rules))
         explorer = Explorer(
             [
                 Property(
@@ -225,6 +225,9 @@ class _Simulation:
             grid=self.grid,
         )
         body = VirtualRobot(settings.real_motion, start.xy)
+        if settings.person is not None:
+            habits, rng = Habits.parse(settings.person), person_stream(seed, number)
+            body = VirtualPerson(body.motion, start.xy, habits, self.stops, settings.position_sd_m, rng)
         sensors = [
             VirtualSensor(
                 channel.field, sensor_stream(seed, kind, number, settings.robots), settings.cadence_s,
@@ -289,6 +292,8 @@ class _Simulation:
             robot.goal = None
             for corner in robot.body.passed(self.now_s):
                 robot.explorer.travel.moved(corner)
+            if isinstance(robot.body, VirtualPerson) and not robot.body.stands(self.now_s):  # in a pause
+                robot.body.stop(self.now_s)
             place = self.reported(robot, robot.body.at(self.now_s))
             self.give(robot, GoalReached(self.now_s, goal.goal_id, *place))
         if self.now_s >= robot.deadline_s:
@@ -315,8 +320,12 @@ class _Simulation:
                     self.forecasts.append(TimedForecast(self.now_s, plan.forecast))
                 self.give(robot, replace(plan, now_s=self.now_s))
             case GoTo():
-                way = robot.explorer.travel.route(robot.body.at(self.now_s), action.stop)
-                robot.goal = (robot.body.go(self.now_s, way), action)
+                body, travel = robot.body, robot.explorer.travel
+                way = travel.route(body.at(self.now_s), action.stop)
+                if isinstance(body, VirtualPerson):
+                    robot.goal = (body.walk(self.now_s, travel, action.stop), action)
+                else:
+                    robot.goal = (body.go(self.now_s, way), action)
                 robot.learned.set_off(self.now_s, way)
                 self.note(robot, f"go to {action.stop.name}: {action.reason}")
             case CancelGoal():

@@ -11,7 +11,7 @@ import numpy as np
 from soilmoist_ros.exploration import STREAMS_PER_ROBOT
 
 _SENSOR, _GNSS = 0, 2  # between them is the stream of the strategy
-_EARLIER, _COVARIATE = 0, 1  # keys of three numbers; the others have fewer
+_EARLIER, _COVARIATE, _PERSON = 0, 1, 2  # keys of three numbers; the others have fewer
 
 
 def field_stream(seed: int, number: int) -> np.random.Generator:
@@ -48,6 +48,11 @@ def position_errors(seed: int, robot: int, sd_m: float) -> Iterator[tuple[float,
     rng = gnss_stream(seed, robot)
     while True:  # drawn in blocks; the values equal single draws
         yield from rng.normal(0.0, sd_m, (200, 2)).tolist()
+
+
+def person_stream(seed: int, robot: int) -> np.random.Generator:
+    """Random stream for the trips of a person with the sensor of one robot, numbered from 0."""
+    return _stream(seed, _PERSON, 0, robot)
 
 
 def device_stream(seed: int, device: int, robot: int = 0, robots: int = 1) -> np.random.Generator:

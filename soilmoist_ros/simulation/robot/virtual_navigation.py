@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated navigation: goals by node name or pose, localisation, and faults."""
+"""A simulated navigation, and a person: goals by node name or pose, localisation, faults, and advice."""
 
 from __future__ import annotations
 
@@ -8,22 +8,30 @@ import bisect
 import enum
 import math
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import astuple, dataclass
 from itertools import pairwise
 from operator import itemgetter
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import (
+    Ended,
     GraphTravel,
+    PersonNavigator,
     RobotMotion,
     Stop,
     TravelModel,
+    Way,
     polyline_length_m,
     polyline_turn_rad,
+    stops_xy,
     zone_radius_m,
 )
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.simulation.robot.scenario import GoalFault, NavigationFaults
 
 Array = NDArray[np.float64]
@@ -350,3 +358,139 @@ class VirtualRobot:
             return 0.0
         share = min(max(now_s - self._start_s, 0.0), self._drive_s) / self._drive_s
         return share * float(self._along_m[-1])
+
+
+# A person with the sensor, who takes advice, or does not: pauses, wrong turns, stops of their own ----------------
+
+PAUSE_S: Final = 60.0  # mean of the pauses [s]
+WRONG_M: Final = (5.0, 30.0)  # length of a wrong turn before it is noticed [m]
+PACE_SD: Final = 0.1  # standard deviation of the speed of a trip, as a share
+OTHER_M: Final = 10.0  # least distance of a stop of their own from where they set off [m]
+FIX_S: Final = 1.0  # time between two fixes of the receiver [s]
+MAX_STAND_S: Final = 120.0  # a person who stands for this long is taken to be there, whatever the noise says [s]
+
+
+@dataclass(frozen=True)
+class Habits:
+    """Probabilities on each trip: of a pause, a wrong turn, and of standing at another stop than the advised."""
+
+    pauses: float
+    wrong_turns: float
+    ignores: float
+
+    @classmethod
+    def parse(cls, text: str) -> Habits:
+        """Read the name of a kind of :data:`PEOPLE`, or three probabilities.
+
+        >>> Habits.parse("0.1,0,0.5")
+        Habits(pauses=0.1, wrong_turns=0.0, ignores=0.5)
+
+        :raises InputError: if it is neither
+        """
+        if text in PEOPLE:
+            return PEOPLE[text]
+        try:
+            pauses, wrong_turns, ignores = map(float, text.split(","))
+            if not all(0 <= share <= 1 for share in (pauses, wrong_turns, ignores)):
+                raise ValueError
+        except ValueError:
+            remedy = f"write {', '.join(PEOPLE)}, or three probabilities such as 0.1,0.1,0.2"
+            raise InputError(f"{text!r} is no kind of person", remedy) from None
+        return cls(pauses, wrong_turns, ignores)
+
+    def __str__(self) -> str:
+        return next((name for name, one in PEOPLE.items() if one == self), "{:g},{:g},{:g}".format(*astuple(self)))
+
+
+PEOPLE: Final = {"obedient": Habits(0.0, 0.0, 0.0), "usual": Habits(0.1, 0.1, 0.1)}
+
+
+class VirtualPerson(VirtualRobot):
+    """Walks or drives to advised stops; the real :class:`PersonNavigator` judges the arrival by noisy fixes.
+
+    :param stops: places among which the person chooses another one
+    :param sd_m: noise of each coordinate of the fixes [m]
+    """
+
+    def __init__(
+        self,
+        motion: RobotMotion,
+        xy: tuple[float, float],
+        habits: Habits,
+        stops: Sequence[Stop],
+        sd_m: float,
+        rng: np.random.Generator,
+    ) -> None:
+        super().__init__(motion, xy)
+        self._habits, self._stops, self._sd_m, self._rng = habits, stops, sd_m, rng
+        self._stops_xy = stops_xy(stops)
+        self._when_s = self._where_m = np.zeros(2)
+
+    def walk(self, now_s: float, travel: TravelModel, stop: Stop) -> float:
+        """Set off for a stop; returns when the person is seen to stand, there or elsewhere [s]."""
+        rng, here = self._rng, self.at(now_s)
+        pauses, turns, ignores, share, pace = rng.random(5).tolist()
+        end = self._other(here, stop) if ignores < self._habits.ignores else stop
+        way = travel.route(here, end)
+        if turns < self._habits.wrong_turns and (wrong := self._wrong(travel, here, end)) is not None:
+            way = wrong
+        self.go(now_s, way)
+        length_m = polyline_length_m(way)
+        speed = self.motion.speed_mps * math.exp(PACE_SD * (2 * pace - 1) * math.sqrt(3))
+        pause_s = rng.exponential(PAUSE_S) if pauses < self._habits.pauses else 0.0
+        self._drive_s = length_m / speed + pause_s
+        self._where_m = np.array([0.0, share, share, 1.0]) * length_m
+        self._when_s = self._where_m / speed + np.array([0.0, 0.0, pause_s, pause_s])
+        return self._seen(now_s, here, stop)
+
+    def _other(self, here: tuple[float, float], stop: Stop) -> Stop:
+        """One of the nearest stops away from here and from where the person is to go, which is the last choice."""
+        away_m = np.hypot(*(self._stops_xy - here).T)
+        possible = np.flatnonzero((away_m > OTHER_M) & (np.hypot(*(self._stops_xy - stop.xy).T) > OTHER_M))
+        if not len(possible):
+            return stop
+        nearest = possible[np.argsort(away_m[possible], kind="stable")][: max(len(possible) // 10, 1)]
+        return self._stops[int(self._rng.choice(nearest))]
+
+    def _wrong(self, travel: TravelModel, here: tuple[float, float], end: Stop) -> Array | None:
+        """A way to a stop that begins towards another one; ``None`` if no way leads on from there."""
+        begun, at_m = list[tuple[float, float]](), self._rng.uniform(*WRONG_M)
+        try:
+            for corner in travel.route(here, self._other(here, end)):
+                place = (float(corner[0]), float(corner[1]))
+                if begun and (step_m := math.dist(begun[-1], place)) >= at_m:
+                    x, y = begun[-1]
+                    begun.append((x + at_m / step_m * (place[0] - x), y + at_m / step_m * (place[1] - y)))
+                    break
+                at_m -= math.dist(begun[-1], place) if begun else 0.0
+                begun.append(place)
+            turned = copy(travel)
+            for place in begun:
+                turned.moved(place)
+            return np.vstack([begun, turned.route(begun[-1], end)])
+        except ValueError:
+            return None
+
+    def _seen(self, now_s: float, here: tuple[float, float], stop: Stop) -> float:
+        ended = list[Ended]()
+        navigator = PersonNavigator(ended.append)
+        navigator.moved(here, now_s, self._sd_m)
+        navigator.go(0, stop, Way(np.array([here, stop.xy])))
+        last_s = now_s + self._drive_s + MAX_STAND_S
+        while not ended and now_s < last_s:
+            now_s += FIX_S
+            x, y = self._rng.normal(self.at(now_s), self._sd_m).tolist()
+            navigator.moved((x, y), now_s, self._sd_m)
+        return now_s
+
+    def places(self, times_s: Array) -> Array:
+        """See :class:`VirtualRobot`."""
+        if self.stands(float(min(times_s[0], times_s[-1]))):
+            return self._way[-1:]
+        length = np.interp(times_s - self._start_s, self._when_s, self._where_m)
+        return np.array([np.interp(length, self._along_m, axis) for axis in self._way.T]).T
+
+    def _length_at(self, now_s: float) -> float:
+        if self._drive_s <= 0:
+            return 0.0
+        return float(np.interp(now_s - self._start_s, self._when_s, self._where_m))

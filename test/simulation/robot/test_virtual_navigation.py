@@ -9,16 +9,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, polyline_length_m
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.simulation import MissionSettings, simulate_mission
 from soilmoist_ros.simulation.robot.scenario import NavigationFaults
 from soilmoist_ros.simulation.robot.virtual_navigation import (
+    PAUSE_S,
     GoalEnded,
     GoalOutcome,
+    Habits,
     OnRoute,
     Remaining,
     ServerPresent,
     VirtualNavigation,
+    VirtualPerson,
     VirtualRobot,
 )
 
@@ -263,3 +268,73 @@ def test_a_robot_that_drives_on_after_the_end_of_a_cancelled_goal():
     assert drive.place == (6.0, 0.0)
     drive.until(30)
     assert drive.place == (7.0, 0.0)
+
+
+# Persons: a seed gives the same mission, and advice is taken as the habits say
+
+LATTICE = [Stop(f"{x} {y}", float(x), float(y)) for x in range(0, 100, 20) for y in range(0, 100, 20)]
+WALK = RobotMotion(speed_mps=1.2, stop_overhead_s=0.0)
+
+
+def trips(habits, count=30, seed=1):
+    """Trips between corners: time, and length walked; and where each ended."""
+    person = VirtualPerson(WALK, (0.0, 0.0), Habits(*habits), LATTICE, 0.1, np.random.default_rng(seed))
+    travel, now_s, found = FreeTravel(WALK), 0.0, []
+    for number in range(count):
+        stop, before_m = LATTICE[(0, 4, 20, 24)[number % 4]], person.distance_m(now_s)
+        seen_s = person.walk(now_s, travel, stop)
+        person.stop(seen_s)
+        found.append(
+            (
+                seen_s - now_s,
+                person.distance_m(seen_s) - before_m,
+                np.hypot(*(person.at(seen_s) - np.array(stop.xy))),
+            )
+        )
+        now_s = seen_s
+    return np.array(found)
+
+
+def test_a_person_pauses_turns_wrong_and_stands_elsewhere_as_their_habits_say():
+    obedient, slow, lost, own = map(trips, ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    time_s, walked_m, away_m = obedient.T
+    assert away_m.max() < 5
+    speed = walked_m[1:] / (time_s[1:] - 4.0)  # seen to stand after 4 s
+    assert 1.0 < np.median(speed) < 1.35
+    assert speed.std() > 0.03, "each trip has its own pace"
+    assert 0.4 < (slow[:, 2] > 5).mean() < 1, (
+        "a pause of more than 20 s is a stop of their own, a shorter one is not"
+    )
+    assert lost[:, 1].sum() > walked_m.sum() + 30 * 2
+    assert lost[:, 2].max() < 5
+    assert own[:, 2].min() > 5
+    np.testing.assert_array_equal(obedient, trips((0, 0, 0)))
+    assert polyline_length_m(np.array([(0.0, 0.0), (0.0, 80.0)])) > own[:, 1].min(), "one of the nearest stops"
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_mission_of_a_person_and_its_speed_is_learned():
+    def mission(person, seed=3):
+        return simulate_mission(
+            MissionSettings(
+                "patches", hours=0.2, cell_m=4.0, seed=seed, person=person, speed_mps=0.6, real_speed_mps=1.2
+            )
+        )
+
+    one, again, obedient, robot = mission("usual"), mission("0.1,0.1,0.1"), mission("obedient"), mission(None)
+    assert one.log == again.log
+    np.testing.assert_array_equal(one.soil_map.rate, again.soil_map.rate)
+    assert one.log != mission("usual", 4).log
+    assert 1.0 < obedient.motion[0].motion.speed_mps < 1.4
+    assert len(obedient.visits) > 0.8 * len(robot.visits)
+    own = [visit for visit in mission("0,0,0.6").visits if visit.name.startswith("x")]
+    assert own, "stops of their own are measured"
+    assert not [visit for visit in obedient.visits if visit.name.startswith("x")]
+
+
+@pytest.mark.parametrize("text", ["tired", "0.1,0.2", "0.1,0.1,2", ""])
+def test_other_people_are_refused_with_those_that_there_are(text):
+    with pytest.raises(InputError, match="obedient, usual, or three probabilities"):
+        Habits.parse(text)
+    assert str(Habits.parse("0.1,0.1,0.1")) == "usual"
+    assert PAUSE_S > 20
