@@ -7,6 +7,7 @@ from __future__ import annotations
 import importlib
 import logging
 import multiprocessing
+import operator
 import os
 import re
 import threading
@@ -139,17 +140,13 @@ def _on_processes(
 
 def _on_cluster(client: Any, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
     shared = client.scatter(function, broadcast=True, hash=False)
-    futures = [client.submit(_apply, shared, item, pure=False) for item in items]
+    futures = [client.submit(operator.call, shared, item, pure=False) for item in items]
     try:
         for number, future in enumerate(futures):
             yield future.result()
             futures[number] = None
     finally:
         client.cancel([future for future in futures if future is not None])
-
-
-def _apply(function: Callable[[Any], Any], item: Any) -> Any:
-    return function(item)
 
 
 # Batches ---------------------------------------------------------------------------------------------------------

@@ -289,7 +289,8 @@ def find_change(
     begin_s = float(time_s.min())
     times_s = np.linspace(begin_s, now_s, int(np.clip(round((now_s - begin_s) / KNOT_S) + 1, 2, MAX_KNOTS)))
     mean_rate = noise_rate(samples)
-    of_knots = _whitened(system, _hats(times_s, time_s) * mean_rate)
+    shares = np.column_stack([np.interp(time_s, times_s, one) for one in np.eye(len(times_s))])  # linear between
+    of_knots = _whitened(system, shares * mean_rate)
     evidence = _Evidence(times_s, of_knots.T @ of_knots, of_knots.T @ system.residual)
     drift = _drift(evidence)
     return NO_CHANGE if drift is None else Change(drift, _jump(evidence, mean_rate))
@@ -338,11 +339,6 @@ def _whitened(system: KrigingSystem, values: Array) -> Array:
     )
     surface = orth(surface, rcond=_SURFACE_RCOND)
     return np.asarray(solved - surface @ (surface.T @ solved))
-
-
-def _hats(times_s: Array, time_s: Array) -> Array:
-    """Shares of the knots in values at some times, shape (n, knots): linear between them."""
-    return np.column_stack([np.interp(time_s, times_s, one) for one in np.eye(len(times_s))])
 
 
 @dataclass(frozen=True, eq=False)

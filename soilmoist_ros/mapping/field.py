@@ -32,7 +32,7 @@ from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-    from soilmoist_ros.mapping.border_file import Border
+    from soilmoist_ros.mapping.border_file import BorderSource
 
 _log = logging.getLogger(__name__)
 
@@ -67,6 +67,12 @@ class BorderSection(Section):
     """Number (from 1) or any property, such as the name, of the feature that is meant; by default the only one."""
     crs: str = ""
     """Reference system of a file that names none, such as ``EPSG:25832``; by default WGS-84."""
+
+    def source(self, folder: Path) -> BorderSource:
+        """The file, by its path from the folder of the field file."""
+        from soilmoist_ros.mapping.border_file import BorderSource
+
+        return BorderSource(folder / self.file, self.layer, str(self.feature), self.crs.strip())
 
 
 class FieldFile(Section):
@@ -117,7 +123,8 @@ class FieldFile(Section):
             raise ValueError("a boundary or no-go area in metres needs a 'datum' to start from")
         for lon, lat in [*(self.polygon_lonlat or []), *(one for ring in self.no_go_lonlat for one in ring)]:
             if not (-180 <= lon <= 180 and -90 <= lat <= 90):
-                hint = ", but [latitude, longitude]: longitude comes first" if _is_place(lon, lat) else ""
+                swapped = abs(lon) <= 90 and abs(lat) <= 180
+                hint = ", but [latitude, longitude]: longitude comes first" if swapped else ""
                 raise ValueError(f"[{lon}, {lat}] is not [longitude, latitude] in degrees{hint}")
         return self
 
@@ -126,10 +133,6 @@ class FieldFile(Section):
         """The file with the boundary, if it is in one."""
         given = self.border if self.border is not None else self.geojson
         return BorderSection(file=given) if isinstance(given, Path) else given
-
-
-def _is_place(latitude_deg: float, longitude_deg: float) -> bool:
-    return abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -206,7 +209,7 @@ def load_field(path: Path) -> Field:
     else:
         content = load_model(path, FieldFile)
     section = content.border_section
-    border = _read_border(path, section) if section is not None else None
+    border = section.source(path.parent).read() if section is not None else None
     lonlat: NDArray[np.float64] | None = None
     if border is not None:
         lonlat = border.outline
@@ -244,13 +247,6 @@ def load_field(path: Path) -> Field:
 
 
 _BORDER_ENDINGS = (".geojson", ".shp", ".gpkg", ".fgb", ".kml", ".kmz", ".gpx", ".wkt", ".xml", ".zip")
-
-
-def _read_border(path: Path, section: BorderSection) -> Border:
-    from soilmoist_ros.mapping.border_file import BorderSource
-
-    source = BorderSource(path.parent / section.file, section.layer, str(section.feature), section.crs.strip())
-    return source.read()
 
 
 @lru_cache(maxsize=256)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -535,8 +535,7 @@ class FieldMap:
         known = self._made.get(what)
         if known is None or known[0] is not key:
             known = self._made[what] = key, make()
-        made: _Made = known[1]
-        return made
+        return cast(_Made, known[1])
 
     def _as_seen(self, state: MapState) -> MapState:
         """The state without the footprint, if the counts object to it."""
@@ -588,12 +587,8 @@ class FieldMap:
         timed, samples, now_s = state.fit_timed
 
         def found() -> Change:
-            rate = fit.noise_rate
-            change = (
-                find_change(timed, now_s, fit.variogram, rate, fit.prior, samples)
-                if self._finds_drift
-                else NO_CHANGE
-            )
+            model = fit.variogram, fit.noise_rate, fit.prior
+            change = find_change(timed, now_s, *model, samples) if self._finds_drift else NO_CHANGE
             return replace(change, error=self.knowledge.reference)
 
         return self._once("change", timed, found)

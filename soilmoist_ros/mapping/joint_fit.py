@@ -95,7 +95,7 @@ class PatternFeatures:
         """Choose inducing places: each time where most variance is lost (pivoted Cholesky decomposition)."""
         from scipy.linalg.lapack import dpstrf
 
-        covariates = covariates or _no_covariates
+        covariates = covariates or (lambda xy: np.empty((len(xy), 0)))
         some = candidates[:: max(1, -(-len(candidates) // MAX_CANDIDATES))]
         if not len(some):
             return cls(variogram, some, np.empty((0, 0)), covariates)
@@ -129,10 +129,6 @@ class PatternFeatures:
                 self._kept.pop(next(iter(self._kept)), None)
             self._kept[key] = features
         return features
-
-
-def _no_covariates(xy: Array) -> Array:
-    return np.empty((len(xy), 0))
 
 
 def _correlation(variogram: Variogram, xy: Array, others: Array) -> Array:

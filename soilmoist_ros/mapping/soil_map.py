@@ -323,12 +323,8 @@ def make_soil_map(
     if prior is not None:
         kriged, raster, max_exact_samples = pooled(samples, max_exact_samples), None, sys.maxsize
     kriging: PoissonKriging | TiledKriging | None = None
-    rasters = None
-    if (
-        raster is not None
-        and 0 < len(samples) <= max_exact_samples
-        and (changing is None or not changing.change.parts)
-    ):
+    rasters, drifts = None, changing is not None and bool(changing.change.parts)
+    if raster is not None and 0 < len(samples) <= max_exact_samples and not drifts:
         mean_rate = (fit.mean_rate if fit is not None else 0.0) or noise_rate(samples)
         rasters = raster.update(samples, model, known_rate or mean_rate)
     if rasters is not None:

@@ -193,7 +193,8 @@ class Mapper(Node):
 
     def _add(self, messages: Sequence[tuple[str | None, PointCloud2 | String]]) -> None:
         """Add the records of messages, and what is new on the disk; called once a second without messages."""
-        again = self._sent_again()
+        sent = (record for message in self._exchange.take() for record in self._decoded(message))
+        again = [record for record in sent if not self._fault(record, stored=True)]
         records: list[CountRecord] = []
         doubts: list[tuple[Doubt, str | None]] = []
         for robot, message in messages:
@@ -220,10 +221,6 @@ class Mapper(Node):
                 self._records.doubt(doubt, robot)
             if messages or self._online.state.records:
                 self._worker.submit(self._online.state)
-
-    def _sent_again(self) -> list[CountRecord]:
-        found = (record for message in self._exchange.take() for record in self._decoded(message))
-        return [record for record in found if not self._fault(record, stored=True)]
 
     def _decoded(self, message: PointCloud2) -> Sequence[CountRecord]:
         """Records of a message; none of one that cannot be used, which is reported."""

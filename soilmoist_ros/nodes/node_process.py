@@ -285,7 +285,9 @@ class Aside:
                 response = work(*both)
             except Exception as error:  # the client gets an answer
                 self._log_failure(name)
-                response = _failure(kind.Response(), error)
+                response = kind.Response()
+                if hasattr(response, "success") and hasattr(response, "message"):
+                    response.success, response.message = False, f"{type(error).__name__}: {error}"
             send(response, header)
 
         service.send_response = lambda both, header: self.do(lambda: reply(both, header), name)
@@ -306,12 +308,6 @@ class Aside:
 
     def _log_failure(self, name: str) -> None:
         self._node.get_logger().error(f"{name} failed; the node continues\n{traceback.format_exc()}")
-
-
-def _failure(response: Any, error: Exception) -> Any:
-    if hasattr(response, "success") and hasattr(response, "message"):
-        response.success, response.message = False, f"{type(error).__name__}: {error}"
-    return response
 
 
 # Callbacks that other threads ask for ---------------------------------------------------------------------------

@@ -238,12 +238,13 @@ def _is_nmea(reader: BagReader, topic: str) -> bool:
 
 def unread_positions(reader: BagReader) -> list[Problem]:
     """Topics with positions of types that cannot be read, if there are any."""
+    texts = reader.definition_texts
     found = [
         f"{name} ({kind})"
         for name, kind in sorted(reader.topics.items())
         if kind not in (*_READABLE, TEXT)
         and not kind.startswith("soilmoist_msgs/")
-        and (_GNSS_TYPE.search(kind.rpartition("/")[2]) or _COORDINATES.search(reader.definition_text(kind)))
+        and (_GNSS_TYPE.search(kind.rpartition("/")[2]) or _COORDINATES.search(texts.get(kind, "")))
     ]
     if not found:
         return []

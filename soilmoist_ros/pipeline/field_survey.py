@@ -19,7 +19,6 @@ import numpy as np
 from soilmoist_ros import sensing
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, __version__, resource, shown_path
 from soilmoist_ros.mapping import (
-    Covariates,
     CovariateSource,
     Drift,
     Field,
@@ -316,16 +315,9 @@ def make_run(
     site: sensing.Site,
     frame: LocalFrame,
     *,
-    field_name: str,
-    settings: Mapping[str, object],
     title: str | None = None,
-    inputs: Sequence[InputFile] = (),
-    logger_format: str = "",
-    losses: Sequence[LossRow] = (),
-    simulated: bool = False,
-    notes: Sequence[Note] = (),
     earlier: Sequence[EarlierRun] = (),
-    covariates: Covariates | None = None,
+    **about: Any,
 ) -> MapRun:
     """The run behind a map, made now.
 
@@ -333,8 +325,7 @@ def make_run(
         quarantined ones
     :param site: site of the sensor; the records have its corrections
     :param title: title of the report; ``None`` derives it from what is mapped
-
-    The other parameters are those of :class:`MapRun`.
+    :param about: other fields of :class:`MapRun`
     """
     track = [record for record in records if not record.quarantine]
     rows = _correction_rows(track, site)
@@ -347,15 +338,8 @@ def make_run(
         track=track,
         title=title or ("Soil moisture map" if site.curve else "Neutron count rate map"),
         site=site.name,
-        field_name=field_name,
-        inputs=inputs,
-        logger_format=logger_format,
         corrections=rows,
-        losses=losses,
-        simulated=simulated,
-        notes=notes,
         version=__version__,
-        settings=settings,
         footprint_radius_m=site.footprint_radius_m,
         quarantined=[record for record in records if record.quarantine],
         **site_facts(site),
@@ -363,7 +347,7 @@ def make_run(
         sensed=_sensed_soil(soil_map, track, site),
         earlier=earlier,
         change=run_change(soil_map, stamp_s, earlier),
-        covariates=covariates,
+        **about,
     )
 
 

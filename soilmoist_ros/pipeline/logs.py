@@ -80,7 +80,9 @@ def read_logs(
     for index, path in enumerate(files):
         progress("reading logs", index / len(files))
         try:
-            form = form or _format_of(path, topic)
+            if form is None:
+                lines = _lines_of_bag(path, topic) if is_bag(path) else None
+                form = detect_format(path) if lines is None else format_of_lines(lines, path)
             logs[path] = _read(path, form, site, topic)
         except InputError as error:
             first = next(iter(logs.values()), None)
@@ -124,10 +126,6 @@ def _continued(path: Path, form: LoggerFormat, site: Site, first: LogFile) -> Lo
         return None  # a header that the format does not know stands before the records
     choice = f"{path.name} has no header: its columns are those of {first.path.name}"
     return replace(log, choices=(*log.choices, choice))
-
-
-def _format_of(path: Path, topic: str) -> LoggerFormat:
-    return format_of_lines(_lines_of_bag(path, topic), path) if is_bag(path) else detect_format(path)
 
 
 def _lines_of_bag(path: Path, topic: str) -> Sequence[bytes]:

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping import Covariates, EarlierSurvey, FieldChange, Persistence, SoilMap, SurveysEstimate
     from soilmoist_ros.simulation import MissionResult
 
-
 EARLIEST_STAMP_S = 946684800.0
 """Stamps before 2000-01-01 UTC come from a clock without a date, such as that of a simulated mission [s]."""
 

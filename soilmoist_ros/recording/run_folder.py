@@ -180,8 +180,8 @@ class RunConfiguration:
         """Write what is new for this recording, and return the nodes whose parameters were written."""
         if bag != self._bag:
             self._bag, self._written, self._others = bag, {}, {}
-        run = _run_of(bag)
-        done = []
+        in_run = bag.name == BAG and (bag.parent / CONFIGURATION).is_dir()
+        run, done = bag.parent if in_run else bag, []
         for node, values in list(self._nodes.items()):
             known = self._written.get(node)
             if known == values:
@@ -214,11 +214,6 @@ def _complete(run: Path, node: str, values: Mapping[str, object]) -> bool:
 
 def _kept(run: Path, node: str, values: Mapping[str, object]) -> dict[str, object]:
     return {name: _keep(run / CONFIGURATION, node, name, value) for name, value in values.items()}
-
-
-def _run_of(bag: Path) -> Path:
-    """The folder for the configuration: the run's folder if there is one, else the bag."""
-    return bag.parent if bag.name == BAG and (bag.parent / CONFIGURATION).is_dir() else bag
 
 
 def _keep(folder: Path, node: str, parameter: str, value: object) -> object:

@@ -37,19 +37,11 @@ class ProcessMark:
         journal = folder / ENTRIES
         age_s = now_s - journal.stat().st_mtime if journal.is_file() else float("inf")
         self.after_crash = same and abs(age_s) <= limit_s and len(crashes) <= MAX_CRASHES
-        self._content: dict[str, Any] = {"boot": boot, "crashes": crashes, "ended": False}
+        self._content: dict[str, Any] = {"boot": boot, "crashes": crashes}
 
-    def begin(self) -> None:
-        """Mark the folder: the journal is being written now. Raises ``OSError`` if the mark cannot be written."""
-        self._write()
-
-    def end(self) -> None:
-        """The process ends by itself or on request; raises ``OSError`` if the mark cannot be written."""
-        self._content["ended"] = True
-        self._write()
-
-    def _write(self) -> None:
-        write_whole(self._path, json.dumps(self._content).encode())
+    def write(self, ended: bool) -> None:
+        """Mark that the journal is being written now, or that the process ends by itself or on request."""
+        write_whole(self._path, json.dumps({**self._content, "ended": ended}).encode())
 
 
 def _read_mark(path: Path) -> dict[str, Any]:
@@ -84,7 +76,8 @@ class StoredMission:
             forgets = resume == "fresh" and not crashed
             try:
                 found = load_journal(folder)
-                self.mission = _interrupted(rules, found)
+                events = (entry.payload for entry in found.entries if entry.kind == EVENT)
+                self.mission = interrupted_mission(rules, found.snapshot, events, found.complete)
             except InputError as error:
                 if not forgets:
                     raise
@@ -93,7 +86,7 @@ class StoredMission:
                 self.left_driving = self.mission.state.goal is not None
                 self.mission = None
             self.journal = Journal.open(folder)
-            mark.begin()
+            mark.write(ended=False)
             self._mark = mark
         self.problems = found.problems
         waits = self.mission is not None and self.mission.state.waits_for_people
@@ -105,10 +98,5 @@ class StoredMission:
     def close(self) -> None:
         """The planner ends on request or with the mission."""
         if self.journal is not None and self._mark is not None:
-            self._mark.end()
+            self._mark.write(ended=True)
             self.journal.close()
-
-
-def _interrupted(rules: MissionRules, found: LoadedJournal) -> Mission | None:
-    events = (entry.payload for entry in found.entries if entry.kind == EVENT)
-    return interrupted_mission(rules, found.snapshot, events, found.complete)

@@ -34,7 +34,6 @@ _NUMBERS: Final = tuple(name for name in COLUMNS if name != "quarantine")
 """Columns that every table has; tables of earlier releases have no quarantine."""
 
 _MAX_COUNTS: Final = 2**63
-CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 
 _log = logging.getLogger(__name__)
 
@@ -101,7 +100,7 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountR
 
     What cannot be read, or has another frame than a given one, is skipped; ``OSError`` for a file.
     """
-    from soilmoist_ros.recording.bag.messages import count_records, quarantined_topic
+    from soilmoist_ros.recording.bag.messages import CLOUD, count_records, quarantined_topic
     from soilmoist_ros.recording.bag.scan import McapScan
     from soilmoist_ros.recording.bag.verify import mcap_files
 
@@ -125,26 +124,21 @@ def quarantine_reasons(info: BagInfo) -> dict[str, dict[str, int]]:
 
     :raises InputError: as :func:`stored_counts`
     """
-    from soilmoist_ros.recording.bag.messages import QUARANTINED
-
-    names = [
-        topic.name
-        for topic in info.topics
-        if topic.name.rpartition("/")[2] == QUARANTINED and topic.type_name == CLOUD
-    ]
-    return {
-        name: dict(Counter(record.quarantine for record in _all_counts(info, name)).most_common())
-        for name in names
-    }
-
-
-def _all_counts(info: BagInfo, topic: str) -> list[CountRecord]:
-    if info.storage == "mcap":
-        return stored_counts(info.path, [topic], frame="")
+    from soilmoist_ros.recording.bag.messages import CLOUD, QUARANTINED
     from soilmoist_ros.recording.bag.reader import BagReader
 
-    with BagReader(info.path) as reader:
-        return [record for _, record in reader.read_counts_of([topic])]
+    def all_counts(topic: str) -> list[CountRecord]:
+        if info.storage == "mcap":
+            return stored_counts(info.path, [topic], frame="")
+        with BagReader(info.path) as reader:
+            return [record for _, record in reader.read_counts_of([topic])]
+
+    clouds = [topic.name for topic in info.topics if topic.type_name == CLOUD]
+    return {
+        name: dict(Counter(record.quarantine for record in all_counts(name)).most_common())
+        for name in clouds
+        if name.rpartition("/")[2] == QUARANTINED
+    }
 
 
 @cache

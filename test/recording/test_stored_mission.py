@@ -177,7 +177,7 @@ def marked(tmp_path):
         wrote_s = NOW_S + (after_s - 1.0 if wrote_s is None else wrote_s)
         os.utime(journal, (wrote_s, wrote_s))
         mark = ProcessMark(tmp_path, limit_s, NOW_S + after_s, boot)
-        mark.begin()
+        mark.write(ended=False)
         return mark
 
     return make
@@ -193,7 +193,7 @@ def test_a_crash_is_recognised_until_the_limit(marked):
 def test_ends_on_request_power_cuts_and_no_limit_are_no_crashes(marked, end, boot, limit_s):
     first = marked(0.0)
     if end:
-        first.end()
+        first.write(ended=True)
     assert not marked(10.0, boot=boot, limit_s=limit_s).after_crash
 
 

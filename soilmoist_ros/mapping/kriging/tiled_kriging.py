@@ -175,11 +175,6 @@ class TiledKriging:
         self._mean_rate = mean_rate
         self._model: _TileModel | None = None
 
-    @property
-    def map_mean(self) -> float:
-        """Mean of the rate, the limit of the map far from all samples [counts/s]."""
-        return self._fitted().mean
-
     def fit(
         self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
     ) -> TiledKriging:

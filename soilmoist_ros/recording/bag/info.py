@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Final
 
@@ -20,7 +19,7 @@ from soilmoist_ros.sensing import reason_text
 _PLAIN_WIDTH: Final = 240
 
 
-def info_table(info: BagInfo, quarantined: Mapping[str, Mapping[str, int]] | None = None) -> RenderableType:
+def info_table(info: BagInfo, quarantined: dict[str, dict[str, int]] | None = None) -> RenderableType:
     """The result of :func:`bag_info` as a table.
 
     :param quarantined: number of quarantined records, by topic and code of the reason
@@ -40,13 +39,13 @@ def info_table(info: BagInfo, quarantined: Mapping[str, Mapping[str, int]] | Non
             size_text(topic.size_bytes),
             _gaps_text(topic),
         )
-    bad = [
-        plain_text(f"{name}: quarantined records: {_reasons_text(reasons)}", style="yellow")
-        for name, reasons in (quarantined or {}).items()
-    ]
-    bad += [plain_text(f"{name}: {value}", style="yellow") for name, value in info.notes.items()]
+    bad = [f"{name}: {value}" for name, value in info.notes.items()]
+    for name, reasons in reversed((quarantined or {}).items()):
+        counts = ", ".join(f"{count} {reason_text(code)}" for code, count in reasons.items())
+        bad.insert(0, f"{name}: quarantined records: {counts}")
+    said = [plain_text(one, style="yellow") for one in bad]
     now = Text("being recorded now", style="yellow")
-    return Group(head, table, *bad, now if info.recording else _verdict(info))
+    return Group(head, table, *said, now if info.recording else _verdict(info))
 
 
 def recovery_table(bag: RecoveredBag) -> RenderableType:
@@ -100,10 +99,6 @@ def size_text(size_bytes: int) -> str:
             return f"{size:.3g} {unit}"
         size /= 1000
     return f"{size:.3g} GB"
-
-
-def _reasons_text(reasons: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {reason_text(code)}" for code, count in reasons.items())
 
 
 def _extent_text(extent: Extent) -> str:

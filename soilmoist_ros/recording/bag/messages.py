@@ -22,6 +22,8 @@ _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 
 """Kinds of numbers by the datatypes of PointField."""
 DATATYPES: Final[Mapping[str, int]] = MappingProxyType({f"<{_TYPES[number]}": number for number in (6, 7, 8)})
 """Datatypes of PointField that messages of this package have, by kind of number."""
+CLOUD: Final = "sensor_msgs/msg/PointCloud2"
+VISIT: Final = "soilmoist_msgs/msg/Visit"
 FRAME: Final = "map"
 """Frame of places: east, north, up about the datum of the field."""
 STAMP_OFFSET: Final = "stamp_offset_s"
@@ -126,31 +128,20 @@ def quarantined_topic(counts: str) -> str:
     return f"{counts.rpartition('/')[0]}/{QUARANTINED}" if "/" in counts else QUARANTINED
 
 
-# In the order of the fields of CountRecord, after its stamp.
-_COUNTS: Final = (
-    *("x", "y", "z", "raw_counts", "exposure_s", "effective_exposure_s"),
-    *("f_pressure", "f_humidity", "f_intensity"),
-)
-
-
 # Records as points, as the driver publishes them and recordings have them ---------------------------------------
 
 # Viewers read x, y and z only as 32-bit floats: 0.5 mm at 5 km from the datum. Exposures and factors enter the
 # statistics, so they keep 64 bits.
+_FACTORS: Final = ("f_pressure", "f_humidity", "f_intensity")
 COUNT_POINT: Final = np.dtype(
     [
-        ("x", "<f4"),
-        ("y", "<f4"),
-        ("z", "<f4"),
+        *((axis, "<f4") for axis in ("x", "y", "z")),
         ("raw_counts", "<u4"),
-        ("exposure_s", "<f8"),
-        ("effective_exposure_s", "<f8"),
-        ("corrected_rate", "<f8"),
-        ("f_pressure", "<f8"),
-        ("f_humidity", "<f8"),
-        ("f_intensity", "<f8"),
+        *((name, "<f8") for name in ("exposure_s", "effective_exposure_s", "corrected_rate", *_FACTORS)),
     ]
 )
+# In the order of the fields of CountRecord, after its stamp.
+_COUNTS: Final = tuple(name for name in COUNT_POINT.names or () if name != "corrected_rate")
 _STAMPED: Final = np.dtype([*COUNT_POINT.descr, (STAMP_OFFSET, "<f8")])
 _QUARANTINED: Final = np.dtype([*_STAMPED.descr, (REASON, "<u4")])
 COUNT_DATUM: Final = ("datum_latitude_deg", "datum_longitude_deg")

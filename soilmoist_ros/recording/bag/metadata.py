@@ -203,6 +203,15 @@ class BagMessage(NamedTuple):
     data: bytes
 
 
+class TimedMessage(NamedTuple):
+    """A message in CDR, and when it was received and published [ns since 1970-01-01 UTC]."""
+
+    topic: Topic
+    log_ns: int
+    publish_ns: int
+    data: bytes
+
+
 @dataclass(frozen=True)
 class BagFile:
     """A file of a bag by its name."""

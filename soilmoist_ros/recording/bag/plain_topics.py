@@ -14,9 +14,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import Health
 from soilmoist_ros.recording.bag.messages import (
+    CLOUD,
     DATATYPES,
     FRAME,
     QUARANTINED,
+    VISIT,
     count_points,
     line_text,
     stamp_parts,
@@ -26,9 +28,7 @@ from soilmoist_ros.recording.bag.metadata import Definition, Qos, Topic
 from soilmoist_ros.sensing import CountRecord, CovarianceKind, Fix
 
 GNSS_FRAME: Final = "gnss"
-CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 _SERVICE_GPS: Final = 1
-VISIT: Final = "soilmoist_msgs/msg/Visit"
 _VISIT: Final = (
     "std_msgs/Header header;string robot;string stop;geometry_msgs/Point stop_position;"
     "geometry_msgs/Point position;"

@@ -16,15 +16,13 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.messages import count_records, quarantined_topic, visit_of
+from soilmoist_ros.recording.bag.messages import CLOUD, VISIT, count_records, quarantined_topic, visit_of
 from soilmoist_ros.recording.bag.metadata import BagMessage, Definition, Qos, joined, require_small
 from soilmoist_ros.recording.bag.ros1 import ROS1
 from soilmoist_ros.recording.bag.storage import FAULTS, Storage, listed_files, open_file, remedy_of
 from soilmoist_ros.recording.run_folder import BAG_FILES
 from soilmoist_ros.sensing import CountRecord
 
-VISIT = "soilmoist_msgs/msg/Visit"
-"""Type of the topic ``visits``."""
 _SENTENCE: Final = "std_msgs/Header header\nstring sentence"
 GIVE: Final = "give the folder of a bag, or an MCAP, db3 or ROS 1 .bag file"
 
@@ -40,18 +38,15 @@ class BagReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._bags: list[list[Storage]] = []
-        self._stack = ExitStack()
-        try:
-            for bag in bags_of(path):
-                files = listed_files(bag) if bag.is_dir() else [bag]
-                self._bags.append([open_file(file, self._stack) for file in files])
-            contents = [storage.content for storages in self._bags for storage in storages]
-        except FAULTS as error:
-            self._stack.close()
-            raise _damaged(path, error) from None
-        except BaseException:
-            self._stack.close()
-            raise
+        with ExitStack() as stack:  # closes the files of a bag that cannot be read
+            try:
+                for bag in bags_of(path):
+                    files = listed_files(bag) if bag.is_dir() else [bag]
+                    self._bags.append([open_file(file, stack) for file in files])
+                contents = [storage.content for storages in self._bags for storage in storages]
+            except FAULTS as error:
+                raise _damaged(path, error) from None
+            self._stack = stack.pop_all()
         self.topics: dict[str, str] = {}
         """Names of topics, and their types."""
         self.offered: dict[str, tuple[Qos, ...]] = {}
@@ -69,14 +64,11 @@ class BagReader:
                 self.offered[topic.name] = had + tuple(qos for qos in topic.offered if qos not in had)
                 if topic.definition.text:
                     self._definitions[kind] = topic.definition
-        self._texts = {kind: definition.text for kind, definition in self._definitions.items()}
+        self.definition_texts = {kind: definition.text for kind, definition in self._definitions.items()}
+        """Definitions of types, with those of the types in them, if the bag has them."""
         self._types = get_typestore(Stores.EMPTY if self._definitions else Stores.ROS2_JAZZY)
         if not self._definitions:  # SQLite before ROS 2 Iron has none
             self._types.register(get_types_from_msg(_SENTENCE, "nmea_msgs/msg/Sentence"))
-
-    def definition_text(self, type_name: str) -> str:
-        """Definition of a type, with those of the types in it; empty if the bag has none."""
-        return self._texts.get(type_name, "")
 
     def messages(self, topics: Sequence[str] | None = None, by_time: bool = True) -> Iterator[BagMessage]:
         """Messages of topics by their full names, or all, in the order of the times at which they were received.
@@ -140,7 +132,7 @@ class BagReader:
 
     def read_counts(self, topic: str = "counts") -> list[CountRecord]:
         """Counted records of a topic in the order of recording, as the nodes had them, quarantined ones too."""
-        name = self.find_topic(topic, "sensor_msgs/msg/PointCloud2")
+        name = self.find_topic(topic, CLOUD)
         return [record for _, record in self.read_counts_of([name])]
 
     def read_counts_of(self, topics: Sequence[str], frame: str = "") -> list[tuple[str, CountRecord]]:

@@ -19,7 +19,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from soilmoist_ros.foundation import Health, InputError, Level
-from soilmoist_ros.recording.bag.metadata import Topic
+from soilmoist_ros.recording.bag.metadata import TimedMessage, Topic
 from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagGoneError, BagWriter, is_being_written
 
 _LOG = logging.getLogger(__name__)
@@ -44,14 +44,6 @@ class RecorderState:
     gone: str = ""  # bags that were deleted or moved while they were recorded, in words
     topics: int = 0  # number of topics with messages in the bag
     problem: str = ""  # what prevents writing now; empty without a problem
-
-
-@dataclass(frozen=True, slots=True)
-class _Message:
-    topic: Topic
-    log_ns: int
-    publish_ns: int
-    data: bytes
 
 
 class BagRecorder:
@@ -89,7 +81,7 @@ class BagRecorder:
         self._notes = notes
         self._sizes: deque[tuple[float, int]] = deque(maxlen=_SIZES)
         self._in_bag = 0
-        self._queue: deque[_Message] = deque()
+        self._queue: deque[TimedMessage] = deque()
         self._changed = threading.Condition()
         self._state = RecorderState()
         self._thread: threading.Thread | None = None
@@ -132,7 +124,7 @@ class BagRecorder:
             if waiting > self._capacity_bytes:
                 self._state = replace(self._state, dropped=self._state.dropped + 1)
                 return False
-            self._queue.append(_Message(topic, log_ns, publish_ns, data))
+            self._queue.append(TimedMessage(topic, log_ns, publish_ns, data))
             self._state = replace(self._state, waiting_bytes=waiting)
             return True
 
@@ -247,7 +239,7 @@ class BagRecorder:
             for index, message in enumerate(batch):
                 self._unsafe += 1
                 try:
-                    bag.write(message.topic, message.log_ns, message.publish_ns, message.data)
+                    bag.write(*message)
                 except OSError:
                     self._written(batch[: index + 1])
                     with self._changed:
@@ -257,7 +249,7 @@ class BagRecorder:
             if not batch or time.monotonic() >= due:
                 return
 
-    def _written(self, messages: list[_Message]) -> None:
+    def _written(self, messages: list[TimedMessage]) -> None:
         self._in_bag += len(messages)
         with self._changed:
             self._state = replace(

@@ -10,7 +10,6 @@ import struct
 import zlib
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from io import BytesIO
 from operator import attrgetter
 from pathlib import Path
@@ -23,7 +22,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 
-from soilmoist_ros.recording.bag.metadata import Definition, Topic, qos_from_yaml
+from soilmoist_ros.recording.bag.metadata import Definition, TimedMessage, Topic, qos_from_yaml
 
 MAX_CHUNK_BYTES: Final = 64 << 20
 """Largest chunk that is unpacked, and largest record that is read [bytes]; recorders write 1 to 8 MB."""
@@ -46,16 +45,6 @@ _MAX_SEARCHES: Final = 10_000  # places that look like a chunk and are unpacked 
 _FAULTS: Final = (McapError, struct.error, ValueError, KeyError, MemoryError, OverflowError)
 
 Record = tuple[int, bytes]
-
-
-@dataclass(frozen=True, slots=True)
-class ScannedMessage:
-    """A message of a file in CDR, and when it was received and published [ns since 1970-01-01 UTC]."""
-
-    topic: Topic
-    log_ns: int
-    publish_ns: int
-    data: bytes
 
 
 class _Bytes:
@@ -128,14 +117,14 @@ class McapScan:
             self._read_summary(_Bytes(file))
         return self.statistics is not None
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[ScannedMessage]:
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[TimedMessage]:
         """Complete messages of topics, or of all, in the order of the file; ``OSError`` if it cannot be read."""
         for _, records in self._pieces():
             yield from self._messages(records, topics)
 
-    def sorted_messages(self, topics: Collection[str] | None = None) -> Iterator[ScannedMessage]:
+    def sorted_messages(self, topics: Collection[str] | None = None) -> Iterator[TimedMessage]:
         """Complete messages of topics, or of all, in the order of time, unless more than 128 MB are out of it."""
-        waiting: list[ScannedMessage] = []
+        waiting: list[TimedMessage] = []
         later, earliest_ns, size, latest_ns = dict[int, int](), 2**64, 0, 0
         for at, records in self._pieces():
             if not later:  # the earliest message in all later chunks, as the index claims
@@ -150,7 +139,7 @@ class McapScan:
                 waiting, size = [], 0
         yield from sorted(waiting, key=attrgetter("log_ns"))
 
-    def _messages(self, records: Iterable[Record], topics: Collection[str] | None) -> Iterator[ScannedMessage]:
+    def _messages(self, records: Iterable[Record], topics: Collection[str] | None) -> Iterator[TimedMessage]:
         for opcode, body in records:
             message = self._take(opcode, body)
             if message is not None and (topics is None or message.topic.name in topics):
@@ -224,14 +213,14 @@ class McapScan:
             except _FAULTS:
                 self.damaged += 1
 
-    def _take(self, opcode: int, body: bytes) -> ScannedMessage | None:
+    def _take(self, opcode: int, body: bytes) -> TimedMessage | None:
         """The message of a record, or what it describes."""
         try:
             if opcode == Opcode.MESSAGE:
                 number, _, log_ns, publish_ns = _MESSAGE.unpack_from(body)
                 topic = self._topics.get(number) or self._topic(number)
                 if topic is not None:
-                    return ScannedMessage(topic, log_ns, publish_ns, body[_MESSAGE.size :])
+                    return TimedMessage(topic, log_ns, publish_ns, body[_MESSAGE.size :])
                 self.damaged += number not in self._undescribed
                 self._undescribed.add(number)
             elif opcode == Opcode.SCHEMA and int.from_bytes(body[:2], "little") not in self._schemas:

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.metadata import BagFile, Extent, joined
+from soilmoist_ros.recording.bag.metadata import BagFile, Extent, TimedMessage, joined
 from soilmoist_ros.recording.bag.recorder import NUMBER, next_number
 from soilmoist_ros.recording.bag.ros1 import ROS1
-from soilmoist_ros.recording.bag.scan import McapScan, ScannedMessage
+from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.storage import (
     FAULTS,
     METADATA,
@@ -321,7 +321,7 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
     return RecoveredBag(path, out, writer.extent, counts, tuple(problems))
 
 
-def _readable(scan: McapScan) -> Iterator[ScannedMessage]:
+def _readable(scan: McapScan) -> Iterator[TimedMessage]:
     try:
         yield from scan.messages()
     except OSError as error:

@@ -41,7 +41,7 @@ def test_a_tile_that_holds_all_samples_is_exact(keep_nugget, spread):
     exact = fitted(PoissonKriging(model, keep_nugget), samples)
     tiled = fitted(TiledKriging(model, keep_nugget), samples)
     assert tiled.accuracy is None
-    assert tiled.map_mean == pytest.approx(exact.map_mean, rel=1e-12)
+    assert tiled._model.mean == pytest.approx(exact.map_mean, rel=1e-12)
     for one, other in zip(tiled.predict(targets), exact.predict(targets), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9)
 
