@@ -5,10 +5,9 @@
 from __future__ import annotations
 
 import logging
-import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from soilmoist_ros.foundation import Health, Level
+from soilmoist_ros.foundation import Batches, Health, Level
 from soilmoist_ros.mapping.field_map import FieldMap, MapState
 from soilmoist_ros.mapping.soil_map import SoilMap
 
@@ -35,46 +34,36 @@ class MapWorker:
         self.failure = ""  # why the last state has no map
         self._compute = compute
         self._done = done
-        self._next: MapState | None = None
         self._last: MapState | None = None
         self._closing = self._abandoned = False
-        self._wake = threading.Condition()
-        self._thread = threading.Thread(target=self._run, name="map", daemon=True)
-        self._thread.start()
+        self._states: Batches[MapState] = Batches(self._map, "map")
 
     def submit(self, state: MapState) -> None:
         """Queue a state for its map, unless it was the last one submitted; never waits."""
-        with self._wake:
-            if state is not self._last:
-                self._next = self._last = state
-                self._wake.notify()
+        if state is not self._last:
+            self._last = state
+            self._states.put(state)
 
     def close(self, timeout_s: float = 10.0) -> None:
         """Stop after the map being computed, or abandon it (no ``done``) after this time; may be called twice."""
-        with self._wake:
-            self._closing = True
-            self._wake.notify()
-        self._thread.join(timeout_s)
+        self._closing = True
+        self._states.close(timeout_s)
         self._abandoned = True
 
-    def _run(self) -> None:
-        while (state := self._wait()) is not None:
-            try:
-                soil_map = self._compute(state)
-                if not self._abandoned:
-                    self._done(state, soil_map)
-            except Exception as error:  # one state without a map must not end the maps of a mission
-                self.failure = f"no map of {len(state.samples)} samples: {error}"
-                _log.exception("the map of %d samples failed", len(state.samples))
-            else:
-                self.mapped, self.soil_map, self.failure = state, soil_map, ""
-
-    def _wait(self) -> MapState | None:
-        """The newest state, as soon as there is one; ``None`` at the end."""
-        with self._wake:
-            self._wake.wait_for(lambda: self._closing or self._next is not None)
-            state, self._next = self._next, None
-            return None if self._closing else state
+    def _map(self, states: Sequence[MapState]) -> None:
+        """Compute the map of the newest of the states that wait."""
+        state = states[-1]
+        if self._closing:
+            return
+        try:
+            soil_map = self._compute(state)
+            if not self._abandoned:
+                self._done(state, soil_map)
+        except Exception as error:  # one state without a map must not end the maps of a mission
+            self.failure = f"no map of {len(state.samples)} samples: {error}"
+            _log.exception("the map of %d samples failed", len(state.samples))
+        else:
+            self.mapped, self.soil_map, self.failure = state, soil_map, ""
 
 
 # -- Health --------------------------------------------------------------------------------------------------
