@@ -412,12 +412,14 @@ def _visitor(request: Any) -> Visitor:
 @cache
 def _files() -> dict[str, tuple[bytes, str]]:
     """Compressed content and mark of each file of the page, by name."""
-    found, languages = {}, {path.stem: json.loads(path.read_bytes())["language"] for path in PAGE.glob("*.json")}
-    named = (
-        f"data-languages='{html.escape(json.dumps(dict(sorted(languages.items())), ensure_ascii=False))}'".encode()
-    )
+    found, languages = {}, {path.name: json.loads(path.read_bytes()) for path in sorted(PAGE.glob("*.json"))}
+    names = json.dumps({name.removesuffix(".json"): own["language"] for name, own in languages.items()})
     for path in PAGE.iterdir():
         if path.suffix in _KINDS:
-            content = gzip.compress(path.read_bytes().replace(b'data-languages="{}"', named), 9, mtime=0)
+            content = path.read_bytes().replace(b'languages="{}"', f'languages="{html.escape(names)}"'.encode())
+            if own := languages.get(path.name):  # what a language lacks is English
+                merged = {part: languages["en.json"][part] | own[part] for part in ("texts", "sentences")}
+                content = json.dumps(merged, ensure_ascii=False).encode()
+            content = gzip.compress(content, 9, mtime=0)
             found[path.name] = content, f'"{hashlib.sha256(content).hexdigest()[:16]}"'
     return found

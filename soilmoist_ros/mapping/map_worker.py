@@ -113,4 +113,4 @@ def _verdict(field_map: FieldMap, worker: MapWorker, rain: str) -> tuple[Level, 
         return Level.OK, "waiting for enough samples for a map"
     if rain:
         return Level.WARN, rain
-    return Level.OK, f"map of {len(worker.mapped.samples)} samples"
+    return Level.OK, f"samples in the map: {len(worker.mapped.samples)}"

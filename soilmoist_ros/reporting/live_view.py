@@ -288,7 +288,7 @@ class LiveMission:
         )
         value, unit = length(sum(driven_m))
         facts["mission"] = f"{duration(max(used_s))} used, {duration(max(left_s))} left; {value} {unit} driven"
-        facts["map"] = f"{sum(stops):.0f} stops, {n_samples} samples with those on the way"
+        facts["map"] = f"stops: {sum(stops):.0f}, samples with those on the way: {n_samples}"
         errors = [f"{one.name} {mse:.4f}".lstrip() for one in self.maps if math.isfinite(mse := one.mse)]
         if errors:
             facts["map"] += f"; mean squared error {', '.join(errors)} (counts/s)²"

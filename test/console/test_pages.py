@@ -73,8 +73,10 @@ def browser():
         yield made
 
 
-def opened(browser, served, size, page="", bypass_csp=True):
-    context = browser.new_context(viewport=size, bypass_csp=bypass_csp)  # for axe, which is put into the page
+def opened(browser, served, size, page="", bypass_csp=True, locale="en-GB"):
+    context = browser.new_context(
+        viewport=size, bypass_csp=bypass_csp, locale=locale
+    )  # for axe, which is put into the page
     context.set_default_timeout(LIMIT_MS)
     shown = context.new_page()
     shown.goto(f"http://127.0.0.1:{served.port}/{page}")

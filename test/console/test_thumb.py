@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
-import gzip
+import re
 import time
 
 import pytest
 from browser import DESK, PHONE, Link, slide, tap
 from playwright.sync_api import expect
 from test_pages import IDLE, LIMIT_MS, barriers, browser, opened, served, shows, wait_for  # noqa: F401
+from test_texts import SOURCES, sentences_of
 
 from soilmoist_ros.console import server as module
 from soilmoist_ros.exploration.control.operator_request import ReplyCode
@@ -23,6 +24,13 @@ UNDER_WAY = IDLE | {
     "forecast": {"sd": 0.044, "moisture": False, "end": [6600, 0.028, 0.023, 0.034], "hidden": None},
     "last_command": "", "home_place": None,
 }  # fmt: skip
+REMEDY = "drive the robot back in by hand, or check the field file"
+NOT_TOLD = {
+    "a goal is sent only after the one before has ended", "a mission does not start without a position",
+    "the time of an event must be finite, got {}",
+    " (a motion below {} m/s would not show in the noise of the fixes)",
+}  # fmt: skip
+"""Texts of the mission that no operator reads, or as a part only."""
 IN_SIGHT = """name => {
     const box = document.getElementById(name).getBoundingClientRect(), stop = innerWidth < 760 ? 72 : 0;
     const beside = box.left >= 0 && box.right <= innerWidth;
@@ -138,8 +146,9 @@ def test_the_map_stays_in_view_while_corners_are_tapped(browser, served):  # noq
 
 
 def test_the_first_view_is_small():
-    files = [path for path in module.PAGE.iterdir() if path.suffix in module._KINDS]
-    assert sum(len(gzip.compress(path.read_bytes(), 9)) for path in files) <= 60_000
+    sizes = {name: len(content) for name, (content, _) in module._files().items() if not name.startswith("guide")}
+    languages = [sizes.pop(name) for name in list(sizes) if name.endswith(".json")]
+    assert sum(sizes.values()) + max(languages) <= 60_000
 
 
 def test_the_end_leads_to_the_report_and_nothing_is_red(browser, served, tmp_path):  # noqa: F811
@@ -165,6 +174,67 @@ def test_the_end_leads_to_the_report_and_nothing_is_red(browser, served, tmp_pat
             page.locator("#link[data-kind=lost], .alarm:not(.calm), [data-kind=old], [data-kind=danger]").count()
             == 0
         )
+
+
+CUT = """() => [...document.querySelectorAll("body :not(h1)")].filter((one) => {
+    const box = one.getBoundingClientRect(), text = one.children.length === 0 && one.tagName !== "CANVAS";
+    return box.width && (box.right > innerWidth + 1 || text && one.scrollWidth > one.clientWidth + 1);
+}).map((one) => one.outerHTML)"""
+UNTRANSLATED = """async (texts) => {
+    const { said } = await import("./page/texts.js");
+    return texts.filter((text) => said(text) === text);
+}"""
+
+
+def flawless(page, avoided="$^"):
+    """Nothing on any tab is cut off, hinders people, or has words that are to be avoided."""
+    for tab in ("results", "plan", "survey"):
+        page.evaluate("tab => { location.hash = tab; }", tab)
+        page.locator(f"main[data-tab={tab}]").wait_for()
+        page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+        words = re.findall(avoided, page.locator("body").inner_text())
+        assert (page.evaluate(CUT), barriers(page), words) == ([], "", [])
+    return True
+
+
+def test_the_page_speaks_german_and_remembers_when_it_is_to_speak_english(browser, served):  # noqa: F811
+    reason = "no plausible position for 12 s; check the robot, then resume or abort"
+    served.board.put("mission/r1", UNDER_WAY | {"reason": reason, "phase": "paused", "paused": True, "stops": 1})
+    page = opened(browser, served, PHONE, locale="de-AT")
+    shows(page, "headline", "Pause")
+    shows(page, "reason", "seit 12 s keine glaubhafte Position; Roboter prüfen, dann fortsetzen oder beenden")
+    shows(page, "forecast", "±4,4 % der Zählrate jetzt, ±2,8 % (2,3 bis 3,4) in 110 min")
+    expect(page.locator("#stops + span")).to_have_text("Halt")
+    assert page.locator("html").get_attribute("lang") == "de"
+    assert flawless(page)
+    texts = set(sentences_of(SOURCES / "exploration/mission/mission.py")) - NOT_TOLD
+    told = {text.replace("{}", "7") for text in texts if re.search("[a-z] [a-z]", text)}
+    assert page.evaluate(UNTRANSLATED, sorted(told)) == [], "missing in de.json"
+    page.locator("#language").select_option("en")
+    shows(page, "headline", "Paused")
+    page.reload()
+    shows(page, "headline", "Paused")
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_a_person_is_told_of_no_robot(browser, served, language):  # noqa: F811
+    view = {"guided": 5.0, "phase": "travelling", "home_place": [3.0, 4.0], "stop_requests": 1}
+    served.board.put("health", [
+        {"name": "navigation", "level": 0, "message": "13 m to r10c10"},
+        {"name": "guard", "level": 1, "message": f"outside: the robot is 20 m outside the field; {REMEDY}"},
+    ])  # fmt: skip
+    page = opened(browser, served, PHONE, locale=language)
+    for reason, place in (
+        ("the robot is home", [20, 20, 0, 0.1]),
+        ("waiting for the robot to stop", [900, 0, 0, 1]),
+    ):
+        served.board.put("place/r1", place)
+        served.board.put("mission/r1", UNDER_WAY | view | {"reason": reason, "paused": place[0] == 900})
+        page.locator(".guided #guide").wait_for()
+        shows(
+            page, "guide-title", {"en": ("Go to the", "Paused"), "de": ("Zum", "Pause")}[language][place[0] == 900]
+        )
+        assert flawless(page, r"(?i).*(?:robo|\bgoal|\bZiel|navigation).*")
 
 
 def test_one_forecast_lists_of_sentences_and_a_release_that_is_told(browser, served):  # noqa: F811

@@ -46,7 +46,7 @@ def test_the_page_shows_the_map_the_robot_and_its_visits(tmp_path):
     row, column = result.soil_map.grid.shape[0] // 2, round(50 / 2.0)
     assert values["rate"] == pytest.approx(result.soil_map.rate[row, column], rel=0.05), "the last map"
     assert shown["mission/"]["phase"] == "finished"
-    assert shown["visits"] == [[round(visit.x_m, 2), round(visit.y_m, 2)] for visit in result.visits]
+    assert list(shown["visits"]) == [[round(visit.x_m, 2), round(visit.y_m, 2)] for visit in result.visits]
     assert len(shown["trail/"]) > 5
     assert shown["watch_only"] == "A simulated mission."
 

@@ -109,7 +109,7 @@ def test_the_health_shows_what_the_map_rests_on():
     worker.submit(field_map.state)
     assert done.acquire(timeout=LIMIT_S)
     worker.close()
-    assert (health().level, health().message) == (Level.OK, "map of 2 samples")
+    assert (health().level, health().message) == (Level.OK, "samples in the map: 2")
     assert health().values["age of the map [s]"] == "19.0"
     assert health().values["model"] == "matern32"
     assert health().values["records not yet in the map"] == "0"

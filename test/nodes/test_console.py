@@ -24,7 +24,7 @@ from std_msgs.msg import String
 from test_commands import Commanded
 from virtual_navigation import START_S, STOPS, VirtualNavigation, World
 
-from console.test_dose import SITE, meadow
+from console.test_map_layers import SITE, meadow
 from msg_adapters.counts import counts_to_messages
 from msg_adapters.environment import battery_to_message
 from soilmoist_ros.exploration.mission.types import Phase

@@ -114,7 +114,7 @@ def test_what_is_told():
         "state": "counting: counting at s17 (ami:0.03)",
         "target": "s17, counted 40 s of about 251 s",
         "mission": "1 h 00 min used, 30 min left; 812 m driven",
-        "map": "7 stops, 31 samples with those on the way",
+        "map": "stops: 7, samples with those on the way: 31",
     }
     live.rain = "rain is likely"
     assert live.view().facts["weather"] == "rain is likely"
@@ -146,13 +146,13 @@ def test_several_robots_have_a_line_each():
     live = LiveMission("", namespaces=("robot_1", "robot_2"))
     assert live.view().facts == {"robot 1": "waiting for the planner", "robot 2": "waiting for the planner"}
     live.robots[1].status, live.robots[1].xy = {**STATUS, "samples": "4", "time_used_s": "3540.0"}, (1.0, 2.0)
-    assert live.view().facts["map"] == "4 stops, 0 samples with those on the way"
+    assert live.view().facts["map"] == "stops: 4, samples with those on the way: 0"
     live.robots[0].status = {**STATUS, "target": "", "target_x_m": "nan", "state": "planning", "reason": "next"}
     assert live.view().facts == {
         "robot 1": "planning: next",
         "robot 2": "counting: counting at s17 (ami:0.03)",
         "mission": "1 h 00 min used, 30 min left; 1625 m driven",
-        "map": "11 stops, 0 samples with those on the way",
+        "map": "stops: 11, samples with those on the way: 0",
     }
     assert (live.view().robots_xy, live.view().targets_xy) == ([(1.0, 2.0)], [(12.5, 3.0)])
     live.robots[1].sensor_fault = "not used: tube 3 (tube counts too much)"

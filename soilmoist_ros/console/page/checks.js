@@ -8,8 +8,8 @@ import { clockOffS, lost, nowS, sections } from "./link.js";
 const SILENT_S = 10, CLOCK_S = 5, FAR_M = 500, LOW_PERCENT = 40, EMPTY_PERCENT = 15;
 // What a mission needs: the parts of health that say so.
 const CHECKS = [
-  ["sensor", /sensor_driver: (logger link|records)$/], ["gnss", /sensor_driver: GNSS/], ["planner", /planner: (guard|frames|position)$/],
-  ["navigation", /planner: navigation$/], ["map", /mapper: /], ["disk", /recorder: /],
+  ["sensor", /(^|sensor_driver: )(logger link|records)$/], ["gnss", /(^|sensor_driver: )GNSS/], ["planner", /(^|planner: )(guard|frames|position)$/],
+  ["navigation", /(^|planner: )navigation$/], ["map", /mapper: |^map$/], ["disk", /recorder: |^bag$/],
 ];
 
 function battery(robot) {
@@ -45,8 +45,8 @@ export function checks(robot) {
 }
 
 function heardChecks(robot) {
-  const parts = sections.health ?? [];
-  const rows = CHECKS.map(([key, pattern]) => {
+  const parts = sections.health ?? [], guided = sections[`mission/${robot}`]?.guided;
+  const rows = CHECKS.filter(([key]) => !guided || key !== "navigation").map(([key, pattern]) => {
     const name = t(`check_${key}`);
     const mine = parts.filter((part) => pattern.test(part.name));
     if (!mine.length) return [name, 2, t("not_heard"), t(`check_${key}_absent`)];
@@ -55,6 +55,7 @@ function heardChecks(robot) {
   });
   const heard = sections.heard?.[`mission/${robot}`];
   if (heard === undefined || nowS() - heard > SILENT_S) rows.unshift([t("check_link"), sections[`mission/${robot}`]?.phase === "finished" ? 3 : 2, t("planner_not_heard"), t("check_link_remedy")]);
-  rows.push([t("check_battery"), ...battery(robot)], [t("check_clock"), ...clock()], [t("check_datum"), ...datum(robot)]);
+  if (!guided) rows.push([t("check_battery"), ...battery(robot)]);
+  rows.push([t("check_clock"), ...clock()], [t("check_datum"), ...datum(robot)]);
   return rows;
 }

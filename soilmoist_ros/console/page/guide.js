@@ -65,8 +65,8 @@ function view(now) {
     const [leadX, leadY, wayM] = now.leads ?? now.stop.slice(1);
     const bearing = Math.atan2(leadX - x, leadY - y) * 180 / Math.PI, metres = Math.round(Math.hypot(leadX - x, leadY - y));
     const stop = wayM > metres + 10 ? `${now.stop[0]}, ${Math.round(wayM)} m` : now.stop[0];
-    const heading = headingFrom([x, y]), said = heading === null ? `${stop}; ${t("guide_north")}` : stop;
-    return { kind: "arrow", title: now.phase === "returning" ? t("guide_home") : t("guide_go"), turn: Math.round(bearing - (heading ?? 0)), big: `${metres} m`, line: isOutside([x, y]) ? t("guide_outside") : said };
+    const heading = headingFrom([x, y]), words = heading === null ? `${stop}; ${t("guide_north")}` : stop;
+    return { kind: "arrow", title: now.phase === "returning" ? t("guide_home") : t("guide_go"), turn: Math.round(bearing - (heading ?? 0)), big: `${metres} m`, line: isOutside([x, y]) ? t("guide_outside") : words };
   }
   if (BUSY.includes(now.phase)) return { kind: "wait", title: t("phase_planning") };
   return { kind: "wait", title: now.ready ? t("phase_idle") : t("phase_not_ready"), line: said(now.reason) };

@@ -187,6 +187,8 @@ function renderForm() {
   const drives = value("drives");
   $("plan-drives-part").hidden = drives === "free";
   for (const name of ["rows", "heading"]) for (const node of [$(`plan-${name}`), document.querySelector(`label[for=plan-${name}]`)]) node.hidden = drives !== "rows";
+  setText(document.querySelector("label[for=plan-drives]"), t("plan_drives"));
+  setText($("plan-drives-part").lastElementChild, t("download_stops"));
   setText("plan-drives-about", t(drives === "free" ? "drives_free_about" : "drives_stops_about"));
 }
 

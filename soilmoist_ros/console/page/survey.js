@@ -391,7 +391,7 @@ function renderMap() {
     const bar = element("canvas", { width: 190, height: 1 }), pen = bar.getContext("2d"), shade = pen.createLinearGradient(0, 0, 190, 0);
     one.colours.forEach((colour, index) => shade.addColorStop(index / (one.colours.length - 1), colour));
     pen.fillStyle = shade; pen.fillRect(0, 0, 190, 1);
-    return [element("div", {}, `${t(`layer_${one.key}`)} [${t(unitOf(one.key))}]`), bar, element("div", { class: "row" }, element("span", {}, figure(one.limits[0], one)), element("span", {}, t("mean", { value: figure(one.mean, one) })), element("span", {}, figure(one.limits[1], one))), ...(one.key.startsWith("change") ? [element("div", {}, t("change_note"))] : [])];
+    return [element("div", {}, `${t(`layer_${one.key}`)} [${t(unitOf(one.key))}]`), bar, element("div", { class: "row" }, element("span", {}, figure(one.limits[0], one)), element("span", {}, t("mean", { value: figure(one.mean, one) })), element("span", {}, figure(one.limits[1], one))), ...(one.key.startsWith("change") ? [element("div", {}, t("change_note"))] : layers.some((each) => each.key === "vwc") ? [] : [element("div", {}, t("rate_only"))])];
   });
   draw();
 }
@@ -469,7 +469,7 @@ function renderGuide() {
   guide.then((part) => part.renderGuide({ ask, maySteer, mayAsk, takeOver, mission, robot: () => robot }));
 }
 
-function render() { renderGuide(); renderTabs(); renderFrame(); renderSteer(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderMapbar(); renderPlace(); }
+function render() { forPerson(Boolean(mission()?.guided)); renderGuide(); renderTabs(); renderFrame(); renderSteer(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderMapbar(); renderPlace(); }
 
 document.title = t("title");
 $("language").append(...Object.entries(languages).map(([code, name]) => element("option", { value: code, selected: code === language, title: name }, code.toUpperCase())));

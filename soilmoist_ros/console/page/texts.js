@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 // SPDX-License-Identifier: Apache-2.0
-// Texts in the operator's language: en.json, and a file for each other one. What a language lacks is English.
+// Texts in the operator's language: en.json, and a file for each other one, in which the server fills in what it lacks.
 
 const root = document.documentElement;
 export const languages = JSON.parse(root.dataset.languages);  // names by code, written by the server
@@ -8,20 +8,15 @@ const wanted = [localStorage.getItem("language"), ...navigator.languages.flatMap
 export const language = wanted.find((one) => one in languages) ?? "en";
 root.lang = language;
 
-const read = async (name) => { try { return await (await fetch(`page/${name}.json`)).json(); } catch { return { texts: {} }; } };
-const [own, english] = await Promise.all([read(language), language === "en" ? {} : read("en")]);
+const own = await fetch(`page/${language}.json`).then((answer) => answer.json()).catch(() => ({ texts: {}, sentences: {} }));
 const plurals = new Intl.PluralRules(language);
 let person = false;
-
 // A number with the decimal sign of the language.
 export const fixed = (value, digits) => value.toLocaleString(language, { minimumFractionDigits: digits, maximumFractionDigits: digits, useGrouping: false });
 
-const found = (texts, key) => (person ? texts?.[`${key}@person`] : undefined) ?? texts?.[key];
-export const has = (key) => found(own.texts, key) !== undefined;
-
 // A text with values in it; the value "n" chooses between singular and plural.
 export function t(key, values = {}) {
-  const words = found(own.texts, key) ?? found(english.texts, key) ?? key;
+  const words = (person && own.texts[`${key}@person`]) || own.texts[key] || key;
   const text = typeof words === "string" ? words : words[plurals.select(values.n)] ?? words.other;
   return text.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "");
 }
@@ -35,9 +30,9 @@ export function fillTexts() {
 
 // Sentences that come from elsewhere: a language has their English forms, with {} for what varies, and its own words.
 const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
-const rules = [own, english].flatMap((texts) => Object.entries(texts.sentences ?? {})).map(([form, words]) => {
+const rules = Object.entries(own.sentences).map(([form, words]) => {
   const [template, kind] = form.split("@");
-  return { pattern: new RegExp(`^${template.split("{}").map(escaped).join("(.+?)")}$`), words, kind, length: form.length };
+  return { pattern: new RegExp(`^${template.split("{}").map(escaped).join("(.*?)")}$`), words, kind, length: form.length };
 }).sort((one, other) => other.length - one.length);
 const decimal = (1.5).toLocaleString(language)[1];
 let known = new Map();
@@ -57,7 +52,7 @@ function translated(text) {
   }
   for (const gap of ["; ", ": ", ". ", ", "]) {
     const at = text.indexOf(gap);
-    if (at > 0) return said(text.slice(0, at)) + gap + said(text.slice(at + gap.length));
+    if (at >= 0) return said(text.slice(0, at)) + gap + said(text.slice(at + gap.length));
   }
   return /^[±+-]?\d+\.\d+$/.test(text) ? text.replace(".", decimal) : text;
 }
@@ -67,6 +62,7 @@ export function forPerson(is) {
   if (person === is) return;
   person = is;
   known = new Map();
+  for (const node of document.querySelectorAll("[data-key]")) delete node.dataset.key;  // what "fill" has made
   fillTexts();
 }
 

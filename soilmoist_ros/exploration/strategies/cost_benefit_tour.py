@@ -357,8 +357,8 @@ class CostBenefitTour:
         stops = [ground.stops[row] for row in tour.stops.tolist()]
         self.ahead = tuple(stops[1:])
         self._done.append((stops[0].x_m, stops[0].y_m))
-        reason = f"first of {len(stops)} stops" if len(stops) > 1 else "last stop"
-        reason += f" of a tour of {tour.time_s:.0f} s that lowers the variance most"
+        first = f"first of {len(stops)} stops" if len(stops) > 1 else "last stop"
+        reason = f"{first} of a tour of {tour.time_s:.0f} s that lowers the variance most"
         return Choice(stops[0], reason, self.ahead, ground.dwell(int(tour.stops[0]), tour.dwell_s))
 
     def _continued(self, ground: Ground, left_s: float, rng: np.random.Generator) -> Tour | None:
