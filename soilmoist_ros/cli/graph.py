@@ -26,6 +26,9 @@ from soilmoist_ros.foundation import InputError
               help="Width of the headlands at the ends of the rows [m].")  # fmt: skip
 @click.option("--margin", type=click.FloatRange(min=0), default=0.75, show_default=True,
               help="Distance that the robot keeps from the border and no-go areas: its radius [m].")  # fmt: skip
+@click.option("--to", "kind", type=click.Choice(["topological", "nav2-route"]), default="topological",
+              show_default=True,
+              help="Map of Thorvald's navigation, or graph of Nav2's Route Server (.geojson).")  # fmt: skip
 @click.option("--name", help="Name of the map. Default: the name of the field.")
 @click.option("--out", type=FILE, required=True, help="File to write: .yaml, or .json as on /topological_map_2.")
 @overwrite_option("Replace the file --out.")
@@ -37,11 +40,12 @@ def command(
     heading: float,
     headland: float,
     margin: float,
+    kind: str,
     name: str | None,
     out: Path,
     overwrite: bool,
 ) -> None:
-    """Build a travel graph for a FIELD and write it as a topological map.
+    """Build a travel graph for a FIELD: a topological map, or a graph of Nav2.
 
     The graph is an open lattice. With --rows, it consists of crop rows that are connected at their ends only.
     """
@@ -49,11 +53,19 @@ def command(
     for option in ("heading", "headland"):
         if rows is None and source(option) is ParameterSource.COMMANDLINE:
             raise click.UsageError(f"--{option} is for crop rows: it requires --rows")
+    if (kind == "nav2-route") != (out.suffix == ".geojson"):
+        raise click.UsageError("a graph for --to nav2-route has the ending .geojson, and other maps do not")
     if out.exists() and not overwrite:
         raise InputError("exists already", "choose another file, or give --overwrite to replace it", out)
     from datetime import UTC, datetime
 
-    from soilmoist_ros.exploration import crop_rows, make_topological_map, open_lattice, unreachable
+    from soilmoist_ros.exploration import (
+        crop_rows,
+        make_topological_map,
+        open_lattice,
+        route_graph_text,
+        unreachable,
+    )
     from soilmoist_ros.simulation import known_field
 
     known = known_field(field)
@@ -61,8 +73,11 @@ def command(
         built = open_lattice(known, spacing, margin_m=margin)
     else:
         built = crop_rows(known, rows, spacing, heading, headland, margin_m=margin)
-    topological = make_topological_map(built.graph, name or known.name, datetime.now(UTC))
-    text = topological.to_json() if out.suffix == ".json" else topological.to_yaml()
+    if kind == "nav2-route":
+        text = route_graph_text(built.graph)
+    else:
+        topological = make_topological_map(built.graph, name or known.name, datetime.now(UTC))
+        text = topological.to_json() if out.suffix == ".json" else topological.to_yaml()
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text, encoding="utf-8")

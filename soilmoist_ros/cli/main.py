@@ -27,7 +27,7 @@ COMMANDS = {
     "export": "Export a RUN for GIS, phones and farm terminals.",
     "season": "Make a time series of all RUNS of one field.",
     "calibrate": "Find N0 from soil CORES (a CSV file) and the counts at the calibration.",
-    "graph": "Build a travel graph for a FIELD and write it as a topological map.",
+    "graph": "Build a travel graph for a FIELD: a topological map, or a graph of Nav2.",
     "list": "List what can be chosen by name: fields, strategies, loggers, sites ...",
     "logger": "Draft a logger format (YAML) from the header and first lines of FILE.",
     "check": "Check configuration files and report every mistake in them.",

@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.exploration.travel.route_graph import is_route_graph, read_route_graph
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import (
     TopologicalMap,
@@ -38,18 +41,26 @@ MAX_STOPS: Final = 300  # nodes are further apart where more would be in the fie
 AROUND_M: Final = 1000.0  # lanes farther from the field than this are left out [m]
 HEADING_M: Final = 10.0
 """Distance that shows the direction of travel [m]: more than fixes wander while a car stands."""
+_log = logging.getLogger(__name__)
 BACK_M: Final = 5.0  # a stop this near behind needs no way around [m]
 
 
 def read_travel_map(path: Path, field: Field) -> TopologicalMap:
-    """Read a map to travel on: a topological map, or lines in a file of :data:`LINE_FILES`.
+    """Read a map to travel on: a topological map, a graph of Nav2, or lines in a file of :data:`LINE_FILES`.
 
     :raises InputError: if it cannot be read, or no line lies in the field
     """
     if path.suffix.lower() not in LINE_FILES:
         return read_topological_map(path)
-    graph = read_lanes(path, field)
-    return make_topological_map(graph, path.stem, datetime.fromtimestamp(path.stat().st_mtime, UTC))
+    frame = "map"
+    if path.suffix.lower() == ".geojson" and is_route_graph(path):
+        graph, frame, unused = read_route_graph(path)
+        if unused:
+            _log.warning(unused)
+    else:
+        graph = read_lanes(path, field)
+    found = make_topological_map(graph, path.stem, datetime.fromtimestamp(path.stat().st_mtime, UTC))
+    return replace(found, frame=frame)
 
 
 def read_lanes(path: Path, field: Field) -> TravelGraph:
