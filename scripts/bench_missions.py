@@ -5,7 +5,7 @@
 
 usage: .venv/bin/python scripts/bench_missions.py lattices [--fields rough FILE.yaml] [--seeds 20] [--cell 2]
                                                   [--strategies gcb ivr lattice:optimal] [--save]
-       .venv/bin/python scripts/bench_missions.py forecasts|hours|speed [--seeds N] [--save]
+       .venv/bin/python scripts/bench_missions.py forecasts|hours|speed [--seeds N] [--surfaces FOLDER] [--save]
 
 *lattices*: lattices with fixed dwells of 10, 20, 30 and 60 s run on the same fields with the same seeds. The *best
 lattice* at a time is the one with the lowest mean squared error of the rate, averaged over the seeds. Ratios are
@@ -16,7 +16,8 @@ quarter of the time and at its end only, all others at each plan.
 *forecasts*: each mission draws its random field from its seed; every second seed has half of the field's usual
 time. A row is the forecast for the end that was made at a share of the time. ``reached`` is the standard deviation
 of the map at the end, ``error`` the root mean squared error of the map against the truth, both divided by the
-forecast. Uniform fields and those with few counts are part of the set.
+forecast. Uniform fields and those with few counts are part of the set. ``--surfaces`` adds the surfaces of
+``bench_zoo.py``, whose fields are the same with each seed, and missions on them by a person.
 
 *hours*: root mean squared error of the moisture [% by volume] at the end of missions of the recommended strategy
 on random square fields, by the size of the field and by how fast the soil changes.
@@ -42,13 +43,14 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import results
+from bench_zoo import real_surfaces, zoo_field
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
@@ -382,9 +384,14 @@ MADE = {
 """Extents [m], hours and formulas of further fields."""
 
 
+LONG_M = 100.0
+"""Extent from which on a mission on a surface takes four hours [m]."""
+
+
 class Made(NamedTuple):
     """A forecast and what became of it."""
 
+    kind: str
     field: str
     seed: int
     hours: float
@@ -407,10 +414,23 @@ def made_field(name: str, seed: int) -> SurrogateField:
     return replace(shipped, name=name, title=name, field=field, truth=truth, hours=hours)
 
 
-def mission(name: str, seed: int) -> MissionResult:
+KINDS: dict[str, dict[str, Any]] = {
+    "own fields": {},
+    "surfaces": {},
+    "surfaces, by a person": {"person": "usual", "speed_mps": 1.2, "stop_overhead_s": 5.0, "position_sd_m": 1.0},
+}
+"""Settings of the kinds of missions."""
+
+
+def mission(name: str, seed: int, kind: str, surfaces: Path | None) -> MissionResult:
     """A mission on a field; every second seed has half of the time."""
-    made = name in MADE
-    field = made_field(name, seed) if made else surrogate_field(name)
+    made = kind != "own fields" or name in MADE
+    if kind == "own fields":
+        field = made_field(name, seed) if made else surrogate_field(name)
+    else:
+        surface = zoo_field(name, surfaces)
+        assert isinstance(surface, SurrogateField)
+        field = replace(surface, hours=4.0 if np.ptp(surface.polygon) > LONG_M else 2.0)
     extent_m = float(np.ptp(field.polygon, axis=0).max())
     return simulate_mission(
         MissionSettings(
@@ -419,12 +439,13 @@ def mission(name: str, seed: int) -> MissionResult:
             seed=seed,
             cell_m=max(min(2.0, extent_m / 20), extent_m / 60),
             random_field=not made,
+            **KINDS[kind],
         ),
         forecasts=True,
     )
 
 
-def forecasts_of(name: str, seed: int, result: MissionResult) -> Iterator[Made]:
+def forecasts_of(kind: str, name: str, seed: int, result: MissionResult) -> Iterator[Made]:
     """The forecasts of a mission."""
     end = achieved(result.forecasts)
     if end is None:
@@ -434,7 +455,7 @@ def forecasts_of(name: str, seed: int, result: MissionResult) -> Iterator[Made]:
     for share, made in reported(result.forecasts, 3600 * hours):
         expected = made.forecast.sd_end
         low, high = made.forecast.band_end
-        yield Made(name, seed, hours, share, expected, low, high, sd / expected, error / expected)
+        yield Made(kind, name, seed, hours, share, expected, low, high, sd / expected, error / expected)
 
 
 def told(result: MissionResult) -> float | None:
@@ -446,15 +467,15 @@ def told(result: MissionResult) -> float | None:
 
 
 def forecast_table(found: Sequence[Made]) -> Iterator[tuple[str, ...]]:
-    """How well the forecasts held, by the share of the time at which they were made."""
-    for share in sorted({row.share for row in found}):
-        some = [row for row in found if row.share == share]
+    """How well the forecasts held, by the kind of missions and the share of the time at which they were made."""
+    for kind, share in sorted({(row.kind, row.share) for row in found}):
+        some = [row for row in found if (row.kind, row.share) == (kind, share)]
         reached = np.quantile([row.reached for row in some], [0.1, 0.5, 0.9])
         inside = np.mean([row.low <= row.reached * row.forecast <= row.high for row in some])
         factor = np.median([row.high / row.forecast for row in some])
         error = np.sqrt(np.mean([row.error**2 for row in some]))
         yield (
-            f"{100 * share:.0f} %", str(len(some)), f"{100 * inside:.0f} %", f"×/÷ {factor:.2f}",
+            kind, f"{100 * share:.0f} %", str(len(some)), f"{100 * inside:.0f} %", f"×/÷ {factor:.2f}",
             f"{reached[1]:.2f} ({reached[0]:.2f} to {reached[2]:.2f})", f"{error:.2f}",
         )  # fmt: skip
 
@@ -463,17 +484,20 @@ def forecasts(given: argparse.Namespace) -> None:
     """Compare forecasts with what missions reach."""
     found: list[Made] = []
     uniform: list[str] = []
-    for seed in range(1, given.seeds + 1):
-        for name in given.fields or [*STATIONARY, *NON_STATIONARY, *MADE]:
-            result = mission(name, seed)
-            found += forecasts_of(name, seed, result)
+    own = given.fields or [*STATIONARY, *NON_STATIONARY, *MADE]
+    names = {kind: own if kind == "own fields" else real_surfaces(given.surfaces) for kind in KINDS}
+    for seed, kind in product(range(1, given.seeds + 1), KINDS if given.surfaces else ("own fields",)):
+        for name in names[kind]:
+            result = mission(name, seed, kind, given.surfaces)
+            found += forecasts_of(kind, name, seed, result)
             share = told(result)
             if share is not None:
                 uniform.append(f"{name} {seed} at {100 * share:.0f} %")
-            print(f"{name}, seed {seed}: {result.ended}", flush=True)
-    missions = len({(row.field, row.seed) for row in found})
+            print(f"{kind}, {name}, seed {seed}: {result.ended}", flush=True)
+    missions = len({(row.kind, row.field, row.seed) for row in found})
     columns = (
-        "made at", "forecasts", "inside the band", "band", "reached / forecast (10 to 90 %)", "error / forecast",
+        "missions", "made at", "forecasts", "inside the band", "band", "reached / forecast (10 to 90 %)",
+        "error / forecast",
     )  # fmt: skip
     settings = f"{missions} missions; called uniform at some time: {'; '.join(uniform) or 'none'}"
     results.publish("forecasts", columns, forecast_table(found), settings, given.save)
@@ -572,6 +596,7 @@ def main() -> None:
     parser.add_argument("part", choices=PARTS)
     parser.add_argument("--seeds", type=int, help="seeds 1 to this number; of speed: repeats")
     parser.add_argument("--fields", nargs="+", help="names or field files; default: all families")
+    parser.add_argument("--surfaces", type=Path, help="folder of surfaces, for forecasts; see bench_zoo.py")
     parser.add_argument("--strategies", nargs="+", default=["gcb"], help="NAME (dwell optimal) or NAME:DWELL")
     parser.add_argument("--cell", type=float, default=0.0, help="least cell size of lattices [m]")
     parser.add_argument("--hours", type=float, default=2.0, help="of lattices")
