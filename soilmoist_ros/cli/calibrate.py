@@ -10,8 +10,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, time
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import click
 
@@ -26,6 +25,34 @@ AFTER_MAP_DAYS = 2
 USUAL_SENSITIVITIES = 0.05, 30.0
 """Sensitivities of neutron sensors to the reference detector, small tubes to large rovers."""
 TIME = MomentType()
+
+
+class Options(NamedTuple):
+    """What :func:`command` is given, as click has checked it."""
+
+    cores: Path | None
+    site: Path | None
+    logs: tuple[Path, ...]
+    logger: str | None
+    counts: int | None
+    exposure_s: float | None
+    run: Path | None
+    start: datetime | None
+    end: datetime | None
+    curve: Literal["desilets", "universal"] | None
+    weighting: sensing.Weighting
+    dates: tuple[str, ...]
+    cores_only: bool
+    earlier: tuple[Path, ...]
+    station_logs: tuple[Path, ...]
+    station_logger: str | None
+    station_site: Path | None
+    station_sensitivity: float | None
+    station_sensitivity_sd: float | None
+    plan: Path | None
+    places: int
+    out: Path | None
+    dry_run: bool
 
 
 @click.command("calibrate")
@@ -75,7 +102,7 @@ def command(**given: Any) -> None:
     With --beside, find the sensitivity of a sensor from counts next to a station. With --plan, find the places in
     a field where cores lower the uncertainty most, and write a sheet to fill in.
     """
-    options = SimpleNamespace(**given)  # as click has checked them
+    options = Options(**given)
     if sum((options.cores is not None, bool(options.station_logs), options.plan is not None)) != 1:
         raise click.UsageError("give one of CORES, --beside and --plan")
     if options.plan is not None:
@@ -88,19 +115,14 @@ def command(**given: Any) -> None:
         _calibrate(options, options.cores, options.site)
 
 
-def _calibrate(options: SimpleNamespace, cores: Path, site: Path) -> None:
+def _calibrate(options: Options, cores: Path, site: Path) -> None:
     """N0 from cores, written to the site file."""
     known, run, weighting, dates = sensing.load_site(site), options.run, options.weighting, options.dates
     table = sensing.read_soil_cores(cores, known.soil.bulk_density_gcm3 if known.soil else None, dates)
-    sampled, before, soil = table.cores, known.calibration, known.soil
+    sampled, before = table.cores, known.calibration
     for note in table.notes:
         warn(f"note       {note}")
-    if soil is None:
-        density = sensing.mean_of_cores(sampled, "equal").bulk_density_gcm3
-        if density is None:
-            remedy = "add 'soil: {bulk_density_gcm3: ...}' to the file, or a column bulk_density_gcm3 to the cores"
-            raise InputError("has no soil properties", remedy, site)
-        soil = sensing.Soil(bulk_density_gcm3=round(density, 4))
+    soil = _soil(known.soil, sampled, site, run is not None)
     unit = known.calibration or sensing.Calibration(n0_cps=1.0)
     unit = unit.model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None, "curve": options.curve or unit.curve})
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
@@ -169,8 +191,31 @@ def _calibrate(options: SimpleNamespace, cores: Path, site: Path) -> None:
     if options.dry_run:
         say(f"dry run: {site} is not changed")
         return
-    sensing.write_calibration(site, result, soil if sensing.load_site(site).soil is None else None)
+    sensing.write_calibration(site, result, None if soil == sensing.load_site(site).soil else soil)
     wrote([site])
+
+
+def _soil(known: sensing.Soil | None, cores: Sequence[sensing.SoilCore], site: Path, of_run: bool) -> sensing.Soil:
+    """Soil of a site; the density is that of weighed cores where it has none, or, of a run, a less sure one."""
+    density = sensing.mean_of_cores(cores, "equal").bulk_density_gcm3
+    if density is None:
+        if known is None:
+            remedy = "add 'soil: {bulk_density_gcm3: ...}' to the file, or a column bulk_density_gcm3 to the cores"
+            raise InputError("has no soil properties", remedy, site)
+        return known
+    if known is None:
+        return sensing.Soil(bulk_density_gcm3=round(density, 4))
+    weighed = [group for group in sensing.profiles_of(cores) if any(one.bulk_density_gcm3 > 0 for one in group)]
+    sd, had = sensing.PROFILE_DENSITY_SD_GCM3 / math.sqrt(len(weighed)), known.bulk_density_gcm3
+    had_sd = sensing.DENSITY_ERROR * had if known.bulk_density_sd_gcm3 is None else known.bulk_density_sd_gcm3
+    profiles = f"{len(weighed)} weighed profile{'s' * (len(weighed) > 1)}, {density:.2f} +- {sd:.2f} g/cm3"
+    of_site = f"{had:.2f} +- {had_sd:.2f} of the site file"
+    if not of_run or sd >= had_sd:
+        if of_run:
+            say(f"density    {of_site}, which is surer than {profiles}")
+        return known
+    say(f"density    {profiles}, instead of {of_site}")
+    return known.model_copy(update={"bulk_density_gcm3": round(density, 4), "bulk_density_sd_gcm3": round(sd, 4)})
 
 
 def _combined(
@@ -272,7 +317,7 @@ def _air(site: sensing.Site, counted: sensing.CalibrationCounts) -> sensing.Foot
     return sensing.Footprint(math.nan, humidity_gm3, pressure_hpa, *probe)
 
 
-def _counted(site: sensing.Site, given: SimpleNamespace) -> sensing.CalibrationCounts:
+def _counted(site: sensing.Site, given: Options) -> sensing.CalibrationCounts:
     counts, exposure_s, start, end = given.counts, given.exposure_s, given.start, given.end
     if (counts is None) != (exposure_s is None) or bool(given.logs) == (counts is not None):
         raise click.UsageError("give the counts of the calibration with --log, or with --counts and --exposure")
@@ -284,7 +329,7 @@ def _counted(site: sensing.Site, given: SimpleNamespace) -> sensing.CalibrationC
     return sensing.calibration_counts(_read(site, given.logs, given.logger), site, first_s, last_s)
 
 
-def _no_counts(run: Path, given: SimpleNamespace) -> sensing.CalibrationCounts:
+def _no_counts(run: Path, given: Options) -> sensing.CalibrationCounts:
     """Stand-in for counts where the rates are those of a map: its time and mean weather."""
     if given.logs or given.counts is not None or given.exposure_s is not None or given.start or given.end:
         raise click.UsageError("--run has the counts: leave out --log, --counts, --exposure, --from and --to")
@@ -332,7 +377,7 @@ def _plan(run: Path, count: int, out: Path | None) -> None:
     say("then       fill in the sheet, and: soilmoist calibrate cores.csv --site SITE --run RUN")
 
 
-def _compare(options: SimpleNamespace, site: Path) -> None:
+def _compare(options: Options, site: Path) -> None:
     """The sensitivity of a sensor from counts next to a station, written to the site file."""
     if not options.logs:
         raise click.UsageError("--beside requires --log, the log of your own sensor")
@@ -343,6 +388,9 @@ def _compare(options: SimpleNamespace, site: Path) -> None:
     other = _read(of_station, options.station_logs, options.station_logger)
     found = sensing.compare_side_by_side(own, known, other, of_station)
     value, sd = found.sensitivity(sensitivity, sensitivity_sd)
+    alike = f"both logs have the serial number {own[0].serial}" if own[0].serial == other[0].serial != "" else ""
+    for doubt in filter(None, (*found.doubts(value, sd, sensing.sensitivity_of(known)), alike)):
+        warn(f"doubt      {doubt}")
     _require_usual(f"a ratio of counts of {found.ratio:.3g} makes a sensitivity", value, options.logs[0])
     put(
         ratio=found.ratio, ratio_sd=found.ratio_sd, sensor_sensitivity=value, sensor_sensitivity_sd=sd,
@@ -429,18 +477,19 @@ def _require_usual(name: str, sensitivity: float, path: Path | None = None) -> N
         raise InputError(f"{name} of {sensitivity:.3g}: {usual}", remedy, path)
 
 
-def _sensitivity_of(station: sensing.Site, options: SimpleNamespace) -> tuple[float, float, str]:
+def _sensitivity_of(station: sensing.Site, options: Options) -> tuple[float, float, str]:
     """Sensitivity of a station, its standard deviation, and where it is from: as given, from its site file, or by
     its N0, whose site then differs from others by as much as sites do.
     """
     given, path = options.station_sensitivity, options.station_site
     if given is not None:
         _require_usual("--station-sensitivity", given)
-        station = sensing.Site(sensor_sensitivity=given, sensor_sensitivity_sd=options.station_sensitivity_sd)
-    elif path is None:
+        sd = options.station_sensitivity_sd
+        return given, sensing.GIVEN_SD * given if sd is None else sd, "as given"
+    if path is None:
         raise InputError("nothing is known of the station", "give --station-sensitivity or --station-site")
     if (known := sensing.sensitivity_of(station)) is not None:
-        return known.value, known.sd, f"of {path.name}" if given is None else "as given"
+        return known.value, known.sd, f"of {path.name}"
     own = station.calibration
     if own is None or own.illustrative or own.curve != "desilets" or own.method != "cores":
         remedy = "give --station-sensitivity, or a site file with sensor_sensitivity or an N0 from cores"

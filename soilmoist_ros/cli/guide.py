@@ -41,6 +41,7 @@ DEFAULTS = {"speed_mps": 1.2, "stop_overhead_s": 5.0}
               help="Logger format: a shipped name or a YAML file.")  # fmt: skip
 @click.option("--site", type=options.Name("site"), default="",
               help="Site file: corrections, soil, calibration. Default: a rate map.")  # fmt: skip
+@options.sensor_option
 @mission_options(GUIDE, DEFAULTS)
 @options.earlier_option()
 @options.covariate_option()
@@ -61,6 +62,7 @@ def command(
     gnss_uri: str,
     logger: str,
     site: str,
+    sensor: str | float | None,
     choices: dict[str, Any],
     earlier: tuple[Path, ...],
     covariates: tuple[str, ...],
@@ -82,7 +84,7 @@ def command(
         if not is_installed(module):
             raise InputError(f"{module} is not installed, and a guided survey needs it", install(extra))
     from soilmoist_ros.console import PORT, GuidedSurvey, GuideSettings, free_port
-    from soilmoist_ros.pipeline import replay_bag
+    from soilmoist_ros.pipeline import replay_bag, write_sensor_site
     from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.simulation import MissionSettings
 
@@ -91,6 +93,9 @@ def command(
         options.prepare_output(out, False)
         if (out / "bag").exists():
             raise InputError("has the recording of another run", "choose another folder", out)
+    if sensor is not None:
+        write_sensor_site(site, sensor, out / "site.yaml")
+        site = str(out / "site.yaml")
     settings = GuideSettings(
         mission=MissionSettings(field=field, **with_graph(choices)), logger_uri=logger_uri, gnss_uri=gnss_uri,
         logger_format=logger, site=site, earlier=earlier, covariates=covariates, host=host,

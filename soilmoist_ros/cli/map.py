@@ -26,6 +26,8 @@ from soilmoist_ros.simulation import PRESETS
 if TYPE_CHECKING:
     from soilmoist_ros.pipeline import MapRun
 
+NO_MOISTURE = "the site file asks for the rate alone, or its soil is peat without organic_carbon"
+
 
 @click.command("map")
 @click.argument("logs", type=options.InputFileType(), nargs=-1, required=True)
@@ -36,10 +38,7 @@ if TYPE_CHECKING:
     type=options.Name("site"),
     help="Site file: corrections, soil, calibration. Default: standard corrections.",
 )
-@click.option("--sensor", type=options.SensorType(), metavar="MODEL|NUMBER",
-              help="Sensor of a site without calibration: CRS-1000, CRS-1000B, CRS-2000, CRS-2000B, LiFoil-2, "
-              "LiFoil-3, or its counts per count of the reference detector. Gives moisture by the general "
-              "calibration.")  # fmt: skip
+@options.sensor_option
 @click.option(
     "--field",
     type=options.Name("field"),
@@ -143,7 +142,7 @@ def _print_summary(run: MapRun) -> None:
     rate, sd = np.nanmean(soil_map.rate), np.nanmean(soil_map.rate_sd)
     say(f"rate       mean {rate:.3f} counts/s, standard deviation of a cell {sd:.3f}")
     if soil_map.curve is None:
-        say(f"moisture   not mapped: {_why_no_moisture(run)}")
+        say(f"moisture   not mapped: {NO_MOISTURE}")
     else:
         low, high = 100 * np.nanquantile(soil_map.vwc, [0.05, 0.95])
         known = mean_moisture(soil_map)
@@ -168,7 +167,7 @@ def _print_place(run: MapRun) -> None:
     mean, series = moisture_of_all(run.track, curve), moisture_series(run.track, curve)
     say(f"rate       mean {mean.rate:.4f} +- {mean.rate_sd:.4f} counts/s")
     if curve is None:
-        say(f"moisture   not computed: {_why_no_moisture(run)}")
+        say(f"moisture   not computed: {NO_MOISTURE}")
     else:
         low, high = 100 * series.bands.vwc.min(), 100 * series.bands.vwc.max()
         steps = f"{len(series.begin_s)} steps of {series.step_s / 3600:g} h"
@@ -185,9 +184,3 @@ def _print_level(run: MapRun) -> None:
 
     if run.calibration is not None and run.calibration.method == UNKNOWN_SENSOR:
         say(f"level      {irrigation(run).level}")
-
-
-def _why_no_moisture(run: MapRun) -> str:
-    if run.calibration is not None:
-        return "the site file has no soil properties or calibration"
-    return "there is no calibration: 'calibration: null' in the site file asks for the rate alone"

@@ -138,6 +138,14 @@ class SensorType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         return number
 
 
+sensor_option = click.option(
+    "--sensor", type=SensorType(), metavar="MODEL|NUMBER",
+    help="Sensor of a site without calibration: CRS-1000, CRS-1000B, CRS-2000, CRS-2000B, LiFoil-2, LiFoil-3, or "
+    "its counts per count of the reference detector. Gives moisture by the general calibration.",
+)  # fmt: skip
+"""The sensor, where the site file does not say it."""
+
+
 class ShiftType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     """A duration with a sign and a unit, as seconds."""
 

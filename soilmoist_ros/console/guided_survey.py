@@ -60,7 +60,7 @@ from soilmoist_ros.exploration import (
 )
 from soilmoist_ros.foundation import Health, InputError, Level
 from soilmoist_ros.mapping import FieldGrid, MappingSettings, MapState, MapWorker, SoilMap, map_cells, map_health
-from soilmoist_ros.pipeline import open_survey
+from soilmoist_ros.pipeline import open_survey, planning_curve
 from soilmoist_ros.recording import (
     CLOUD,
     CONFIGURATION,
@@ -147,9 +147,8 @@ class GuidedSurvey:
         self._survey = survey = open_survey(
             mission.field_name, settings.site, earlier=earlier, covariates=covariates, **mapping
         )
-        self._plane, curve = survey.field.frame, survey.site.curve
-        if mission.target == "vwc" and curve is None:
-            raise InputError("the target is vwc, but there is no calibration", "give a calibrated site file")
+        self._plane = survey.field.frame
+        curve = planning_curve(survey.site, survey.field, mission.target == "vwc")
         self._phone = PhoneReceiver() if settings.gnss_uri == PHONE else None
         devices = DriverSettings(settings.logger_uri, settings.logger_format, settings.gnss_uri)
         self._driver = Driver(devices, survey.site, self._plane, time.time(), self._phone)

@@ -73,6 +73,9 @@ class Planner(Node):
     def _wire(self, settings: ExplorerSettings, rules: MissionRules) -> None:
         for problem in self._stored.problems:
             self.get_logger().warning(problem)
+        if (curve := settings.curve) is not None:
+            error = f"{curve.n0_sd_cps / curve.n0_cps:.0%}" if curve.n0_sd_cps else "an unknown error"
+            self.get_logger().info(f"target vwc, by N0 {curve.n0_cps:.4g} counts/s +- {error}")
         properties = property_weights(self._values.texts("properties"))
         self._outputs = PlannerOutputs(
             self, lambda: self._control.hand_on(), properties, self._values.text("frame")

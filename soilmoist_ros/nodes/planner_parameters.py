@@ -36,8 +36,8 @@ from soilmoist_ros.foundation import InputError, did_you_mean, resource
 from soilmoist_ros.mapping import CovariateSource, Field, FieldMapSettings, Knowledge, load_field, read_covariates
 from soilmoist_ros.nodes.parameter_tables import ANTENNA, COVARIATES, EARLIER, of_setting, row
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.pipeline import EarlierTarget, read_earlier_runs
-from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, load_site
+from soilmoist_ros.pipeline import EarlierTarget, planning_curve, read_earlier_runs
+from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, Site, load_site
 
 PERSON: Final = "person"  # navigator of a person: no navigation is needed, and nothing stops the person
 _PLACE = PlaceLimits()
@@ -140,10 +140,8 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
     """Settings for the choice of stops."""
     text, number = parameters.text, parameters.number
     make_strategy(text("strategy"), text("preset"))
-    calibration = load_site(text("site")).curve if text("site") else None
-    of_moisture = text("target") == "vwc"
-    if of_moisture and calibration is None:
-        raise InputError("target is vwc, but there is no calibration", "give a calibrated site file as site")
+    site, of_moisture = load_site(text("site")) if text("site") else Site(), text("target") == "vwc"
+    calibration = planning_curve(site, field, of_moisture)
     return ExplorerSettings(
         strategy=text("strategy"),
         preset=text("preset"),
@@ -157,7 +155,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
         ),
         curve=calibration if of_moisture else None,
         calibration=calibration,
-        knowledge=_knowledge(parameters, field, calibration),
+        knowledge=_knowledge(parameters, field, site.curve),
         access=AccessRules(
             robot_radius_m=number("robot_radius_m"),
             outside=Outside(text("outside")),

@@ -145,15 +145,12 @@ def _open(
         raise InputError("does not say which field it is of", "give the field file with --field", bag)
     try:
         return open_survey(
-            field_file,
-            had.get("site", "") if site is None else site,
-            simulated=had.get("simulated", False),
-            earlier=had.get("earlier", ()) if chosen.earlier is None else chosen.earlier,
-            property_name=name,
+            field_file, had.get("site", "") if site is None else site, simulated=had.get("simulated", False),
+            earlier=had.get("earlier", ()) if chosen.earlier is None else chosen.earlier, property_name=name,
             covariates=had.get("covariates", ()) if chosen.covariates is None else chosen.covariates,
             recorded=had or None,
             **{one.name: getattr(chosen, one.name) for one in dataclasses.fields(MappingSettings)},
-        )
+        )  # fmt: skip
     except ValueError as error:
         raise InputError(str(error), "change this setting") from None
 

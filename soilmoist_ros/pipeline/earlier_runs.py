@@ -123,14 +123,11 @@ def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
         raise InputError(f"has no {table.name}", remedy, path)
     rows = about.get("corrections") or ()
     return RunRecords(
-        path,
-        LocalFrame(datum["latitude_deg"], datum["longitude_deg"]),
-        _good(read_records(table), path),
-        found,
+        path, LocalFrame(datum["latitude_deg"], datum["longitude_deg"]), _good(read_records(table), path), found,
         bool(about.get("simulated")),
         curve_of(about, path) if found == first and calibration_method(about) != UNKNOWN_SENSOR else None,
         {row["name"]: row.get("parameters") or {} for row in rows} if rows else None,
-    )
+    )  # fmt: skip
 
 
 def _of_bag(path: Path, name: str) -> RunRecords | None:

@@ -150,35 +150,23 @@ class FieldSurvey:
         if soil_map is None:
             raise InputError("there are too few samples for a map", "wait for more records")
         return make_run(
-            soil_map,
-            snapshot.track,
-            self.calibrated(snapshot.state),
-            self.field.frame,
-            field_name=self.field.name,
-            settings=settings_of(self.map, soil_map, self.map.merge_radius_m),
-            inputs=[input_file(path, role) for role, path in self.files],
-            losses=loss_rows_of(snapshot),
-            simulated=self.simulated,
-            covariates=self.map.knowledge.covariates,
-            earlier=self.earlier,
+            soil_map, snapshot.track, self.calibrated(snapshot.state), self.field.frame,
+            field_name=self.field.name, settings=settings_of(self.map, soil_map, self.map.merge_radius_m),
+            inputs=[input_file(path, role) for role, path in self.files], losses=loss_rows_of(snapshot),
+            simulated=self.simulated, covariates=self.map.knowledge.covariates, earlier=self.earlier,
             notes=[Note(NoteCode.GENERAL_CALIBRATION, f"{_SNOW.capitalize()}.")] if self._is_general else (),
-        )
+        )  # fmt: skip
 
 
 def settings_of(field_map: FieldMap, soil_map: SoilMap, merge_radius_m: float) -> dict[str, object]:
     """Settings of a map for the reader of its run."""
     settings = field_map.settings
     return {
-        "variogram_model": settings.model,
-        "variogram_fit": settings.fit,
-        "poisson_noise": settings.noise,
-        "local_variance": settings.local,
-        "drift_model": settings.drift_model,
-        "nugget": "kept" if settings.keep_nugget else "filtered",
-        "merge_radius_m": merge_radius_m,
-        "cell_m": field_map.grid.cell_m,
-        "deconvolved_footprint_m": soil_map.deconvolved_m,
-    }
+        "variogram_model": settings.model, "variogram_fit": settings.fit, "poisson_noise": settings.noise,
+        "local_variance": settings.local, "drift_model": settings.drift_model,
+        "nugget": "kept" if settings.keep_nugget else "filtered", "merge_radius_m": merge_radius_m,
+        "cell_m": field_map.grid.cell_m, "deconvolved_footprint_m": soil_map.deconvolved_m,
+    }  # fmt: skip
 
 
 def open_survey(
@@ -255,6 +243,27 @@ def with_general_calibration(
     raise InputError(message, "give 'altitude_m' in 'location', or 'calibration: null' for the rate alone")
 
 
+def planning_curve(site: sensing.Site, field: Field, required: bool) -> sensing.MoistureCurve | None:
+    """Curve by which a plan for moisture weighs places, before the first record; ``None`` without a calibration.
+
+    The general calibration is that of the pressure to which counts are corrected: the true one hardly changes it.
+
+    :raises InputError: if it is required: a plan of a guessed level would count longest at the wrong places
+    """
+    reference_hpa = site.corrections_parameters.reference_pressure_hpa
+    air = sensing.SurveyAir(*field.centre, math.nan if site.corrections.pressure is None else reference_hpa)
+    try:
+        curve = with_general_calibration(site, air).curve
+    except InputError:
+        if required:
+            raise
+        return None
+    if curve is not None or not required:
+        return curve
+    what = "the target is vwc, but there is no calibration, and the sensor is unknown"
+    raise InputError(what, "give a site file with a calibration, or with sensor_sensitivity, such as the model")
+
+
 def _with_soil(site: sensing.Site, found: tuple[sensing.Calibration, sensing.Soil] | None) -> sensing.Site:
     """Site with a calibration and its soil, if there are any."""
     return site if found is None else site.model_copy(update={"calibration": found[0], "soil": found[1]})
@@ -263,12 +272,9 @@ def _with_soil(site: sensing.Site, found: tuple[sensing.Calibration, sensing.Soi
 def field_map_settings(values: Mapping[str, Any], site: sensing.Site, **more: Any) -> FieldMapSettings:
     """Settings of the map of a sensor."""
     return FieldMapSettings(
-        **{name: value for name, value in values.items() if name != "cell_m"},
-        curve=site.curve,
-        footprint_radius_m=site.known_footprint_m,
-        deconvolve=site.deconvolve_footprint,
-        **more,
-    )
+        **{name: value for name, value in values.items() if name != "cell_m"}, curve=site.curve,
+        footprint_radius_m=site.known_footprint_m, deconvolve=site.deconvolve_footprint, **more,
+    )  # fmt: skip
 
 
 def open_map(
@@ -332,23 +338,13 @@ def make_run(
     earlier = [with_corrections(one, {row.name: row.parameters for row in rows}) for one in earlier]
     stamp_s = max((record.stamp_s for record in track), default=0.0)
     return MapRun(
-        soil_map=soil_map,
-        frame=frame,
-        created_utc=datetime.now(UTC),
-        track=track,
-        title=title or ("Soil moisture map" if site.curve else "Neutron count rate map"),
-        site=site.name,
-        corrections=rows,
-        version=__version__,
-        footprint_radius_m=site.footprint_radius_m,
-        quarantined=[record for record in records if record.quarantine],
-        **site_facts(site),
-        time_zone=site.time_zone or "",
-        sensed=_sensed_soil(soil_map, track, site),
-        earlier=earlier,
-        change=run_change(soil_map, stamp_s, earlier),
-        **about,
-    )
+        soil_map=soil_map, frame=frame, created_utc=datetime.now(UTC), track=track,
+        title=title or ("Soil moisture map" if site.curve else "Neutron count rate map"), site=site.name,
+        corrections=rows, version=__version__, footprint_radius_m=site.footprint_radius_m,
+        quarantined=[record for record in records if record.quarantine], **site_facts(site),
+        time_zone=site.time_zone or "", sensed=_sensed_soil(soil_map, track, site), earlier=earlier,
+        change=run_change(soil_map, stamp_s, earlier), **about,
+    )  # fmt: skip
 
 
 def input_file(path: Path, role: str, n_records: int | None = None) -> InputFile:
@@ -410,12 +406,9 @@ def _sensed_soil(
     f_pressure = float(np.mean([record.f_pressure for record in track]))
     f_humidity = float(np.mean([record.f_humidity for record in track]))
     air = sensing.Footprint(
-        0.0,
-        used.humidity_gm3(f_humidity),
-        used.pressure_hpa(f_pressure),
-        site.vegetation_height_m,
+        0.0, used.humidity_gm3(f_humidity), used.pressure_hpa(f_pressure), site.vegetation_height_m,
         site.footprint_radius_m,
-    )
+    )  # fmt: skip
     vwc = soil_map.vwc[soil_map.grid.mask]
     return sensing.sensed_soil(vwc, curve.bulk_density_gcm3, curve.lattice_water + curve.organic_water, air)
 
@@ -466,16 +459,11 @@ def _calibration(site: sensing.Site) -> CalibrationInfo | None:
         return None
     source = ", ".join(filter(None, [site.calibration.date, site.calibration.note]))
     return CalibrationInfo(
-        n0_cps=site.calibration.n0_cps,
-        bulk_density_gcm3=site.soil.bulk_density_gcm3,
-        n0_sd_cps=site.calibration.n0_sd_cps,
-        lattice_water=site.soil.lattice_water,
-        organic_water=site.soil.organic_water,
-        source=source,
-        illustrative=site.calibration.illustrative,
-        method=site.calibration.method,
-        parts=tuple(site.calibration.parts),
-    )
+        n0_cps=site.calibration.n0_cps, bulk_density_gcm3=site.soil.bulk_density_gcm3,
+        n0_sd_cps=site.calibration.n0_sd_cps, lattice_water=site.soil.lattice_water,
+        organic_water=site.soil.organic_water, source=source, illustrative=site.calibration.illustrative,
+        method=site.calibration.method, parts=tuple(site.calibration.parts),
+    )  # fmt: skip
 
 
 def loss_rows_of(snapshot: Snapshot) -> list[LossRow]:

@@ -257,6 +257,14 @@ def with_sensor(site: Site, sensor: str | float | None, site_file: Path | None) 
     return site.model_copy(update={"sensor_sensitivity": sensor})
 
 
+def write_sensor_site(site: str, sensor: str | float, path: Path) -> None:
+    """Write the site file of a name or path, or of none, with the sensor of an option, see :func:`with_sensor`."""
+    file = resource("sites", site) if site else None
+    known = with_sensor(load_site(file) if file else Site(), sensor, file)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(known.model_dump_json(exclude_unset=True, indent=2) + "\n", encoding="utf-8")
+
+
 def sensor_of(logs: Sequence[LogFile]) -> SensorModel | None:
     """The sensor model that the headers of logs name, if any."""
     return named_sensor(text for log in logs for text in (*log.metadata, *log.metadata.values(), *log.columns))
@@ -300,14 +308,11 @@ def with_reference(run: MapRun, reference: Reference) -> MapRun:
     factors = reference.factor(np.clip(stamps, reference.start_s, reference.end_s))
     change, sd = reference.change
     row = CorrectionRow(
-        REFERENCE,
-        "R(end) / R(t)",
+        REFERENCE, "R(end) / R(t)",
         {"change during the survey [%]": round(100 * change, 1), "standard deviation [%]": round(100 * sd, 1)},
-        float(factors.mean()),
-        float(factors.min()),
-        float(factors.max()),
+        float(factors.mean()), float(factors.min()), float(factors.max()),
         "the map is of the field at the end of the survey",
-    )
+    )  # fmt: skip
     return replace(run, corrections=[*run.corrections, row])
 
 

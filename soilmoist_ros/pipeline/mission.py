@@ -139,14 +139,10 @@ def estimate_visits(statuses: Sequence[Status], records: Sequence[CountRecord]) 
 def _visit(stop: Sequence[Status], done: Status, reason: str, records: Sequence[CountRecord]) -> Visit:
     first, last = stop[0], stop[-1]
     return Visit(
-        last.target,
-        last.target_x_m,
-        last.target_y_m,
-        first.time_used_s - first.elapsed_dwell_s,
+        last.target, last.target_x_m, last.target_y_m, first.time_used_s - first.elapsed_dwell_s,
         last.elapsed_dwell_s + done.counting_s - last.counting_s,
-        _raw_counts(last, done, first.stamp_s - first.elapsed_dwell_s, records),
-        reason,
-    )
+        _raw_counts(last, done, first.stamp_s - first.elapsed_dwell_s, records), reason,
+    )  # fmt: skip
 
 
 def _raw_counts(last: Status, done: Status, arrived_s: float, records: Sequence[CountRecord]) -> int:
@@ -279,17 +275,12 @@ def _settings(
     made = MappingSettings().values(read_parameters(configuration, "mapper"))
     usual = MissionSettings()
     return replace(
-        usual,
-        field=str(had.get("field", "")),
-        strategy=str(had.get("strategy", "unknown")),
+        usual, field=str(had.get("field", "")), strategy=str(had.get("strategy", "unknown")),
         dwell=str(had.get("dwell", "unknown")),
-        hours=float(had.get("hours", (last.time_used_s + last.time_left_s) / 3600)),
-        seed=int(had.get("seed", 0)),
-        target=had.get("target", usual.target),
-        preset=had.get("preset", usual.preset),
+        hours=float(had.get("hours", (last.time_used_s + last.time_left_s) / 3600)), seed=int(had.get("seed", 0)),
+        target=had.get("target", usual.target), preset=had.get("preset", usual.preset),
         **{name: made[name] for name in ("model", "fit", "noise", "local", "drift_model")},
-        travel="free" if had.get("graph") == "free" else "graph",
-        until_sd=float(had.get("until_sd", 0.0)),
+        travel="free" if had.get("graph") == "free" else "graph", until_sd=float(had.get("until_sd", 0.0)),
         until_gain=float(had.get("until_gain", 0.0)),
         properties=tuple(PropertySettings(one.name, one.weight) for one in others),
-    )
+    )  # fmt: skip

@@ -24,28 +24,16 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros import sensing
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 from soilmoist_ros.pipeline import is_illustrative
 from soilmoist_ros.reporting.exports.source import RunSource
 from soilmoist_ros.reporting.page.statistics import MAX_UNUSABLE
-from soilmoist_ros.sensing import (
-    PROFILE_SD,
-    Footprint,
-    MoistureCurve,
-    N0Estimate,
-    SoilCore,
-    Weighting,
-    mean_of_cores,
-    profiles_of,
-    soil_limits,
-)
 
 Array = NDArray[np.float64]
-N0_SD = 0.055
-"""Standard deviation of log N0 where the run knows none: that of all sites of the general calibration."""
-DENSITY_SD_GCM3 = 0.12
-"""Standard deviation of the bulk density, prior and of one profile, where the run knows none [g/cm^3]."""
+N0_SD = math.hypot(sensing.GENERAL_SD, sensing.SCALING_SD, sensing.GIVEN_SD)
+"""Standard deviation of log N0 where the run knows none: that of the general calibration of a given sensor."""
 SHAPE_SHARE = 0.25
 """Worth of a share of the density's variance relative to that of the level's: the level comes first."""
 MAX_CANDIDATES, MAX_SAMPLES = 600, 2000
@@ -116,7 +104,7 @@ class LevelModel:
     core_variance: Array
     density_effect: Array
     prior_sd: float
-    density_sd: float = DENSITY_SD_GCM3
+    density_sd: float = sensing.PROFILE_DENSITY_SD_GCM3
 
     def start(self) -> Array:
         """Prior covariance of log N0, the bulk density, and log N0 as the map shows it at each candidate."""
@@ -133,7 +121,10 @@ class LevelModel:
 
     def after(self, covariance: Array, candidate: int) -> Array:
         """Covariance after cores at a candidate; their density is weighed, too."""
-        for row, noise in ((candidate + 2, self.core_variance[candidate]), (1, DENSITY_SD_GCM3**2)):
+        for row, noise in (
+            (candidate + 2, self.core_variance[candidate]),
+            (1, sensing.PROFILE_DENSITY_SD_GCM3**2),
+        ):
             gained = covariance[row]
             covariance = covariance - np.multiply.outer(gained, gained) / (gained[row] + noise)
         return covariance
@@ -182,7 +173,7 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
         remedy = "make it with a site file that has soil and a calibration, if only a general one"
         what = "the run has no calibration, so the moisture of no place is known"
         raise InputError(what, remedy, source.run.folder)
-    limits, everywhere = soil_limits(curve.bulk_density_gcm3), curve.vwc(one.bands["rate"][inside])
+    limits, everywhere = sensing.soil_limits(curve.bulk_density_gcm3), curve.vwc(one.bands["rate"][inside])
     impossible = float(np.mean(~((everywhere >= limits.dryness) & (everywhere <= limits.saturation))))
     if impossible > MAX_UNUSABLE:
         what = f"the map has no possible moisture on {100 * impossible:.0f} % of its area, so no place is best"
@@ -201,13 +192,13 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
     known = curve.n0_sd_cps / curve.n0_cps
     if not known:
         notes.append(f"the error of N0 is not known: {100 * N0_SD:.1f} % is assumed, as between sites")
-    density_sd = curve.bulk_density_sd_gcm3 or DENSITY_SD_GCM3
-    model = LevelModel(covariance, (PROFILE_SD / per_level) ** 2, effect, known or N0_SD, density_sd)
+    density_sd = curve.bulk_density_sd_gcm3 or sensing.PROFILE_DENSITY_SD_GCM3
+    model = LevelModel(covariance, (sensing.PROFILE_SD / per_level) ** 2, effect, known or N0_SD, density_sd)
     reach = ((about.get("map") or {}).get("sensed") or {}).get("radius_r86_m") or {}
     radius = float(reach.get("mean") or SHIELDED_M)
     if not reach.get("mean"):
         notes.append(f"the run has no reach of the probe: {radius:g} m are assumed, as of a shielded one")
-    edge = float(Footprint.shielded(radius).rings(1)[0])  # half of the counts come from within
+    edge = float(sensing.Footprint.shielded(radius).rings(1)[0])  # half of the counts come from within
     spacing = max(radius, float((about.get("variogram") or {}).get("range_m") or 0))
     (chosen, level_sd), edge_m, spacing_m = _fit(model, source, xy, vwc, count, edge, spacing)
     for name, asked, found in (("edge of the field", edge, edge_m), ("next place", spacing, spacing_m)):
@@ -229,10 +220,10 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
     return CorePlan(places, model.prior_sd, min(model.prior_sd * mean, widest), spacing_m, edge_m, tuple(notes))
 
 
-def core_layers_cm(vwc: float, curve: MoistureCurve) -> tuple[tuple[int, int], ...]:
+def core_layers_cm(vwc: float, curve: sensing.MoistureCurve) -> tuple[tuple[int, int], ...]:
     """Ends of the cores of a profile down to D86, above which 86 % of the counts come from at a moisture."""
     water = vwc + curve.bulk_density_gcm3 * (curve.lattice_water + curve.organic_water)
-    reach = float(Footprint(water).depth_at_cm(0.0, curve.bulk_density_gcm3))
+    reach = float(sensing.Footprint(water).depth_at_cm(0.0, curve.bulk_density_gcm3))
     return tuple(pair for pair in itertools.pairwise(LAYERS_CM) if pair[0] < reach)
 
 
@@ -272,7 +263,7 @@ class LevelOfPlaces:
     :param spread: standard deviation of cores minus map relative to the expected one; above 1 it is in the error
     """
 
-    estimate: N0Estimate
+    estimate: sensing.N0Estimate
     vwc: float
     vwc_sd: float
     rate_cps: float
@@ -282,7 +273,11 @@ class LevelOfPlaces:
 
 
 def n0_at_places(
-    source: RunSource, cores: Sequence[SoilCore], unit_curve: MoistureCurve, weighting: Weighting, air: Footprint
+    source: RunSource,
+    cores: Sequence[sensing.SoilCore],
+    unit_curve: sensing.MoistureCurve,
+    weighting: sensing.Weighting,
+    air: sensing.Footprint,
 ) -> LevelOfPlaces:
     """N0 from cores and the rates of a map at their places, by generalised least squares.
 
@@ -294,15 +289,15 @@ def n0_at_places(
     """
     from scipy.spatial import cKDTree
 
-    groups = profiles_of(cores)
+    groups = sensing.profiles_of(cores)
     lost = [group[0].profile or "without a name" for group in groups if math.isnan(group[0].latitude_deg)]
     if lost:
         remedy = "fill in latitude_deg and longitude_deg, or calibrate with --log instead of --run"
         raise InputError(f"cores have no place: profile {', '.join(lost[:5])}", remedy)
-    places: dict[tuple[float, float], list[SoilCore]] = {}
+    places: dict[tuple[float, float], list[sensing.SoilCore]] = {}
     for group in groups:
         places.setdefault((round(group[0].latitude_deg, 6), round(group[0].longitude_deg, 6)), []).extend(group)
-    counts = {at: len(profiles_of(found)) for at, found in places.items()}
+    counts = {at: len(sensing.profiles_of(found)) for at, found in places.items()}
     alike = [f"{count} profiles have the same coordinates {at}" for at, count in counts.items() if count > 1]
     notes = tuple(f"{text}: they count as one place" for text in alike)
     one = source.properties[0]
@@ -313,19 +308,19 @@ def n0_at_places(
             raise InputError(what, "check latitude_deg and longitude_deg, or give the run of this field")
     rate, covariance = _rates_at(source, nearest, [])
     bound, density = unit_curve.lattice_water + unit_curve.organic_water, unit_curve.bulk_density_gcm3
-    vwc = np.array([mean_of_cores(group, weighting, air, bound, density).vwc for group in places.values()])
+    vwc = np.array([sensing.mean_of_cores(group, weighting, air, bound, density).vwc for group in places.values()])
     level, variance, weights, excess = fit_level(vwc, rate, covariance, unit_curve)
     of_map = math.sqrt(max(float(weights @ covariance @ weights), 0.0))
     n0, total = math.exp(level), math.sqrt(variance) * max(1.0, excess)
     of_cores = math.sqrt(max(total**2 - of_map**2, 0.0))
     mean, mean_rate = np.average([vwc, rate], axis=1, weights=weights).tolist()
     vwc_sd = of_cores * float(_per_level(unit_curve, unit_curve.rate_cps(mean)))
-    estimate = N0Estimate(n0, n0 * total, n0 * of_map, n0 * of_cores)
+    estimate = sensing.N0Estimate(n0, n0 * total, n0 * of_map, n0 * of_cores)
     return LevelOfPlaces(estimate, mean, vwc_sd, mean_rate, len(places), excess, notes)
 
 
 def fit_level(
-    vwc: Array, rate: Array, covariance: Array, unit_curve: MoistureCurve
+    vwc: Array, rate: Array, covariance: Array, unit_curve: sensing.MoistureCurve
 ) -> tuple[float, float, Array, float]:
     """Log N0 of moistures and rates at places, by Gauss-Newton steps.
 
@@ -340,7 +335,7 @@ def fit_level(
         slope, residual = _per_level(curve, rate), vwc - curve.vwc(rate)
         if not np.isfinite(residual).all():
             raise ValueError("a rate of the map is below the curve: the cores and the map contradict each other")
-        expected = np.eye(len(vwc)) * PROFILE_SD**2 + np.multiply.outer(slope, slope) * covariance
+        expected = np.eye(len(vwc)) * sensing.PROFILE_SD**2 + np.multiply.outer(slope, slope) * covariance
         of_moisture = np.linalg.solve(expected, slope)
         variance = 1 / float(slope @ of_moisture)
         step = variance * float(of_moisture @ residual)
@@ -352,7 +347,7 @@ def fit_level(
     return level, variance, variance * of_moisture * slope, excess
 
 
-def _per_level(curve: MoistureCurve, rate: Array) -> Array:
+def _per_level(curve: sensing.MoistureCurve, rate: Array) -> Array:
     """d(vwc)/d(log N0) at a rate [m^3/m^3]: rate and N0 act by their ratio."""
     return np.asarray(-curve.slope(rate) * rate)
 

@@ -156,14 +156,11 @@ def model_parameters(soil_map: SoilMap) -> dict[str, str | float]:
     """The variogram and mean behind the map, ready for JSON."""
     variogram = soil_map.variogram
     return {
-        "model": str(variogram.model),
-        "nugget_cps2": float(variogram.nugget),
-        "range_m": float(variogram.range_m),
-        "sill_cps2": float(variogram.sill),
-        "anisotropy": float(variogram.anisotropy),
-        "angle_deg": float(variogram.angle_deg),
+        "model": str(variogram.model), "nugget_cps2": float(variogram.nugget),
+        "range_m": float(variogram.range_m), "sill_cps2": float(variogram.sill),
+        "anisotropy": float(variogram.anisotropy), "angle_deg": float(variogram.angle_deg),
         "mean_rate_cps": float(soil_map.mean_rate),
-    }
+    }  # fmt: skip
 
 
 def _map_tags(soil_map: SoilMap, frame: LocalFrame) -> dict[str, str]:

@@ -185,13 +185,10 @@ class LiveMap:
         band = self.band
         known = np.empty(0) if band is None else band.values[np.isfinite(band.values)]
         return {
-            "name": self.name,
-            "quantity": None if band is None else ("vwc" if band.wet_is_high else "rate"),
-            "cells": known.size,
-            "mean": float(known.mean()) if known.size else None,
-            "spread": float(known.std()) if known.size else None,
-            "mse": self.mse,
-        }
+            "name": self.name, "quantity": None if band is None else ("vwc" if band.wet_is_high else "rate"),
+            "cells": known.size, "mean": float(known.mean()) if known.size else None,
+            "spread": float(known.std()) if known.size else None, "mse": self.mse,
+        }  # fmt: skip
 
 
 class LiveRobot:
@@ -253,13 +250,10 @@ class LiveMission:
     def values(self) -> dict[str, Any]:
         """The mission now, for programs: robots, maps, samples, and what it waits for."""
         return {
-            "field": self._title.strip(),
-            "robots": [robot.values for robot in self.robots],
-            "maps": [one.values for one in self.maps],
-            "samples": len(self.samples_xy),
-            "clock_waits_for": self.clock_waits_for or None,
-            "rain": self.rain or None,
-        }
+            "field": self._title.strip(), "robots": [robot.values for robot in self.robots],
+            "maps": [one.values for one in self.maps], "samples": len(self.samples_xy),
+            "clock_waits_for": self.clock_waits_for or None, "rain": self.rain or None,
+        }  # fmt: skip
 
     def view(self) -> LiveView:
         """The view now."""

@@ -127,19 +127,12 @@ def failed_summary(failed: FailedRun, outputs: Sequence[str] = ()) -> dict[str, 
 def _about(run: MapRun | FailedRun, version: str) -> dict[str, Any]:
     """Origin of a run, with a map or without."""
     return {
-        "schema": SCHEMA,
-        "software": "soilmoist_ros",
-        "version": version,
-        "survey_start_utc": utc_text(run.survey_start_utc),
-        "survey_end_utc": utc_text(run.survey_end_utc),
-        "survey_duration_s": run.survey_duration_s,
-        "created_utc": run.created,
-        "simulated": run.simulated,
-        "title": run.title,
-        "site": run.site,
-        "field": run.field_name,
+        "schema": SCHEMA, "software": "soilmoist_ros", "version": version,
+        "survey_start_utc": utc_text(run.survey_start_utc), "survey_end_utc": utc_text(run.survey_end_utc),
+        "survey_duration_s": run.survey_duration_s, "created_utc": run.created, "simulated": run.simulated,
+        "title": run.title, "site": run.site, "field": run.field_name,
         "inputs": [asdict(item) for item in run.inputs],
-    }
+    }  # fmt: skip
 
 
 def utc_text(when: datetime | None) -> str | None:
@@ -150,20 +143,16 @@ def utc_text(when: datetime | None) -> str | None:
 def _records(run: MapRun) -> dict[str, Any]:
     samples, stamps = run.soil_map.samples, [record.stamp_s for record in run.track]
     return {
-        "n_records": len(run.track),
-        "n_placed_records": len(track_xy(run.track)),
+        "n_records": len(run.track), "n_placed_records": len(track_xy(run.track)),
         "n_inside_field": run.inside[0],
         "n_lost": {row.kind: row.count for row in run.losses if row.consequence == "lost"},
         "n_kept_with_reservation": {row.kind: row.count for row in run.losses if row.consequence == "kept"},
         "n_quarantined": dict(Counter(record.quarantine for record in run.quarantined)),
-        "first_stamp_s": min(stamps, default=None),
-        "last_stamp_s": max(stamps, default=None),
-        "exposure_s": float(sum(record.exposure_s for record in run.track)),
-        "distance_m": run.travelled_m,
-        "n_samples": len(samples.xy),
-        "sample_counts": round(float(np.sum(samples.counts))),
+        "first_stamp_s": min(stamps, default=None), "last_stamp_s": max(stamps, default=None),
+        "exposure_s": float(sum(record.exposure_s for record in run.track)), "distance_m": run.travelled_m,
+        "n_samples": len(samples.xy), "sample_counts": round(float(np.sum(samples.counts))),
         "sample_effective_exposure_s": float(np.sum(samples.exposure_s)),
-    }
+    }  # fmt: skip
 
 
 def _fit(run: MapRun) -> dict[str, Any] | None:
@@ -249,17 +238,12 @@ def _moisture(soil_map: SoilMap) -> dict[str, Any]:
 def _earlier(one: EarlierRun, related: Mapping[str, float]) -> dict[str, Any]:
     """An earlier survey that informs the map."""
     return {
-        "name": one.survey.name,
-        "path": shown_path(one.path),
+        "name": one.survey.name, "path": shown_path(one.path),
         "end_utc": utc_text(datetime.fromtimestamp(one.survey.stamp_s, UTC)) if one.date else None,
-        "end_stamp_s": one.survey.stamp_s,
-        "n_records": len(one.records),
-        "n_samples": len(one.survey.samples),
-        "n_outside": one.outside,
-        "rate_scale": one.scale,
-        "pattern_correlation": related.get(one.survey.name),
+        "end_stamp_s": one.survey.stamp_s, "n_records": len(one.records), "n_samples": len(one.survey.samples),
+        "n_outside": one.outside, "rate_scale": one.scale, "pattern_correlation": related.get(one.survey.name),
         "remarks": list(one.remarks),
-    }
+    }  # fmt: skip
 
 
 def _change(run: MapRun) -> dict[str, Any] | None:
@@ -270,19 +254,14 @@ def _change(run: MapRun) -> dict[str, Any] | None:
     drier, wetter = change.shares
     decay_days = found.persistence.decay_days
     return {
-        "since": found.since.survey.name,
-        "pattern_correlation": found.persistence.share,
+        "since": found.since.survey.name, "pattern_correlation": found.persistence.share,
         "pattern_correlation_sd": found.persistence.sd,
-        "pattern_decay_days": decay_days if math.isfinite(decay_days) else None,
-        "rate_sd_cps": found.sd,
-        "rate_sd_without_earlier_cps": found.sd_alone,
-        "mean_rate_cps": _estimate(change.mean_rate),
-        "mean_vwc": None if change.mean_vwc is None else _estimate(change.mean_vwc),
-        "drier_share": drier,
-        "wetter_share": wetter,
-        "false_discovery_rate": FieldChange.FALSE_SHARE,
+        "pattern_decay_days": decay_days if math.isfinite(decay_days) else None, "rate_sd_cps": found.sd,
+        "rate_sd_without_earlier_cps": found.sd_alone, "mean_rate_cps": _estimate(change.mean_rate),
+        "mean_vwc": None if change.mean_vwc is None else _estimate(change.mean_vwc), "drier_share": drier,
+        "wetter_share": wetter, "false_discovery_rate": FieldChange.FALSE_SHARE,
         "mean_rate_since_cps": {name: _estimate(value) for name, value in found.means.items()},
-    }
+    }  # fmt: skip
 
 
 def _estimate(estimate: SurveysEstimate) -> dict[str, float]:

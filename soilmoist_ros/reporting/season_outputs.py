@@ -290,17 +290,12 @@ def _rows(season: Season) -> Iterator[dict[str, str]]:
         change = survey.change
         drier, wetter = change.shares if change else (None, None)
         yield {
-            "label": label,
-            "name": survey.run.survey.name,
-            "samples": str(len(survey.run.survey.samples)),
-            "end": _end(season, survey.run),
-            "mean": _interval(_mean(survey, moist), moist),
+            "label": label, "name": survey.run.survey.name, "samples": str(len(survey.run.survey.samples)),
+            "end": _end(season, survey.run), "mean": _interval(_mean(survey, moist), moist),
             "rate": f"{survey.mean_rate.value:.3f}" if moist else "",
             "change": "–" if change is None else _interval(_mean(change, moist), moist, "+"),
-            "wetter": percent(wetter),
-            "drier": percent(drier),
-            "remarks": " ".join(survey.run.remarks),
-        }
+            "wetter": percent(wetter), "drier": percent(drier), "remarks": " ".join(survey.run.remarks),
+        }  # fmt: skip
 
 
 def _end(season: Season, run: EarlierRun) -> str:

@@ -285,13 +285,15 @@ def test_the_sensitivity_of_a_sensor_next_to_a_station(tmp_path):
     kansas = Path(__file__).parents[2] / "config" / "sites" / "station_kansas.yaml"
     site.write_text(kansas.read_text().partition("calibration:")[0])
 
-    def compare(*options):
-        arguments = [
-            "calibrate", "--beside", station, "--log", tmp_path / "own.dat", "--site", site, "--json", *options,
-        ]  # fmt: skip
+    def compare(*options, own=("--log", tmp_path / "own.dat")):
+        arguments = ["calibrate", "--beside", station, *own, "--site", site, "--json", *options]
         return json.loads(CliRunner().invoke(main, [str(each) for each in arguments]).stdout)
 
     assert "nothing is known of the station" in compare()["errors"][0]["message"]
+    for same in (station, tmp_path / "copy.dat"):
+        (tmp_path / "copy.dat").write_text(station.read_text())
+        same = compare("--station-sensitivity", 2, "--log", same, own=())["errors"][0]
+        assert "record by record: they are of one sensor" in same["message"]
     before = site.read_text()
     for wrong in (1000, "nan", 0.001):
         assert "--station-sensitivity of" in compare("--station-sensitivity", wrong)["errors"][0]["message"]
@@ -301,6 +303,9 @@ def test_the_sensitivity_of_a_sensor_next_to_a_station(tmp_path):
     assert found["sensor_sensitivity"] == pytest.approx(0.8, abs=3 * 2 * found["ratio_sd"])
     assert found["sensor_sensitivity_sd"] == pytest.approx(0.04, rel=0.02)
     assert site.read_text().startswith("# Site of the public records")
+    again = compare("--station-sensitivity", 6, "--dry-run")["warnings"]
+    assert any("contradicts that of the site file, 0.8" in text for text in again)
+    assert any("both logs have the serial number" in text for text in again)
     assert load_site(site).sensor_sensitivity == pytest.approx(found["sensor_sensitivity"], abs=1e-4)
     stated = tmp_path / "stated.yaml"
     stated.write_text(kansas.read_text() + "sensor_sensitivity: 1.5\nsensor_sensitivity_sd: 0.15\n")

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import re
@@ -66,9 +67,10 @@ def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
     """Killed at random moments, ``GUIDE_KILLS`` times; the counts that the page had shown are stored by then."""
     pages, out, moment = [], tmp_path / "out", random.Random(KILLS)
     hours = str(0.02 + 0.004 * (KILLS - 1))
+    asked = ("--hours", hours, "--autostart", "--sensor", "10", "--target", "vwc")
     with SimulatedPerson(SETTINGS, lambda: pages and pages[-1]()) as person:
         for kill in range(KILLS):
-            with guided(person, out, "--hours", hours, "--autostart") as (process, page):
+            with guided(person, out, *asked) as (process, page):
                 pages.append(page)
                 if not kill:
                     until(lambda page=page: page.sections.get("mission/", {}).get("stops", 0) >= 1)
@@ -80,12 +82,14 @@ def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
             kept = sum(map(int, re.findall(r'"raw_counts":(\d+)', journal)))
             assert shown <= kept
             print(f"kill {kill + 1}: {shown} counts shown, {kept} stored")
-        with guided(person, out, "--hours", hours, "--autostart") as (process, page):
+        with guided(person, out, *asked) as (process, page):
             pages.append(page)
             until(lambda: process.poll() is not None)
             said, errors = process.communicate()
             assert process.returncode == 0, errors
     assert "bit for bit" in said
+    about = json.loads((out / "summary.json").read_text())
+    assert about["calibration"]["method"] == "general", "by the sensor of the option"
     stored = (out / "records" / "sensor_driver" / "journal.jsonl").read_text().count('"record"')
     with BagReader(out / "bag") as reader:
         assert len(reader.read_counts()) == stored == len(read_records(out / "records.csv"))

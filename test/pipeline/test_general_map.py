@@ -15,8 +15,9 @@ from click.testing import CliRunner
 from soilmoist_ros import sensing
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping import load_field
 from soilmoist_ros.mapping.soil_map import make_bands
-from soilmoist_ros.pipeline import ReplaySettings, map_logs, open_survey, replay_bag
+from soilmoist_ros.pipeline import ReplaySettings, map_logs, open_survey, planning_curve, replay_bag
 from soilmoist_ros.pipeline.field_survey import with_general_calibration
 from soilmoist_ros.pipeline.log_map import MapSettings, survey_air, with_sensor
 from soilmoist_ros.recording import read_parameters
@@ -62,6 +63,16 @@ def test_of_peat_without_its_organic_matter_no_moisture_is_claimed(logs):
     peat = without(STATION, sensor_sensitivity=1, soil={"bulk_density_gcm3": 0.2})
     with pytest.raises(InputError, match="organic soil: give organic_carbon"):
         with_general_calibration(peat, survey_air(logs, PLACE))
+
+
+def test_a_plan_weighs_moisture_by_the_general_calibration_not_by_a_guess(logs):
+    field, site = load_field(Path("config/fields/example.yaml")), without(STATION, sensor_sensitivity="LiFoil-2")
+    there = with_general_calibration(site, SurveyAir(*field.centre, 985.0)).calibration
+    assert planning_curve(site, field, True).n0_cps == pytest.approx(there.n0_cps, rel=0.01), "at any pressure"
+    with pytest.raises(InputError, match="no calibration, and the sensor is unknown"):
+        planning_curve(without(STATION), field, True)
+    peat = without(site, soil={"bulk_density_gcm3": 0.2})
+    assert [planning_curve(one, field, False) for one in (without(STATION), peat)] == [None, None]
 
 
 def test_a_calibrated_site_refuses_another_sensor():

@@ -41,15 +41,11 @@ def test_the_log_says_who_did_what_when():
     ]
     one, other = (RobotMission(number, {}, statuses[:count], (), ()) for number, count in ((1, 6), (2, 2)))
     assert mission_log([one], [0.0]) == [
-        "       0 s  start by Ada: started",
-        "       0 s  planning: started",
-        "       5 s  travelling: going to n1",
-        "      20 s  pause by Bo: paused by Bo",
-        "      20 s  paused: paused by Bo",
-        "      40 s  travelling: resumed",
-        "      50 s  pause by Bo: paused by Bo",
-        "      50 s  paused: paused by Bo",
-    ]
+        "       0 s  start by Ada: started", "       0 s  planning: started",
+        "       5 s  travelling: going to n1", "      20 s  pause by Bo: paused by Bo",
+        "      20 s  paused: paused by Bo", "      40 s  travelling: resumed",
+        "      50 s  pause by Bo: paused by Bo", "      50 s  paused: paused by Bo",
+    ]  # fmt: skip
     team = mission_log([one, other], [0.0, 7.0])
     assert team[3:6] == [
         "       7 s  robot 2: start by Ada: started",

@@ -38,13 +38,9 @@ FAILED = FailedRun(
 def test_what_was_counted():
     facts = {fact.meaning: f"{fact.value} {fact.unit}".strip() for fact in failed_facts(FAILED)}
     assert facts == {
-        "records": "2",
-        "records quarantined": "1",
-        "records with a place": "1",
-        "counts in 20 s": "70",
-        "mean raw rate": "3.50 counts/s",
-        "travelled": "0 m",
-    }
+        "records": "2", "records quarantined": "1", "records with a place": "1", "counts in 20 s": "70",
+        "mean raw rate": "3.50 counts/s", "travelled": "0 m",
+    }  # fmt: skip
     nothing = [(fact.value, fact.meaning) for fact in failed_facts(replace(FAILED, track=()))]
     assert nothing == [("0", "records")]
 

@@ -16,6 +16,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from soilmoist_ros import sensing
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
@@ -28,17 +29,9 @@ from soilmoist_ros.reporting.core_plan import (
     core_layers_cm,
     fit_level,
 )
-from soilmoist_ros.sensing import (
-    PROFILE_SD,
-    CalibrationCurve,
-    SurveyAir,
-    general_calibration,
-    load_site,
-    read_soil_cores,
-)
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
-UNIT = CalibrationCurve(1.0, 1.4)
+UNIT = sensing.CalibrationCurve(1.0, 1.4)
 
 
 def per_level(curve, vwc):
@@ -49,7 +42,7 @@ def per_level(curve, vwc):
 def model_of(curve, vwc, covariance):
     heavier = replace(curve, bulk_density_gcm3=curve.bulk_density_gcm3 + 1e-3)
     effect = np.log(curve.rate_cps(vwc) / heavier.rate_cps(vwc)) / 1e-3
-    return LevelModel(covariance, (PROFILE_SD / per_level(curve, vwc)) ** 2, effect, N0_SD)
+    return LevelModel(covariance, (sensing.PROFILE_SD / per_level(curve, vwc)) ** 2, effect, N0_SD)
 
 
 # -- Design ----------------------------------------------------------------------------------------------------
@@ -89,7 +82,7 @@ def test_layers_reach_as_deep_as_the_probe_sees():
 
 
 def test_n0_from_exact_cores_is_exact_and_from_many_has_no_bias():
-    vwc, curve = np.array([0.08, 0.2, 0.35]), CalibrationCurve(2.5, 1.4)
+    vwc, curve = np.array([0.08, 0.2, 0.35]), sensing.CalibrationCurve(2.5, 1.4)
     level, *_ = fit_level(vwc, curve.rate_cps(vwc), np.zeros((3, 3)), UNIT)
     assert math.exp(level) == pytest.approx(2.5)
     rng = np.random.default_rng(1)
@@ -97,7 +90,7 @@ def test_n0_from_exact_cores_is_exact_and_from_many_has_no_bias():
     for _ in range(300):
         truth = rng.uniform(0.08, 0.3, 6)
         level, variance, weights, excess = fit_level(
-            truth + PROFILE_SD * rng.standard_normal(6), curve.rate_cps(truth), np.zeros((6, 6)), UNIT
+            truth + sensing.PROFILE_SD * rng.standard_normal(6), curve.rate_cps(truth), np.zeros((6, 6)), UNIT
         )
         found.append((level - math.log(2.5), math.sqrt(variance), excess))
     error, sd, excess = np.array(found).T
@@ -110,7 +103,7 @@ def test_n0_from_exact_cores_is_exact_and_from_many_has_no_bias():
 def compare_designs(seed, count, cells=12, side_m=120.0):
     """Error of log N0 and the stated one by planned, random and gridded places of a field; the promised one."""
     rng = np.random.default_rng(seed)
-    true, prior = (CalibrationCurve(2 * math.exp(N0_SD * rng.standard_normal()), 1.4), CalibrationCurve(2.0, 1.4))
+    true, prior = (sensing.CalibrationCurve(n0, 1.4) for n0 in (2 * math.exp(N0_SD * rng.standard_normal()), 2.0))
     axis = (np.arange(cells) + 0.5) * side_m / cells
     xy = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
     range_m = rng.uniform(20, 60)
@@ -135,7 +128,7 @@ def compare_designs(seed, count, cells=12, side_m=120.0):
         ((i + 0.5) * side_m / columns, (j + 0.5) * side_m / rows) for i in range(columns) for j in range(rows)
     ]
     gridded = [int(np.hypot(*(xy - node).T).argmin()) for node in nodes]
-    cores = vwc + PROFILE_SD * rng.standard_normal(len(xy))
+    cores = vwc + sensing.PROFILE_SD * rng.standard_normal(len(xy))
     errors = []
     for places in (planned, rng.choice(len(xy), count, replace=False), gridded):
         found = np.array(places)
@@ -188,7 +181,7 @@ def test_the_filled_sheet_goes_back_into_the_command(folder, tmp_path):
         rows = list(csv.DictReader(stream))
     assert tuple(rows[0]) == SHEET_COLUMNS
     with pytest.raises(InputError, match="the core has no moisture"):
-        read_soil_cores(sheet, 1.1)
+        sensing.read_soil_cores(sheet, 1.1)
     assert "may be filled in" in run("--plan", folder, "--out", tmp_path)["errors"][0]["message"]
     expected = {f"core place {place['number']}": place["vwc"] for place in places}
     for row in rows:
@@ -197,14 +190,14 @@ def test_the_filled_sheet_goes_back_into_the_command(folder, tmp_path):
         writer = csv.DictWriter(stream, SHEET_COLUMNS)
         writer.writeheader()
         writer.writerows(rows)
-    assert read_soil_cores(sheet).notes == ()
+    assert sensing.read_soil_cores(sheet).notes == ()
     site = tmp_path / "site.yaml"
     site.write_text("# kept\nsoil: {bulk_density_gcm3: 1.1}\n")
     found = run(sheet, "--site", site, "--run", folder, "--cores-only")
     n0_cps = open_run(folder).summary["calibration"]["n0_cps"]
     assert not found["errors"]
     assert found["n0_cps"] == pytest.approx(n0_cps, rel=0.01)
-    assert load_site(site).calibration.n0_cps == pytest.approx(n0_cps, rel=0.01)
+    assert sensing.load_site(site).calibration.n0_cps == pytest.approx(n0_cps, rel=0.01)
     assert site.read_text().startswith("# kept")
     assert found["n0_sd_cps"] / n0_cps == pytest.approx(
         (places[-1]["level_sd"] ** -2 - N0_SD**-2) ** -0.5, rel=0.3
@@ -307,8 +300,16 @@ def test_cores_on_a_run_are_combined_with_the_general_calibration_of_the_run(gen
     assert min(alone, prior) <= found["n0_cps"] <= max(alone, prior)
     site.write_text(site.read_text().replace("2.0", "1.0"))  # of another sensor: for the datum and the pressure
     other = run(cores, "--site", site, "--run", folder, "--dry-run")
-    place = SurveyAir(*summary["datum"].values(), 990.0)
-    n0_cps, _ = general_calibration(load_site(site), place)
+    place = sensing.SurveyAir(*summary["datum"].values(), 990.0)
+    n0_cps, _ = sensing.general_calibration(sensing.load_site(site), place)
+    rows = cores.read_text().splitlines()
+    cores.write_text("\n".join([f"{rows[0]},bulk_density_gcm3", *(f"{row},1.5" for row in rows[1:])]) + "\n")
+    site.write_text("sensor_sensitivity: 1.0\nsoil:\n  texture: loam  # by hand\n")
+    run(cores, "--site", site, "--run", folder)
+    soil = sensing.load_site(site).soil
+    assert (soil.bulk_density_gcm3, soil.texture) == (1.5, "loam"), "weighed, instead of that of the texture"
+    assert soil.bulk_density_sd_gcm3 == pytest.approx(0.12 / 3**0.5, abs=1e-3)
+    assert "# by hand" in site.read_text()
     weight = other["weight_of_cores"]
     expected = weight * math.log(other["n0_of_cores_cps"]) + (1 - weight) * math.log(n0_cps.n0_cps)
     assert math.log(other["n0_cps"]) == pytest.approx(expected, abs=0.002)

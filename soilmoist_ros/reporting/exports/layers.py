@@ -152,15 +152,12 @@ def field_layer(source: RunSource) -> Layer:
     about, survey = source.run.summary, source.survey
     begin, end = (one.timestamp() for one in survey) if survey else (math.nan, math.nan)
     columns = {
-        "name": texts([source.title]),
-        "site": texts([str(about.get("site") or "")]),
-        "area_ha": np.array([source.boundary.area / 1e4]),
-        "start_utc": times([begin]),
-        "end_utc": times([end]),
+        "name": texts([source.title]), "site": texts([str(about.get("site") or "")]),
+        "area_ha": np.array([source.boundary.area / 1e4]), "start_utc": times([begin]), "end_utc": times([end]),
         "simulated": np.array([int(source.simulated)], np.int32),
         "calibrated": texts([source.properties[0].calibration]),
         "software": texts([f"soilmoist_ros {about.get('version', '')}".strip()]),
-    }
+    }  # fmt: skip
     return Layer("field", "MultiPolygon", [shape], columns, "Field without its no-go areas")
 
 

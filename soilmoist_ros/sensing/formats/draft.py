@@ -50,12 +50,9 @@ _WEATHER: dict[units.Quantity, tuple[re.Pattern[str], dict[str, tuple[float, flo
 }  # fmt: skip
 """Names of each quantity, and its units with the medians that a log can have in them."""
 _PLACE = {
-    "latitude": r"^lat|_lat|breite",
-    "longitude": r"^lon|_lon|^lng|l(ä|ae)nge",
-    "altitude": r"^alt|elev|h(ö|oe)he",
-    "quality": r"qual|fix",
-    "hdop": r"hdop",
-}
+    "latitude": r"^lat|_lat|breite", "longitude": r"^lon|_lon|^lng|l(ä|ae)nge",
+    "altitude": r"^alt|elev|h(ö|oe)he", "quality": r"qual|fix", "hdop": r"hdop",
+}  # fmt: skip
 
 
 class _Column(NamedTuple):

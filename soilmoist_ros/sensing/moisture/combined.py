@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """N0 from several sources, combined by their uncertainties in log N0.
 
-Sources of one site share how this site differs from the general calibration: the general calibration, and an
-earlier calibration of this sensor at *another* site, are wrong here by the same part. This part is taken as
-common, so that two such sources do not seem twice as sure. The error of the bulk density is common to all sources:
-the curve carries it, and it is in none of the standard deviations here.
+The general calibration, and an earlier calibration of this sensor at *another* site, are wrong here by the same
+part: by how this site differs from others. This part is taken as common, so that they do not seem twice as sure.
+The error of the bulk density is common to all sources: the curve carries it, and it is in none of the deviations.
 """
 
 from __future__ import annotations
@@ -28,6 +27,8 @@ PROFILE_SD = 0.05
 """Standard deviation of the moisture of one profile about the mean of its footprint, an assumption where nothing
 shows it [m^3/m^3]. Famiglietti et al. (2008, Water Resources Research 44, W01423): 0.036 over 2.5 m to 0.071 over
 50 km; footprints of 10 to 200 m lie in between."""
+PROFILE_DENSITY_SD_GCM3 = 0.12
+"""Standard deviation of the bulk density of one profile, an assumption: that of cropland sites [g/cm^3]."""
 SAME_SITE_M = 300.0
 """Distance up to which two calibrations are of one site, about the reach of a bare probe [m]."""
 DISAGREEMENT_SD = 2.0

@@ -4,20 +4,17 @@
 
 Heistermann, Francke, Schrön & Oswald (2024), Hydrology and Earth System Sciences 28:989-1000, found that one N0
 fits 75 sites in Europe, once the counts are divided by the sensitivity of the sensor and scaled to one place.
-Their table of 104 calibrations (``data/caldata.csv`` of github.com/cosmic-sense/local-or-global, MIT licence; an
-extract is in ``test/data``) was fitted again with the corrections and the scaling of this package, with one weight
-a site (``test/sensing/moisture/test_general.py``):
+Their 104 calibrations (``data/caldata.csv`` of github.com/cosmic-sense/local-or-global, MIT licence) were fitted
+again with the corrections and scaling of this package, one weight a site (``test_general.py``):
 
 * :data:`GENERAL_N0_CPS` is the rate over dry soil of their reference detector, the "calibrator" of Jülich, in dry
   air at 1013.25 hPa, a cutoff rigidity of :data:`RIGIDITY_GV` and the intensity at which Jungfraujoch counts
   :data:`JUNG_CPS`;
 * a day at a site differs from it by :data:`GENERAL_SD` and :data:`SCALING_SD`, and by :data:`MODEL_SD` where
-  only the model of the sensor is known. The sites together have heavy tails: Student's t with 3 degrees of
-  freedom predicts sites that were left out better than one normal (mean log score 1.51 against 1.46). The tails
-  are those of CRS-1000 and CRS-1000B, whose sensitivity the authors took from the model. Normals of two widths
-  are better than both (1.56). Cores, densities and biomass of the sites are not exact; their errors are in these
-  deviations. The authors' standard deviation of the *mean* N0, 15 to 18 of 2306 counts/h, is not the error of
-  one site;
+  only the model of the sensor is known. Normals of two widths predict sites that were left out better (mean log
+  score 1.56) than Student's t (1.51) or one normal (1.46): the tails are those of CRS-1000 and CRS-1000B, whose
+  sensitivity the authors took from the model. Errors of cores, densities and biomass are in these deviations. The
+  authors' standard deviation of the *mean* N0, 15 to 18 of 2306 counts/h, is not the error of one site;
 * days of one site scatter by :data:`DAY_SD` (29 degrees of freedom), the error of their cores included.
 
 A range that nobody measured is a *default range*; no message calls it a measurement.
@@ -263,10 +260,9 @@ def general_calibration(site: Site, air: SurveyAir) -> tuple[Calibration, Soil] 
 def unknown_sensor(site: Site, air: SurveyAir, rate_cps: float) -> tuple[Calibration, Soil] | None:
     """Calibration and soil of a site whose sensor nobody named, by the mean rate of its field.
 
-    Sensors differ so much that the counts do not show the level: with any sensitivity as likely as its double, and
-    a mean moisture uniform between dry soil and full pores, the moisture is as uniform after the survey as before.
-    So N0 is that with which the mean rate means half of the pores, and its standard deviation is so large that the
-    90 % interval begins at a twentieth of them; in a curve that bends it ends with full pores.
+    With any sensitivity as likely as its double, and a mean moisture uniform between dry soil and full pores, the
+    moisture is as uniform after the survey. So the mean rate means half of the pores, and N0 is so uncertain that
+    the 90 % interval begins at a twentieth of them; as the curve bends, it ends with full pores.
 
     :returns: ``None`` without counts, or for peat, see :func:`why_no_soil`
     """

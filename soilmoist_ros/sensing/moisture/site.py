@@ -548,7 +548,7 @@ def write_calibration(site_file: Path, calibration: Calibration, soil: Soil | No
             del part[name]
     values: dict[str, Any] = {"calibration": known}
     if soil is not None:
-        values["soil"] = soil.model_dump(exclude_none=True)
+        values["soil"] = soil.model_dump(exclude_none=True, exclude_unset=True)
     write_site_values(site_file, values)
 
 
@@ -560,6 +560,9 @@ def write_site_values(site_file: Path, values: Mapping[str, Any]) -> None:
     :raises InputError: if the file cannot be read or written
     """
     content = read_yaml(site_file)
+    if isinstance(had := content.get("soil"), dict) and "soil" in values:  # its comments stay
+        had.update(values["soil"])
+        values = {name: value for name, value in values.items() if name != "soil"}
     content.update(values)
     text = StringIO()
     yaml = YAML(typ="rt")

@@ -9,7 +9,7 @@ that of their sensitivities. Only time that both counted is used.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
 from soilmoist_ros.sensing.gnss import utc_text
+from soilmoist_ros.sensing.moisture.general import Sensitivity
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.logs import stationary_records
@@ -25,6 +26,9 @@ from soilmoist_ros.sensing.survey.logs import stationary_records
 Array = NDArray[np.float64]
 MAX_RATIO_SD = 0.05
 """Relative standard deviation of the ratio above which it is of no use."""
+MIN_SCATTER, MAX_SCATTER, SAME_CHANCE = 0.3, 1.5, 1e-6
+"""Scatter of pairs, relative to counting, below which both are of one sensor, and above which there is doubt."""
+_OTHERS_LOG = "give the log of the station with --beside, that of your own sensor with --log"
 MIN_COVERAGE = 0.9
 """Share of an interval of the slower logger that the faster one must have counted."""
 _CLOCK_STEP_S = 900.0
@@ -51,6 +55,18 @@ class SideBySide:
     first_s: float
     last_s: float
     gaps: tuple[tuple[float, float], ...]
+    scatter: float = 1.0
+    """Scatter of both about one ratio in units of that of counting; above 1 if the ratio changed."""
+
+    def doubts(self, value: float, sd: float, known: Sensitivity | None) -> Iterator[str]:
+        """Doubts about the ratio, and about a sensitivity that contradicts the known one of the own sensor."""
+        if self.scatter > MAX_SCATTER:
+            what = f"the ratio scatters {self.scatter:.1f} times more than counting explains"
+            yield f"{what}: did one sensor move, or is a tube noisy? The error of the ratio is larger than said"
+        if known is not None and abs(value - known.value) > 3 * math.hypot(sd, known.sd):
+            had = f"{known.value:.3g} +- {known.sd:.2g}"
+            what = f"the sensitivity {value:.3g} contradicts that of the site file, {had}"
+            yield f"{what}: did both stand side by side, with all tubes counted?"
 
     def sensitivity(self, other: float, other_sd: float = 0.0) -> tuple[float, float]:
         """Sensitivity of the own sensor and its standard deviation, from those of the other one."""
@@ -96,12 +112,34 @@ def compare_side_by_side(
         wanted_h = counted_s / 3600 * (relative / MAX_RATIO_SD) ** 2
         message = f"has {own_counts} counts, the other sensor {other_counts}: a ratio +- {100 * relative:.0f} %"
         raise InputError(message, f"count for {math.ceil(wanted_h)} h: more than 5 % is of no use", own[0].path)
+    summed = np.zeros(len(slow) + 1)  # the last one of the records of no interval
+    np.add.at(summed, of_frame, [record.raw_counts for record in fast])
+    pair = np.array([[record.raw_counts for record in slow_used], summed[:-1][kept]])
+    scatter, chance = _scatter(pair)
+    if scatter < MIN_SCATTER and chance < SAME_CHANCE:
+        what = f"counts as {other[0].path.name} does, record by record: they are of one sensor"
+        raise InputError(what, _OTHERS_LOG, own[0].path)
     begins, ends = _begins(slow)[kept], np.array([record.stamp_s for record in slow_used])
     pauses = np.flatnonzero(begins[1:] - ends[:-1] > 1.0)
     return SideBySide(
         ratio, ratio * relative, own_counts, other_counts, counted_s, float(begins[0]), float(ends[-1]),
-        tuple((float(ends[index]), float(begins[index + 1])) for index in pauses),
+        tuple((float(ends[index]), float(begins[index + 1])) for index in pauses), scatter,
     )  # fmt: skip
+
+
+def _scatter(counts: Array) -> tuple[float, float]:
+    """Scatter of two series of counts, shape (2, n), and the chance that those of two sensors differ so little.
+
+    Given the sum of a pair, each count is binomial. Two sensors give 1; one that is compared with itself gives 0.
+    """
+    from scipy.special import chdtr
+
+    counts = counts[:, counts.sum(axis=0) > 0]
+    total, share = counts.sum(axis=0), counts[0].sum() / counts.sum()
+    if len(total) < 3:
+        return 1.0, 1.0
+    squares = float(((counts[0] - share * total) ** 2 / (total * share * (1 - share))).sum())
+    return math.sqrt(squares / (len(total) - 1)), float(chdtr(len(total) - 1, squares))
 
 
 def _interval_s(records: Sequence[CountRecord]) -> float:

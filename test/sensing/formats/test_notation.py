@@ -25,14 +25,10 @@ ROVER = """\
 def table(**changes) -> LoggerFormat:
     """A format of a table with day, counts N and pressure p in hours."""
     settings = {
-        "title": "table",
-        "source": "a test",
-        "header": {},
-        "time": {"columns": ["day"], "formats": ["%Y-%m-%d %H:%M"]},
-        "counts": {"columns": ["N"]},
-        "record_period": {"default_s": 3600},
-        "pressure": {"sensors": [{"column": "p", "unit": "hPa"}]},
-    }
+        "title": "table", "source": "a test", "header": {},
+        "time": {"columns": ["day"], "formats": ["%Y-%m-%d %H:%M"]}, "counts": {"columns": ["N"]},
+        "record_period": {"default_s": 3600}, "pressure": {"sensors": [{"column": "p", "unit": "hPa"}]},
+    }  # fmt: skip
     return LoggerFormat.model_validate({**settings, **changes})
 
 

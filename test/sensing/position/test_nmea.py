@@ -92,12 +92,8 @@ def test_error_ellipse_in_east_and_north() -> None:
 
 def test_midnight_between_the_sentences() -> None:
     lines = [
-        rmc("235959", date="311223"),
-        gga("235959"),
-        gga("000000"),
-        gga("000001"),
-        rmc("000001", date="010124"),
-    ]
+        rmc("235959", date="311223"), gga("235959"), gga("000000"), gga("000001"), rmc("000001", date="010124"),
+    ]  # fmt: skip
     fixes, _ = parse(*lines)
     assert [fix.stamp_s - stamp("2024-01-01 00:00:00") for fix in fixes] == [-1, 0, 1]
 
