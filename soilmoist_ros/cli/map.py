@@ -124,7 +124,7 @@ def _print_summary(run: MapRun) -> None:
     soil_map = run.soil_map
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
     out = f"{len(run.quarantined)} quarantined, {lost} lost"
-    say(f"records    {len(run.track)} used, {out}; {len(soil_map.samples)} samples after merging")
+    say(f"records    {len(run.track)} used, {out}; samples after merging: {len(soil_map.samples)}")
     print_losses(run)
     inside, placed = run.inside
     where = place_text((run.frame.latitude_deg, run.frame.longitude_deg))

@@ -110,14 +110,14 @@ def print_replay(replay: Replay) -> None:
     mission = replay.run.mission
     if mission is not None and mission.series:
         last = mission.series[-1]
-        say(
-            f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, "
-            f"{last.samples} stops: {mission.ended}"
-        )
+        stops = f"{last.samples} stop{'s' * (last.samples != 1)}"
+        say(f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {stops}: {mission.ended}")
         if math.isfinite(last.vwc_rmse):
             say(f"moisture   RMSE {100 * last.vwc_rmse:.2f} % by volume with the true N0")
     for run, comparison in zip(replay.run.properties, replay.comparisons, strict=True):
-        say(f"property   {run.name}, {len(run.track)} records merged into {len(run.soil_map.samples)} samples")
+        what = run.name if run.soil_map.curve else f"{run.name}, rates only: it needs a calibrated --site"
+        samples = len(run.soil_map.samples)
+        say(f"property   {what}; {len(run.track)} records merged into {samples} sample{'s' * (samples != 1)}")
         print_losses(run)
         if run.truth_rate is not None:
             score = truth_score(run.soil_map, run.truth_rate)

@@ -135,7 +135,7 @@ def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun
     from soilmoist_ros.simulation import forecast_text, mission_efficiency
 
     last = result.series[-1]
-    say(f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {last.samples} samples: {result.ended}")
+    say(f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, samples: {last.samples}; {result.ended}")
     if settings.robots > 1:
         say(f"robots     {', '.join(f'{polyline_length_m(track):.0f} m' for track in result.tracks)}")
     if run is None:
