@@ -66,7 +66,7 @@ def raster(path):
 def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
     """Killed at random moments, ``GUIDE_KILLS`` times; the counts that the page had shown are stored by then."""
     pages, out, moment = [], tmp_path / "out", random.Random(KILLS)
-    hours = str(0.02 + 0.004 * (KILLS - 1))
+    hours = str(0.02 + 0.001 * (KILLS - 1))
     asked = ("--hours", hours, "--autostart", "--sensor", "10", "--target", "vwc")
     with SimulatedPerson(SETTINGS, lambda: pages and pages[-1]()) as person:
         for kill in range(KILLS):
