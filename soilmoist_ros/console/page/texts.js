@@ -50,7 +50,7 @@ function translated(text) {
     const parts = kind && !person ? null : pattern.exec(text);
     if (parts) return words.replace(/\{(\d+)\}/g, (_, index) => said(parts[index]));
   }
-  for (const gap of ["; ", ": ", ". ", ", "]) {
+  for (const gap of [" -> ", "; ", ": ", ". ", ", "]) {
     const at = text.indexOf(gap);
     if (at >= 0) return said(text.slice(0, at)) + gap + said(text.slice(at + gap.length));
   }
