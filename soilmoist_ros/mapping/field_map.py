@@ -301,18 +301,10 @@ class FieldMap:
         model, known = earlier.model_samples, 0 if self._joint is None else self._joint.fitted_samples
         if model is None or _has_grown(model, samples, known):
             model = samples
-        self.state = MapState(
-            earlier.records + 1,
-            record.stamp_s,
-            samples,
-            samples if due else earlier.fit_samples,
-            search,
-            timed=timed,
-            fit_timed=fit_timed,
-            model_samples=model,
-            began_s=earlier.began_s or record.stamp_s,
-            medians=tuple(map(_middle, self._rising)),
-        )
+        fitted, began_s = samples if due else earlier.fit_samples, earlier.began_s or record.stamp_s
+        state = MapState(earlier.records + 1, record.stamp_s, samples, fitted, search, began_s=began_s)
+        medians = tuple(map(_middle, self._rising))
+        self.state = replace(state, timed=timed, fit_timed=fit_timed, model_samples=model, medians=medians)
 
     @property
     def _timed_samples(self) -> TimedSamples | None:

@@ -51,20 +51,11 @@ def table_of(node: str) -> tuple[Parameter, ...]:
 
 # Rows that several nodes share ----------------------------------------------------------------------------------
 
-EARLIER: Final = row(
-    "earlier",
-    [],
-    "earlier runs of the field whose counts inform map and plan: output folders, recordings, or folders of such; "
-    "mapper and planner need the same ones",
-    live=True,
-)
-COVARIATES: Final = row(
-    "covariates",
-    [],
-    "files that may explain the map, as FILE or FILE:BAND, in addition to those of the field file: rasters, what "
-    "is derived from elevations, polygons; mapper and planner need the same ones",
-    live=True,
-)
+EARLIER: Final = row("earlier", [], "earlier runs of the field whose counts inform map and plan: output folders, "
+    "recordings, or folders of such; mapper and planner need the same ones", live=True)  # fmt: skip
+COVARIATES: Final = row("covariates", [], "files that may explain the map, as FILE or FILE:BAND, in addition to "
+    "those of the field file: rasters, what is derived from elevations, polygons; mapper and planner need the "
+    "same ones", live=True)  # fmt: skip
 _STAMPS = StampLimits()
 STAMP_LIMITS: Final = (
     row("max_stamp_ahead_s", _STAMPS.max_ahead_s, "records stamped farther in the future are skipped; 0 for no "

@@ -176,25 +176,15 @@ def estimate_variogram(
     extent_m = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
     estimate = maximise_reml(surveys, model, extent_m, anisotropy, None if like is None else like.mode)
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
-    fit = VariogramFit(
-        estimate.variogram,
-        "reml",
-        places.mean_rate_cps,
-        len(places),
-        estimate.log_likelihood,
-        estimate.log_sd,
-        estimate.prior_share,
-        estimate.converged,
-        estimate.message,
-        *classes,
-        local_rate,
-    )
+    found = estimate.log_likelihood, estimate.log_sd, estimate.prior_share, estimate.converged, estimate.message
+    mean_rate = places.mean_rate_cps
+    fit = VariogramFit(estimate.variogram, "reml", mean_rate, len(places), *found, *classes, local_rate)
     if like is not None and like.variogram.amplitude is None:
         stays = None if like.local is None else replace(like.local, stationary=estimate.variogram)
         return replace(fit, local=stays)
     rate = local_rate or noise_rate(places)
-    found = None if box is None else fit_amplitude(places, estimate.variogram, estimate.mode, rate, box, extent_m)
-    return fit if found is None else replace(fit, variogram=found[0], local=found[1])
+    local = None if box is None else fit_amplitude(places, estimate.variogram, estimate.mode, rate, box, extent_m)
+    return fit if local is None else replace(fit, variogram=local[0], local=local[1])
 
 
 _Classes = tuple[Array, Array, Array, Array]  # the empirical semivariogram: lag_m, gamma, weight, and edges_m
