@@ -96,10 +96,12 @@ def command(
     if sensor is not None:
         write_sensor_site(site, sensor, out / "site.yaml")
         site = str(out / "site.yaml")
+    mission = MissionSettings(field=field, **with_graph(choices))
+    mission.check()
     settings = GuideSettings(
-        mission=MissionSettings(field=field, **with_graph(choices)), logger_uri=logger_uri, gnss_uri=gnss_uri,
-        logger_format=logger, site=site, earlier=earlier, covariates=covariates, host=host,
-        port=port, certificate=None if certificate is None else (certificate, key), autostart=autostart, out=out,
+        mission=mission, logger_uri=logger_uri, gnss_uri=gnss_uri, logger_format=logger, site=site,
+        earlier=earlier, covariates=covariates, host=host, port=port, autostart=autostart, out=out,
+        certificate=None if certificate is None else (certificate, key),
     )  # fmt: skip
     with GuidedSurvey(settings) as survey:
         for number in (signal.SIGINT, signal.SIGTERM):

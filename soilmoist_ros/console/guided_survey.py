@@ -183,7 +183,7 @@ class GuidedSurvey:
                 "planner": {
                     "field": mission.field_name, "strategy": str(mission.strategy), "dwell": str(mission.dwell),
                     "hours": mission.hours, "seed": mission.seed, "target": mission.target,
-                    "graph": mission.graph or "free", "lanes": mission.travel == "lanes",
+                    "graph": mission.graph or mission.travel, "lanes": mission.travel == "lanes",
                     "preset": mission.preset, "until_sd": mission.until_sd, "until_gain": mission.until_gain,
                     "navigator": "person",
                 },
@@ -206,8 +206,7 @@ class GuidedSurvey:
         if self._stored.mission is not None:
             self._control.take_up(self._stored.mission, self._stored.resumes)
         self._control.fit(None, 0.0, cell_m=survey.map.grid.cell_m)
-        on_graph = mission.graph is not None
-        grid = survey.map.grid
+        on_graph, grid = mission.travel != "free", survey.map.grid
         self._control.use_graph(mission_map(survey.field, grid, mission.graph).graph if on_graph else None)
         self._worker = MapWorker(survey.map.compute, self._on_map)
         self._worker.submit(survey.map.state)

@@ -447,3 +447,10 @@ def test_what_is_missing_is_found_before_anything_heavy_is_loaded(arguments, mes
     assert result.returncode == 2
     assert all(message in result.stderr for message in messages), result.stderr
     assert result.stdout.rstrip().endswith("heavy:")
+
+
+def test_a_guided_survey_on_lanes_needs_their_file(tmp_path):
+    links = [f"--{one}-uri=tcp://127.0.0.1:1" for one in ("logger", "gnss")]
+    result = run("guide", "--field", "patches", *links, "--travel", "lanes", "--port", "0", "--out", str(tmp_path))
+    assert result.exit_code == 2
+    assert "travel lanes needs a file of lanes -> give it as graph" in result.output
