@@ -17,7 +17,8 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 pytestmark = [pytest.mark.slow, pytest.mark.process]
 
-MAX_INSTALLED_BYTES = 300e6
+MAX_INSTALLED_BYTES = 250e6
+"""Without what Python compiles later."""
 HEAVY = {"aiohttp", "distributed", "jinja2", "matplotlib", "mcap", "pandas", "pyproj", "pyvrp", "rasterio"}
 REMEDY = "pip install 'soilmoist_ros[reports]'"
 
@@ -60,7 +61,7 @@ def clean(built, tmp_path_factory):
     run(sys.executable, "-m", "venv", home / "venv", cwd=home)
     before = installed_bytes(home / "venv")
     pinned = ("-c", ROOT / "requirements.txt")
-    run(home / "venv/bin/python", "-m", "pip", "install", "--quiet", *pinned, built[1], cwd=home)
+    run(home / "venv/bin/python", "-m", "pip", "install", "--quiet", "--no-compile", *pinned, built[1], cwd=home)
     return home / "venv/bin", installed_bytes(home / "venv") - before
 
 

@@ -125,7 +125,7 @@ def open_fence(field, *margins):
 
 
 def violated(rehearsed, numbers, faults):
-    cases = [replace(make_case(1, number), faults=faults, budget_s=900.0, strategy="random") for number in numbers]
+    cases = [replace(make_case(1, number), faults=faults, budget_s=600.0, strategy="random") for number in numbers]
     return {violation.kind for case in cases for violation in rehearsed(case).violations}
 
 
@@ -226,7 +226,7 @@ def test_each_watch_is_needed(rehearsed, monkeypatch, fault, number, switch_off,
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(5), ids=RECEIVERS)
 def test_no_receiver_that_works_stops_a_mission(rehearsed, number):
-    outcome = rehearsed(replace(make_quiet_case(1, number), budget_s=1200.0, stated="true"))
+    outcome = rehearsed(replace(make_quiet_case(1, number), budget_s=800.0, stated="true"))
     assert outcome.stops == {}
     assert (outcome.quarantined, outcome.refused) == (0, "")
     assert outcome.visits > 3
