@@ -181,6 +181,20 @@ def make_budget(run: MapRun) -> Budget | None:
     )  # fmt: skip
 
 
+def level_remedy(run: MapRun) -> str:
+    """Remedy for the largest part of the level of a map."""
+    found = make_budget(run)
+    parts = [part for part in found.parts if part.level > 0] if found else []
+    return REMEDIES[max(parts, key=lambda part: part.level).name] if parts else _CORES_DAY
+
+
+def place_remedy(run: MapRun) -> str:
+    """Remedy for the largest part of the uncertainty of a place, as an order."""
+    found = make_budget(run)
+    parts = {part.name: part.place for part in found.parts} if found else {}
+    return "count longer" if parts.get(COUNTING, 0.0) >= parts.get(MAPPING, 0.0) else "count at more places"
+
+
 def _at_one_place(run: MapRun) -> tuple[float, float, tuple[float, float], list[Part]]:
     """Rate, uncertainty, rate and variance, and the only part of all counts at one place."""
     bands = moisture_of_all(run.track, run.soil_map.curve)

@@ -11,15 +11,16 @@ the expected share of wrong places is one minus the mean, also where errors of n
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import wraps
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, wraps
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping import common_rate_sd
+from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
 from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve
 
@@ -33,6 +34,10 @@ CALIBRATION_TAG = "SOILMOIST_CALIBRATION"
 ILLUSTRATIVE = "illustrative"
 NO_LEVEL = (ILLUSTRATIVE, UNKNOWN_SENSOR)
 """Origins of calibrations that give the pattern of the moisture, but not its level."""
+_NODES = 40
+"""Equally probable values of the rate, by which errors of the moisture are combined with the curve."""
+_LATTICE = (80, 16)
+"""Rates and standard deviations between which figures of more places are interpolated, to 0.001 and 0.01 mm."""
 
 
 def once_a_run(make: Callable[[MapRun], T]) -> Callable[[MapRun], T]:
@@ -79,8 +84,99 @@ def calibration_of(run: MapRun) -> str:
     return calibration_state(run.calibrated, absolute(run), run.simulated, method)
 
 
+@dataclass(frozen=True, eq=False)
+class Moistures:
+    """Distribution of the moisture at places: the rate is normal, and the curve makes it a moisture.
+
+    :param rate: estimate [counts/s], and its standard deviation ``sd``, shape (n,)
+    :param shift: is added to the moisture, as for soil below the sensed depth [m^3/m^3]
+    :param table: rising rates, evenly spaced, and their moistures
+    """
+
+    rate: Array
+    sd: Array
+    curve: MoistureCurve
+    shift: float
+    table: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, rate: Array, rate_sd: Array, curve: MoistureCurve, shift: float = 0.0) -> Moistures:
+        """Distribution with the errors of counting and mapping (``rate_sd``), and of the calibration."""
+        common = common_rate_sd(curve, rate)
+        sd = rate_sd if common is None else np.hypot(rate_sd, common)
+        reach = 4 * sd.max(initial=1e-9)
+        rates = np.linspace(max(rate.min(initial=np.inf) - reach, 0.0), rate.max(initial=0.0) + reach, 4000)
+        return cls(rate, sd, curve, shift, (rates, possible_moisture(curve, rates)))
+
+    @cached_property
+    def values(self) -> Array:
+        """Equally probable moistures of each place, shape (:data:`_NODES`, n)."""
+        from scipy.special import ndtri
+
+        nodes = ndtri((np.arange(_NODES) + 0.5) / _NODES)
+        nodes /= math.sqrt(float((nodes**2).mean()))
+        rates, moistures = self.table
+        place = (self.rate + nodes[:, None] * self.sd - rates[0]) * ((len(rates) - 1) / (rates[-1] - rates[0]))
+        index = np.clip(place.astype(np.intp), 0, len(rates) - 2)
+        return np.asarray(moistures[index] + (place - index) * np.diff(moistures)[index] + self.shift)
+
+    def figure(self, make: Callable[[Moistures], Array], places: NDArray[np.intp] | slice = slice(None)) -> Array:
+        """Figure of places, by default all: of each place, or of many places interpolated on a lattice."""
+        from scipy.ndimage import map_coordinates
+
+        of_places = self.rate[places], self.sd[places]
+        if len(of_places[0]) <= math.prod(_LATTICE):
+            return make(replace(self, rate=of_places[0], sd=of_places[1]))
+        axes = [np.linspace(one.min(), one.max(), count) for one, count in zip(of_places, _LATTICE, strict=True)]
+        rate, sd = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+        at = [(one - axis[0]) / max(axis[1] - axis[0], 1e-12) for one, axis in zip(of_places, axes, strict=True)]
+        found = make(replace(self, rate=rate, sd=sd))
+        return np.asarray(map_coordinates(found.reshape(_LATTICE), at, order=1, mode="nearest"))
+
+    def below(self, limit: float, sd: float = 0.0) -> Array:
+        """Probability of a moisture below a limit, which is uncertain by a standard deviation, shape (n,)."""
+        from scipy.special import ndtr
+
+        if (limit <= 0 and sd == 0) or limit == -math.inf:
+            return np.zeros(len(self.rate))
+        if sd == 0:
+            edge = float(self.curve.rate_cps(max(limit - self.shift, 0.0)))
+            return np.asarray(ndtr((self.rate - edge) / np.maximum(self.sd, 1e-12)), float)
+        return self.figure(lambda one: np.asarray(ndtr((limit - one.values) / sd).mean(axis=0), float))
+
+    def missing(self, full: float, sd: float) -> Array:
+        """Mean of the moisture missing to a target, which is uncertain by a standard deviation, shape (n,)."""
+        from scipy.special import ndtr
+
+        def mean(one: Moistures) -> Array:
+            short = full - one.values
+            if sd == 0:
+                return np.asarray(np.maximum(short, 0).mean(axis=0))
+            z = short / sd
+            return np.asarray((short * ndtr(z) + sd * np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)).mean(axis=0))
+
+        return self.figure(mean)
+
+    def quantiles_missing(self, full: float, sd: float) -> tuple[Array, Array]:
+        """Quantiles 0.05 and 0.95 of the missing moisture: one-sided distances of the two errors combined in
+        quadrature, shape (n,) each [m^3/m^3].
+        """
+        middle, away = np.interp(self.rate, *self.table), SoilMap.QUANTILE_SD * self.sd
+        dry, wet = (np.interp(self.rate + side * away, *self.table) for side in (1, -1))
+        other, short = SoilMap.QUANTILE_SD * sd, full - middle - self.shift
+        low, high = short - np.hypot(wet - middle, other), short + np.hypot(middle - dry, other)
+        return np.maximum(low, 0), np.maximum(high, 0)
+
+
 def class_probability(
-    rate: Array, rate_sd: Array, number: ArrayLike, edges: ArrayLike, curve: MoistureCurve | None, relative: bool
+    rate: Array,
+    rate_sd: Array,
+    number: ArrayLike,
+    edges: ArrayLike,
+    curve: MoistureCurve | None,
+    relative: bool,
+    edge_sds: Sequence[float] = (),
+    shift: float = 0.0,
 ) -> Array:
     """Probability that the true value of a place lies in a class; rates are normal.
 
@@ -91,21 +187,28 @@ def class_probability(
         the rate
     :param curve: calibration; moist soil has low rates
     :param relative: whether the limits are quantiles of this map: an error of the calibration shifts them as well
+    :param edge_sds: standard deviations of the limits minus what is not sensed; exact ones if left out
+    :param shift: moisture of the classes minus that of the rate, see :class:`Moistures`
     :returns: same shape, 0 for places without a class
     """
     from scipy.special import ndtr
 
-    sd, limits = np.asarray(rate_sd, float), np.asarray(edges, float)
-    bounds = np.concatenate([[-np.inf], limits, [np.inf]])
-    if curve is not None:
-        common = None if relative else common_rate_sd(curve, rate)
-        sd = sd if common is None else np.hypot(sd, common)
-        bounds = np.concatenate([[np.inf], np.asarray(curve.rate_cps(np.maximum(limits, 0.0)), float), [-np.inf]])
-    known = np.isfinite(rate) & np.isfinite(np.asarray(number, float))
-    own = np.where(known, number, 0).astype(int)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        inside = np.abs(ndtr((bounds[own + 1] - rate) / sd) - ndtr((bounds[own] - rate) / sd))
-    return np.where(known, np.nan_to_num(inside), 0.0)
+    limits = np.asarray(edges, float)
+    known = np.isfinite(rate) & np.isfinite(np.asarray(number, float)) & np.isfinite(rate_sd)
+    of_place, sd = np.asarray(rate, float)[known], np.asarray(rate_sd, float)[known]
+    own = np.broadcast_to(number, known.shape)[known].astype(int)
+    if curve is None or relative:
+        if curve is not None:  # moist soil has low rates
+            limits, of_place = -np.asarray(curve.rate_cps(np.maximum(limits, 0.0)), float), -of_place
+        below = [ndtr((edge - of_place) / np.maximum(sd, 1e-12)) for edge in limits]
+    else:
+        moistures = Moistures.of(of_place, sd, curve, shift)
+        sds = edge_sds or [0.0] * len(limits)
+        below = [moistures.below(edge, sd) for edge, sd in zip(limits.tolist(), sds, strict=True)]
+    table = np.array([np.zeros_like(of_place), *below, np.ones_like(of_place)])
+    at, found = np.arange(len(own)), np.zeros(known.shape)
+    found[known] = np.maximum(table[own + 1, at] - table[own, at], 0.0)
+    return found
 
 
 @dataclass(frozen=True)

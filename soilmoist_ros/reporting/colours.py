@@ -95,13 +95,11 @@ def palette_png(index: Array, colours: NDArray[np.uint8]) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(
         struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
         for kind, content in (
-            (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)),
-            (b"PLTE", palette.tobytes()),
-            (b"tRNS", b"\xff" * len(colours) + b"\x00"),
-            (b"IDAT", zlib.compress(lines.tobytes(), 6)),
+            (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)), (b"PLTE", palette.tobytes()),
+            (b"tRNS", b"\xff" * len(colours) + b"\x00"), (b"IDAT", zlib.compress(lines.tobytes(), 6)),
             (b"IEND", b""),
         )
-    )
+    )  # fmt: skip
 
 
 def robust_range(values: ArrayLike, share: float = 0.95) -> tuple[float, float]:

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
-from soilmoist_ros.reporting.certainty import CERTAIN
+from soilmoist_ros.reporting.certainty import CERTAIN, Moistures
 from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, dissolved, divided, workable
 from soilmoist_ros.sensing import Irrigation, MoistureCurve, soil_limits
 
@@ -29,10 +27,6 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 Array = NDArray[np.float64]
-_NODES = 40
-"""Equally probable values of the rate, by which errors of the moisture are combined with the curve."""
-_LATTICE = (80, 16)
-"""Rates and standard deviations between which figures of more places are interpolated, to 0.001 and 0.01 mm."""
 MAX_BLOCKS = 4000
 """Number of blocks of a field; larger fields have blocks of several swaths."""
 TOLERANCE_M = 0.01
@@ -61,6 +55,19 @@ class DoseSettings(Irrigation):
         return math.hypot(self.below_share * self.below_sd, of_target)
 
     @property
+    def shift(self) -> float:
+        """Moisture of the root zone minus that sensed [m^3/m^3]."""
+        return self.below_share * self.below_shift
+
+    @property
+    def limits(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Limits of *too dry* and *too wet*, :attr:`stress` and field capacity, and the standard deviation of each
+        minus the root zone's moisture, but for the error of the rate [m^3/m^3].
+        """
+        full, sd = self.left(1.0)
+        return (self.stress, full), (self.stress_sd, math.hypot(self.below_share * self.below_sd, sd))
+
+    @property
     def doses_mm(self) -> Array:
         """Gross doses that the machine can apply, rising, without 0 [mm]."""
         doses: Array = self.steps_mm * np.arange(1.0, math.floor(self.max_dose_mm / self.steps_mm + 1e-9) + 1)
@@ -80,99 +87,22 @@ class Dose:
     p05_mm: Array
     p95_mm: Array
     needed: Array
-    _spread: _Spread
+    settings: DoseSettings
+    _moistures: Moistures
 
     def right(self, gross_mm: float, places: NDArray[np.intp] | slice = slice(None)) -> Array:
         """Probability that places, by default all, need the gross dose of a step and no other one."""
-        settings = self._spread.settings
+        settings = self.settings
         doses = np.concatenate([[0.0], settings.doses_mm])
         index = int(np.argmin(np.abs(doses - gross_mm)))
         middles = np.concatenate([[-np.inf], (doses[1:] + doses[:-1]) / 2, [np.inf]])
         wet, dry = settings.full - middles[index : index + 2] * settings.efficiency / settings.root_depth_mm
 
-        def figures(one: _Spread) -> list[Array]:
+        def figure(one: Moistures) -> Array:
             below = [one.below(min(limit, settings.stress), settings.full_sd) for limit in (wet, dry)]
-            return [np.maximum((1.0 if index == 0 else below[0]) - below[1], 0.0)]
+            return np.maximum((1.0 if index == 0 else below[0]) - below[1], 0.0)
 
-        return self._spread.figures(figures, places)[0]
-
-
-@dataclass(frozen=True, eq=False)
-class _Spread:
-    """Distribution of the root zone's moisture at places.
-
-    :param rate: estimate [counts/s], and its standard deviation ``sd`` with the calibration, shape (n,)
-    :param table: rising rates and their moistures
-    """
-
-    rate: Array
-    sd: Array
-    curve: MoistureCurve
-    settings: DoseSettings
-    table: tuple[Array, Array]
-
-    @cached_property
-    def values(self) -> Array:
-        """Equally probable moistures of each place, shape (:data:`_NODES`, n)."""
-        from scipy.special import ndtri
-
-        nodes = ndtri((np.arange(_NODES) + 0.5) / _NODES)
-        nodes /= math.sqrt(float((nodes**2).mean()))
-        rates, moistures = self.table  # evenly spaced, so there is no need to search
-        place = (self.rate + nodes[:, None] * self.sd - rates[0]) * ((len(rates) - 1) / (rates[-1] - rates[0]))
-        index = np.clip(place.astype(np.intp), 0, len(rates) - 2)
-        return np.asarray(moistures[index] + (place - index) * np.diff(moistures)[index] + self._shift)
-
-    @property
-    def _shift(self) -> float:
-        return self.settings.below_share * self.settings.below_shift
-
-    def figures(
-        self, make: Callable[[_Spread], list[Array]], places: NDArray[np.intp] | slice = slice(None)
-    ) -> list[Array]:
-        """Figures of places, by default all: of each place, or of many places interpolated on a lattice."""
-        from scipy.ndimage import map_coordinates
-
-        of_places = self.rate[places], self.sd[places]
-        if len(of_places[0]) <= math.prod(_LATTICE):
-            return make(replace(self, rate=of_places[0], sd=of_places[1]))
-        axes = [np.linspace(one.min(), one.max(), count) for one, count in zip(of_places, _LATTICE, strict=True)]
-        rate, sd = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
-        at = [(one - axis[0]) / max(axis[1] - axis[0], 1e-12) for one, axis in zip(of_places, axes, strict=True)]
-        found = make(replace(self, rate=rate, sd=sd))
-        return [map_coordinates(one.reshape(_LATTICE), at, order=1, mode="nearest") for one in found]
-
-    def below(self, limit: float, sd: float) -> Array:
-        """Probability of a moisture below a limit, which is uncertain by a standard deviation, shape (n,)."""
-        from scipy.special import ndtr
-
-        if (limit <= 0 and sd == 0) or limit == -math.inf:
-            return np.zeros(len(self.rate))
-        if sd == 0:
-            edge = float(self.curve.rate_cps(max(limit - self._shift, 0.0)))
-            return np.asarray(ndtr((self.rate - edge) / np.maximum(self.sd, 1e-12)), float)
-        return np.asarray(ndtr((limit - self.values) / sd).mean(axis=0), float)
-
-    def missing(self) -> Array:
-        """Mean of the moisture missing to the target, shape (n,) [m^3/m^3]."""
-        from scipy.special import ndtr
-
-        short, sd = self.settings.full - self.values, self.settings.full_sd
-        if sd == 0:
-            return np.asarray(np.maximum(short, 0).mean(axis=0))
-        z = short / sd
-        return np.asarray((short * ndtr(z) + sd * np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)).mean(axis=0))
-
-    def quantiles(self) -> tuple[Array, Array]:
-        """Quantiles 0.05 and 0.95 of the missing moisture: one-sided distances of the two errors combined in
-        quadrature, shape (n,) each [m^3/m^3].
-        """
-        middle, away = np.interp(self.rate, *self.table), SoilMap.QUANTILE_SD * self.sd
-        dry, wet = (np.interp(self.rate + side * away, *self.table) for side in (1, -1))
-        other = SoilMap.QUANTILE_SD * self.settings.full_sd
-        short = self.settings.full - middle - self._shift
-        low, high = short - np.hypot(wet - middle, other), short + np.hypot(middle - dry, other)
-        return np.maximum(low, 0), np.maximum(high, 0)
+        return self._moistures.figure(figure, places)
 
 
 def find_dose(rate: Array, rate_sd: Array, curve: MoistureCurve, settings: DoseSettings) -> Dose:
@@ -189,15 +119,11 @@ def find_dose(rate: Array, rate_sd: Array, curve: MoistureCurve, settings: DoseS
             f"density of {curve.bulk_density_gcm3:g} g/cm3 leaves",
             "lower the target, or check field capacity and bulk density",
         )
-    common = common_rate_sd(curve, rate)
-    sd = sd if common is None else np.hypot(sd, common)
-    reach = 4 * sd.max(initial=1e-9)
-    rates = np.linspace(max(rate.min(initial=np.inf) - reach, 0.0), rate.max(initial=0.0) + reach, 4000)
-    spread = _Spread(rate, sd, curve, settings, (rates, possible_moisture(curve, rates)))
-    depth = settings.root_depth_mm
-    low, high = spread.quantiles()
-    needed, mean = spread.figures(lambda one: [one.below(settings.stress, settings.stress_sd), one.missing()])
-    return Dose(mean * depth, low * depth, high * depth, needed, spread)
+    moistures = Moistures.of(rate, sd, curve, settings.shift)
+    target, depth = (settings.full, settings.full_sd), settings.root_depth_mm
+    low, high = moistures.quantiles_missing(*target)
+    needed = moistures.below(settings.stress, settings.stress_sd)
+    return Dose(moistures.missing(*target) * depth, low * depth, high * depth, needed, settings, moistures)
 
 
 # Zones by the steps of a machine ---------------------------------------------------------------------------------
@@ -353,6 +279,67 @@ def _blocks(
     return np.unique(index @ [count[1], 1], return_inverse=True)[1].reshape(-1), lines
 
 
+@dataclass(frozen=True, eq=False)
+class DosePlan:
+    """Zones of a field: what the report and all files say of them.
+
+    :param zones: from the lowest to the highest dose; together they are the field
+    :param sure: share of the area where it is certain whether plants lack water now [0..1]
+    """
+
+    settings: DoseSettings
+    zones: Sequence[DoseZone]
+    sure: float
+
+    @property
+    def irrigated(self) -> list[DoseZone]:
+        """Zones that get water."""
+        return [zone for zone in self.zones if zone.gross_mm > 0]
+
+    @property
+    def area_m2(self) -> float:
+        """Area that gets water [m^2]."""
+        return sum(zone.area_m2 for zone in self.irrigated)
+
+    @property
+    def volume_m3(self) -> float:
+        """Water for the whole field [m^3]."""
+        return sum(zone.volume_m3 for zone in self.zones)
+
+    @property
+    def missing_mm(self) -> tuple[float, float, float]:
+        """Water missing where it is applied, without a dose in the whole field: mean, and mean of the quantiles
+        0.05 and 0.95 of a place [mm].
+        """
+        return missing_mm(self.irrigated or self.zones)
+
+    @property
+    def certain(self) -> bool:
+        """True if 80 % or more of the area that gets water can be expected to need it; without a dose, if 80 % or
+        more of the field can be expected not to.
+        """
+        zones = self.irrigated or self.zones
+        right = sum((z.needed if z.gross_mm else 1 - z.needed) * z.area_m2 for z in zones)
+        return right >= CERTAIN * sum(zone.area_m2 for zone in zones)
+
+    @property
+    def capped(self) -> tuple[float, float]:
+        """Largest dose of the machine, and the mean water that remains missing where it is applied [mm]; 0 for
+        less than half a step.
+        """
+        top, settings = float(self.settings.doses_mm[-1]), self.settings
+        dry = [zone for zone in self.zones if zone.gross_mm >= top]
+        left = zones_mean(dry, "net_mm") - settings.efficiency * top if dry else 0.0
+        return top, left if left > settings.efficiency * settings.steps_mm / 2 else 0.0
+
+    def largest_text(self, shown: Callable[[float], str] = "{:g} mm".format) -> str:
+        """Largest dose, and what makes it the largest."""
+        top, most, step = self.capped[0], self.settings.max_dose_mm, self.settings.steps_mm
+        if most - top < 1e-6 * most:
+            return f"{shown(top)} is the largest dose of the machine"
+        return f"{shown(top)} is the largest dose in steps of {shown(step)} up to the {shown(most)} of the machine"
+
+
 def saved_zones(summary: Any, where: Path | None = None) -> list[DoseZone]:
     """Zones of a run as its report has them, from the key ``dose`` of its ``summary.json``.
 
@@ -389,19 +376,14 @@ def dose_at(zones: Sequence[DoseZone], xy: Array) -> Array:
     return found
 
 
-def capped(zones: Sequence[DoseZone], settings: DoseSettings) -> tuple[float, float]:
-    """Largest dose of the machine, and the mean water that remains missing where it is applied [mm]; 0 for less
-    than half a step.
-    """
-    top = float(settings.doses_mm[-1])
-    dry = [zone for zone in zones if zone.gross_mm >= top]
-    left = zones_mean(dry, "net_mm") - settings.efficiency * top if dry else 0.0
-    return top, left if left > settings.efficiency * settings.steps_mm / 2 else 0.0
-
-
 def zones_mean(zones: Sequence[DoseZone], name: str) -> float:
     """Mean of a figure of zones over their area."""
     return float(np.average([getattr(zone, name) for zone in zones], weights=[zone.area_m2 for zone in zones]))
+
+
+def missing_mm(zones: Sequence[DoseZone]) -> tuple[float, float, float]:
+    """Water missing in zones, and the mean of the quantiles 0.05 and 0.95 of a place [mm]."""
+    return zones_mean(zones, "net_mm"), zones_mean(zones, "p05_mm"), zones_mean(zones, "p95_mm")
 
 
 def zones_by_dose(zones: Sequence[DoseZone]) -> dict[float, list[DoseZone]]:
@@ -410,8 +392,3 @@ def zones_by_dose(zones: Sequence[DoseZone]) -> dict[float, list[DoseZone]]:
     for zone in sorted(zones, key=lambda zone: zone.gross_mm):
         found.setdefault(zone.gross_mm, []).append(zone)
     return found
-
-
-def total_m3(zones: Sequence[DoseZone]) -> float:
-    """Water for the whole field [m^3]."""
-    return sum(zone.volume_m3 for zone in zones)

@@ -156,10 +156,9 @@ def model_parameters(soil_map: SoilMap) -> dict[str, str | float]:
     """The variogram and mean behind the map, ready for JSON."""
     variogram = soil_map.variogram
     return {
-        "model": str(variogram.model), "nugget_cps2": float(variogram.nugget),
-        "range_m": float(variogram.range_m), "sill_cps2": float(variogram.sill),
-        "anisotropy": float(variogram.anisotropy), "angle_deg": float(variogram.angle_deg),
-        "mean_rate_cps": float(soil_map.mean_rate),
+        "model": str(variogram.model), "nugget_cps2": float(variogram.nugget), "range_m": float(variogram.range_m),
+        "sill_cps2": float(variogram.sill), "anisotropy": float(variogram.anisotropy),
+        "angle_deg": float(variogram.angle_deg), "mean_rate_cps": float(soil_map.mean_rate),
     }  # fmt: skip
 
 
@@ -173,12 +172,10 @@ def _map_tags(soil_map: SoilMap, frame: LocalFrame) -> dict[str, str]:
         "calibration": None if curve is None else curve.parameters,
     }
     tags = {
-        "AREA_OR_POINT": "Area",
-        "TIFFTAG_SOFTWARE": f"soilmoist_ros {__version__}",
+        "AREA_OR_POINT": "Area", "TIFFTAG_SOFTWARE": f"soilmoist_ros {__version__}",
         "TIFFTAG_IMAGEDESCRIPTION": "Soil moisture map from cosmic-ray neutron counts, by Poisson kriging",
-        "SOILMOIST_MODEL": json.dumps(model_parameters(soil_map)),
-        "SOILMOIST_PARAMETERS": json.dumps(parameters),
-    }
+        "SOILMOIST_MODEL": json.dumps(model_parameters(soil_map)), "SOILMOIST_PARAMETERS": json.dumps(parameters),
+    }  # fmt: skip
     if limits is not None:
         tags["SOILMOIST_LIMITS"] = json.dumps(dict(zip(("dryness", "saturation"), limits, strict=True)))
         tags["SOILMOIST_INTERVAL"] = (

@@ -23,10 +23,8 @@ NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv", PR
 MISSION_NAMES = ("series.csv", "visits.csv")
 SERIES_NAME = "moisture.csv"
 _NEEDS = {
-    ".tif": ("pyproj", "rasterio"),
-    ".qgs": ("pyproj", "rasterio", "jinja2"),
-    ".html": ("jinja2", "matplotlib"),
-}
+    ".tif": ("pyproj", "rasterio"), ".qgs": ("pyproj", "rasterio", "jinja2"), ".html": ("jinja2", "matplotlib"),
+}  # fmt: skip
 """Modules of the extra ``reports`` that write a file, by its ending."""
 _LOG = logging.getLogger(__name__)
 _WORKSHOP = ".writing-"

@@ -126,13 +126,11 @@ def _tags(run: MapRun) -> dict[str, str]:
     """Origin of a map; begin and end of the survey unless the clock has no date."""
     begin, end = run.survey_start_utc, run.survey_end_utc
     tags = {
-        "SOILMOIST_SIMULATED": "yes" if run.simulated else "no",
-        CALIBRATION_TAG: calibration_of(run),
-        "SOILMOIST_CREATED_UTC": run.created,
-        "SOILMOIST_FIELD": run.field_name,
+        "SOILMOIST_SIMULATED": "yes" if run.simulated else "no", CALIBRATION_TAG: calibration_of(run),
+        "SOILMOIST_CREATED_UTC": run.created, "SOILMOIST_FIELD": run.field_name,
         "SOILMOIST_SUPPORT": run.support_text,
         "SOILMOIST_RESOLUTION_M": f"{resolution_m(run.soil_map, run.footprint_radius_m or 0.0):.1f}",
-    }
+    }  # fmt: skip
     if run.name:
         tags["SOILMOIST_PROPERTY"] = run.name
     if begin is not None and end is not None:

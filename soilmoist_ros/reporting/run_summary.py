@@ -21,7 +21,8 @@ from soilmoist_ros.reporting.budget import make_budget
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.page import statistics
-from soilmoist_ros.reporting.page.irrigation import has_level, irrigation
+from soilmoist_ros.reporting.page.field_dose import has_level, root_zone
+from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.report import relations
 from soilmoist_ros.reporting.page.statistics import band_statistics, calibration_sd
 from soilmoist_ros.reporting.page.wording import notes
@@ -49,25 +50,16 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
     """
     soil_map, found, loo = run.soil_map, notes(run), statistics.leave_one_out(run.soil_map)
     content = {
-        **_about(run, run.version),
-        "time_zone": run.time_zone or None,
-        "logger_format": run.logger_format,
-        **_records(run),
-        "area_m2": float(field_polygon(soil_map).area),
-        "cells": int(np.count_nonzero(soil_map.grid.mask)),
-        "cell_m": float(soil_map.grid.cell_m),
+        **_about(run, run.version), "time_zone": run.time_zone or None, "logger_format": run.logger_format,
+        **_records(run), "area_m2": float(field_polygon(soil_map).area),
+        "cells": int(np.count_nonzero(soil_map.grid.mask)), "cell_m": float(soil_map.grid.cell_m),
         "datum": {"latitude_deg": run.frame.latitude_deg, "longitude_deg": run.frame.longitude_deg},
-        "crs": crs or f"EPSG:{run.frame.export_epsg()}",
-        "variogram": model_parameters(soil_map),
-        "fit": _fit(run),
-        "within_survey": _within_survey(soil_map),
-        "map": _map(run),
+        "crs": crs or f"EPSG:{run.frame.export_epsg()}", "variogram": model_parameters(soil_map), "fit": _fit(run),
+        "within_survey": _within_survey(soil_map), "map": _map(run),
         "covariates": [
             {
-                "name": one.name,
-                "rate_cps_per_sd": one.rate_cps._asdict(),
-                "vwc_per_sd": one.vwc and one.vwc._asdict(),
-                "variance_share": one.variance_share._asdict(),
+                "name": one.name, "rate_cps_per_sd": one.rate_cps._asdict(),
+                "vwc_per_sd": one.vwc and one.vwc._asdict(), "variance_share": one.variance_share._asdict(),
                 "covered_share": one.covered_share,
             }
             for one in statistics.covariate_importance(run)
@@ -84,16 +76,11 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
             }
             for one in run.properties
         ],
-        "earlier": [_earlier(one, relations(run)) for one in run.earlier],
-        "change": _change(run),
+        "earlier": [_earlier(one, relations(run)) for one in run.earlier], "change": _change(run),
         "corrections": [{**asdict(row), "parameters": dict(row.parameters)} for row in run.corrections],
-        "calibration": _calibration(run),
-        "budget": _budget(run),
-        **_irrigation(run),
-        "warnings": [note.message for note in found],
-        "warning_codes": [note.code for note in found],
-        "settings": dict(run.settings),
-        "outputs": list(outputs),
+        "calibration": _calibration(run), "budget": _budget(run), **_irrigation(run),
+        "warnings": [note.message for note in found], "warning_codes": [note.code for note in found],
+        "settings": dict(run.settings), "outputs": list(outputs),
     }  # fmt: skip
     return dict(jsonable(content))
 
@@ -101,26 +88,20 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
 def failed_summary(failed: FailedRun, outputs: Sequence[str] = ()) -> dict[str, Any]:
     """The run as plain JSON values: the known keys of :func:`summary`; ``map`` is ``None``."""
     content = {
-        **_about(failed, __version__),
-        "n_records": len(failed.good),
+        **_about(failed, __version__), "n_records": len(failed.good),
         "n_placed_records": len(track_xy(failed.good)),
         "n_lost": {row.kind: row.count for row in failed.losses if row.consequence == "lost"},
-        "n_quarantined": dict(failed.quarantined),
-        "raw_counts": sum(record.raw_counts for record in failed.good),
-        "exposure_s": float(sum(record.exposure_s for record in failed.good)),
-        "distance_m": failed.travelled_m,
-        "map": None,
-        "mission": None if failed.mission is None else mission_summary(failed.mission),
+        "n_quarantined": dict(failed.quarantined), "raw_counts": sum(record.raw_counts for record in failed.good),
+        "exposure_s": float(sum(record.exposure_s for record in failed.good)), "distance_m": failed.travelled_m,
+        "map": None, "mission": None if failed.mission is None else mission_summary(failed.mission),
         "failure": {
             "why": failed.why,
             "what_to_do": list(failed.todo),
             "troubles": [asdict(trouble) for trouble in failed.troubles],
         },
-        "warnings": [failed.why],
-        "warning_codes": [NoteCode.NO_MAP],
-        "settings": dict(failed.settings),
+        "warnings": [failed.why], "warning_codes": [NoteCode.NO_MAP], "settings": dict(failed.settings),
         "outputs": list(outputs),
-    }
+    }  # fmt: skip
     return dict(jsonable(content))
 
 
@@ -143,8 +124,7 @@ def utc_text(when: datetime | None) -> str | None:
 def _records(run: MapRun) -> dict[str, Any]:
     samples, stamps = run.soil_map.samples, [record.stamp_s for record in run.track]
     return {
-        "n_records": len(run.track), "n_placed_records": len(track_xy(run.track)),
-        "n_inside_field": run.inside[0],
+        "n_records": len(run.track), "n_placed_records": len(track_xy(run.track)), "n_inside_field": run.inside[0],
         "n_lost": {row.kind: row.count for row in run.losses if row.consequence == "lost"},
         "n_kept_with_reservation": {row.kind: row.count for row in run.losses if row.consequence == "kept"},
         "n_quarantined": dict(Counter(record.quarantine for record in run.quarantined)),
@@ -162,9 +142,7 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
         return None
     names, amplitude = ("structured_sill", "range", "nugget"), fit.variogram.amplitude
     return {
-        "method": fit.method,
-        "converged": fit.converged,
-        "objective": fit.objective,
+        "method": fit.method, "converged": fit.converged, "objective": fit.objective,
         "log_sd": fit.log_sd and dict(zip(names, fit.log_sd, strict=True)),
         "prior_share": dict(zip(names, fit.prior_share, strict=True)),
         "local": fit.local
@@ -174,7 +152,7 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
             "amplitude": amplitude and amplitude.spread,
             "text": f"The standard deviation of the rate: {fit.local_text}.",
         },
-    }
+    }  # fmt: skip
 
 
 def _within_survey(soil_map: SoilMap) -> dict[str, Any]:
@@ -280,11 +258,8 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
     """Settings and result of a simulated mission."""
     further, plan = [_property(mapped) for mapped in mission.properties[1:]], mission_efficiency(mission)
     return {
-        "settings": settings_summary(mission.settings),
-        "field": mission.field_title,
-        "ended": mission.ended,
-        "stops": len(mission.visits),
-        "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
+        "settings": settings_summary(mission.settings), "field": mission.field_title, "ended": mission.ended,
+        "stops": len(mission.visits), "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
         "travel": [
             {name: getattr(learned.motion, name) for name in TRAVEL} | {"legs": len(learned.legs)}
             for learned in mission.motion
@@ -292,9 +267,8 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
         "efficiency": plan and {key: getattr(plan, name) for key, name in EFFICIENCY.items()},
         "forecast": _forecast(mission),
         "final": {name: column[-1].item() for name, column in mission.columns.items()} if mission.series else None,
-        "properties": further,
-        "also": further[0] if len(further) == 1 else None,
-    }
+        "properties": further, "also": further[0] if len(further) == 1 else None,
+    }  # fmt: skip
 
 
 def settings_summary(settings: MissionSettings) -> dict[str, Any]:
@@ -332,23 +306,19 @@ def _forecast(mission: MissionResult) -> dict[str, Any] | None:
         return None
     made = [
         {
-            "time_s": one.time_s,
-            "sd": one.forecast.sd,
-            "end_s": one.time_s + one.forecast.times_s[-1],
-            "sd_at_end": one.forecast.sd_end,
-            "sd_at_end_low": one.forecast.band_end[0],
-            "sd_at_end_high": one.forecast.band_end[1],
-            "text": one.forecast.text,
+            "time_s": one.time_s, "sd": one.forecast.sd, "end_s": one.time_s + one.forecast.times_s[-1],
+            "sd_at_end": one.forecast.sd_end, "sd_at_end_low": one.forecast.band_end[0],
+            "sd_at_end_high": one.forecast.band_end[1], "text": one.forecast.text,
         }
         for _, one in reported(mission.forecasts, 3600 * mission.settings.hours)
-    ]
+    ]  # fmt: skip
     unit = "m3/m3" if end.forecast.moisture else "share of the mean rate"
     return {"unit": unit, "made": made, "reached": {"time_s": end.time_s, "sd": end.forecast.sd}}
 
 
 def _irrigation(run: MapRun) -> dict[str, Any]:
     """Zones of the field as in the report, relative without ``zone_limits_vwc``, and the dose."""
-    found, limits = irrigation(run), run.irrigation
+    found, limits, ground = irrigation(run), run.irrigation, root_zone(run)
     names = ("name", "area_m2", "share", "water_mm", "missing_mm", "missing_mm_p05", "missing_mm_p95")
     zones = []
     for zone in found.zones:
@@ -359,10 +329,9 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
         "root_depth_mm": limits.root_depth_mm,
         "field_capacity_vwc": limits.field_capacity if has_level(run) else None,
         "moisture_usable": statistics.is_usable(run.soil_map) if run.calibrated else None,
-        "zone_limits_vwc": found.edges,
-        "zones": zones,
+        "zone_limits_vwc": found.edges, "root_zone": ground and ground[0].model_dump(), "zones": zones,
         "advice": found.advice,
-    }
+    }  # fmt: skip
     return {"irrigation": about, "dose": found.dose and found.dose.content}
 
 
@@ -378,11 +347,9 @@ def _calibration(run: MapRun) -> dict[str, Any] | None:
     if curve is None:
         return None
     return {
-        **curve.parameters,
-        "n0_sd_cps": known.n0_sd_cps if known else None,
-        "lowest_rate_cps": curve.lowest_rate_cps,
-        "source": known.source if known else "",
+        **curve.parameters, "n0_sd_cps": known.n0_sd_cps if known else None,
+        "lowest_rate_cps": curve.lowest_rate_cps, "source": known.source if known else "",
         "illustrative": known is not None and known.illustrative,
         **({} if known is None or known.method == "cores" else {"method": known.method}),
         **({"parts": [part.model_dump() for part in known.parts]} if known and known.parts else {}),
-    }
+    }  # fmt: skip

@@ -81,33 +81,20 @@ def summary(season: Season) -> dict[str, Any]:
     """The season in numbers, for programs."""
     persistence = season.persistence
     return {
-        "schema": 1,
-        "software": "soilmoist_ros",
-        "version": __version__,
-        "kind": "season",
-        "title": season.title,
-        "field": season.field_name,
-        "simulated": season.simulated,
-        "calibration": _calibration(season),
-        "time_zone": season.time_zone or None,
-        "created_utc": f"{season.created_utc:%Y-%m-%dT%H:%M:%SZ}",
-        "datum": asdict(season.frame),
-        "cell_m": season.grid.cell_m,
+        "schema": 1, "software": "soilmoist_ros", "version": __version__, "kind": "season", "title": season.title,
+        "field": season.field_name, "simulated": season.simulated, "calibration": _calibration(season),
+        "time_zone": season.time_zone or None, "created_utc": f"{season.created_utc:%Y-%m-%dT%H:%M:%SZ}",
+        "datum": asdict(season.frame), "cell_m": season.grid.cell_m,
         "cells": int(np.count_nonzero(season.grid.mask)),
         "variogram": {
-            "model": season.variogram.model,
-            "nugget_cps2": season.variogram.nugget,
-            "range_m": season.variogram.range_m,
-            "sill_cps2": season.variogram.sill,
+            "model": season.variogram.model, "nugget_cps2": season.variogram.nugget,
+            "range_m": season.variogram.range_m, "sill_cps2": season.variogram.sill,
         },
-        "pattern_correlation": persistence.share,
-        "pattern_correlation_sd": persistence.sd,
+        "pattern_correlation": persistence.share, "pattern_correlation_sd": persistence.sd,
         "pattern_decay_days": persistence.decay_days if math.isfinite(persistence.decay_days) else None,
-        "false_discovery_rate": FieldChange.FALSE_SHARE,
-        "warnings": list(season.notes),
-        "surveys": rows(season),
+        "false_discovery_rate": FieldChange.FALSE_SHARE, "warnings": list(season.notes), "surveys": rows(season),
         "outputs": list(NAMES),
-    }
+    }  # fmt: skip
 
 
 def _calibration(season: Season) -> str:

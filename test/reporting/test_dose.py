@@ -15,15 +15,7 @@ from shapely import Polygon, box, union_all
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping.soil_map import possible_moisture
-from soilmoist_ros.reporting.dose import (
-    DoseSettings,
-    find_dose,
-    saved_zones,
-    sure_share,
-    swaths,
-    total_m3,
-    zones_of_dose,
-)
+from soilmoist_ros.reporting.dose import DoseSettings, find_dose, saved_zones, sure_share, swaths, zones_of_dose
 from soilmoist_ros.sensing import CalibrationCurve
 
 CURVE = CalibrationCurve(7.0, 1.4, 0.02, n0_sd_cps=0.15)
@@ -139,7 +131,7 @@ def test_the_dry_side_gets_the_dose_that_it_lacks():
     wet, dry = zones_of_dose(dose, xy, 1.0, FIELD, one)
     assert (wet.number, wet.gross_mm, dry.number, dry.gross_mm) == (1, 0.0, 2, 55.0)  # 44 mm at 80 %
     assert dry.area_m2 == pytest.approx(FIELD.intersection(box(0, 0, 30, 40)).area, abs=1)
-    assert total_m3([wet, dry]) == pytest.approx(dry.area_m2 * 0.055)
+    assert wet.volume_m3 + dry.volume_m3 == pytest.approx(dry.area_m2 * 0.055)
     assert min(wet.sure, dry.needed, sure_share(dose)) > 0.85
     limited = changed(one, max_dose_mm=30.0, min_dose_mm=12.0, steps_mm=4.0)
     assert limited.doses_mm.tolist() == [12, 16, 20, 24, 28]

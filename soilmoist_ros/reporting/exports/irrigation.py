@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -15,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.reporting.dose import DoseSettings, DoseZone, capped, saved_zones, total_m3, zones_mean
+from soilmoist_ros.pipeline import calibration_method
+from soilmoist_ros.reporting.dose import DosePlan, DoseSettings, find_dose, saved_zones, sure_share, zones_of_dose
 from soilmoist_ros.reporting.exports.layers import Layer, origin, texts, write_layers, write_shapefile
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
+from soilmoist_ros.reporting.page.field_dose import lacking, useless
 
 RATE_UNITS: dict[str, Fraction] = {
     "mm": Fraction(1),
@@ -51,71 +52,76 @@ class Units(NamedTuple):
         """A dose without its unit."""
         return f"{round(gross_mm * self.per_mm, 2):g}"
 
-    def missing(self, zones: Sequence[DoseZone]) -> str:
-        """Water missing in zones with its interval, without the unit."""
-        net, low, high = (
-            f"{zones_mean(zones, name) * self.per_mm:.{self.decimals}f}" for name in ("net_mm", "p05_mm", "p95_mm")
-        )
+    def missing(self, figures_mm: tuple[float, float, float]) -> str:
+        """Missing water with its interval, without the unit."""
+        net, low, high = (f"{figure * self.per_mm:.{self.decimals}f}" for figure in figures_mm)
         return f"{net} ({low} to {high})"
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(DosePlan):
     """Zones to irrigate by the map of a property.
 
-    :param zones: from the lowest to the highest dose; together they are the field
     :param date: last day of the survey (UTC), empty for a clock without a date
-    :param certain: false if the doses are a best estimate only
-    :param capped: see :func:`soilmoist_ros.reporting.dose.capped`
     """
 
     one: ExportedProperty
-    zones: Sequence[DoseZone]
     date: str
-    certain: bool
-    capped: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def irrigated(self) -> list[DoseZone]:
-        """Zones that get water."""
-        return [zone for zone in self.zones if zone.gross_mm > 0]
-
-    @property
-    def volume_m3(self) -> float:
-        """Water for the whole field [m^3]."""
-        return total_m3(self.zones)
 
     @property
     def facts(self) -> dict[str, str]:
         """Calibration, date, interval and total for readers; name and value have 32 letters at most together."""
         top, left = self.capped
         return {
-            "calibration": self.one.calibration,
-            "survey": self.date or "no date",
-            "missing [mm]": Units.of("mm").missing(self.zones),
-            "dose right with": f"{100 * zones_mean(self.zones, 'sure'):.0f} %",
+            "calibration": self.one.calibration, "survey": self.date or "no date",
+            "missing [mm]": Units.of("mm").missing(self.missing_mm), "need sure on": f"{100 * self.sure:.0f} %",
             "water": f"{self.volume_m3:.0f} m3",
+            **({"typical soil": self.settings.texture} if self.settings.texture else {}),
             **({} if self.certain else {"best estimate": "not certain"}),
             **({"capped at": f"{top:g} mm, {left:.0f} mm remain"} if left else {}),
-        }
+        }  # fmt: skip
 
 
 def irrigation_plan(source: RunSource, settings: ExportSettings) -> Plan:
-    """The plan of the first property with moisture, as in the report.
+    """The plan of the first property with moisture: that of the report, made from the map if the run has none.
 
     :raises InputError: if the run has no dose, and says what is missing; or if it is for another root depth
     """
     one = next((one for one in source.properties if one.quantity is MOISTURE), source.properties[0])
-    zones = saved_zones(source.run.summary, source.run.folder)
-    about = source.run.summary["dose"]
-    used = DoseSettings(**about["settings"])
-    if settings.root_depth_mm not in (None, used.root_depth_mm):
+    date = source.survey[1].date().isoformat() if source.survey else ""
+    about = source.run.summary
+    if "dose" in about:
+        zones = saved_zones(about, source.run.folder)
+        used, sure = DoseSettings(**about["dose"]["settings"]), float(about["dose"]["sure_share"])
+        plan = Plan(used, zones, sure, one, date)
+    else:
+        plan = _plan_of_map(source, one, date)
+    depth_mm = plan.settings.root_depth_mm
+    if settings.root_depth_mm not in (None, depth_mm):
         raise InputError(
-            f"the dose is for roots of {used.root_depth_mm:g} mm, not {settings.root_depth_mm:g} mm",
+            f"the dose is for roots of {depth_mm:g} mm, not {settings.root_depth_mm:g} mm",
             "set root_depth_mm in the site file and make the map again, or leave out --root-depth",
         )
-    date = source.survey[1].date().isoformat() if source.survey else ""
-    return Plan(one, zones, date, about.get("certain") is True, capped(zones, used))
+    return plan
+
+
+def _plan_of_map(source: RunSource, one: ExportedProperty, date: str) -> Plan:
+    """The plan of a run of a release without doses."""
+    about, zone = source.run.summary, source.root_zone
+    usable = (about.get("irrigation") or {}).get("moisture_usable") is not False
+    missing = lacking(one.curve, one.calibration, usable, int(about.get("n_samples") or 0), zone)
+    if missing is None and zone is not None and one.curve is not None:
+        inside, xy = one.cells
+        dose = find_dose(one.bands["rate"][inside], one.bands["rate_sd"][inside], one.curve, zone)
+        sure = sure_share(dose)
+        missing = useless(calibration_method(about), sure)
+        if missing is None:
+            source.notes.append("the run has no dose: this one is made from its map and its site file")
+            zones = zones_of_dose(dose, xy, one.cell_m, source.boundary, zone)
+            return Plan(zone, zones, sure, one, date)
+    why = f"; {source.no_site}" if zone is None and source.no_site else ""
+    assert missing is not None
+    raise InputError(f"there is no dose: {missing.missing}{why}", missing.remedy, source.run.folder)
 
 
 def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer:

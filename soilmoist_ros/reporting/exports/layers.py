@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError, LocalFrame, optional_module
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S
-from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
+from soilmoist_ros.reporting.certainty import NO_LEVEL
 from soilmoist_ros.reporting.exports.source import (
     MOISTURE,
     ROOT_DEPTH_MM,
@@ -255,17 +255,21 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
     """
     about: Mapping[str, Any] = source.run.summary.get("irrigation") or {}
     moist, usable = one.quantity is MOISTURE and not one.name, about.get("moisture_usable") is not False
-    absolute = moist and usable and one.calibration not in ("none", ILLUSTRATIVE)
+    absolute = moist and usable and one.calibration not in ("none", *NO_LEVEL)
     limits = [100 * limit for limit in about.get("zone_limits_vwc") or ()] if absolute else []
-    full = about.get("field_capacity_vwc") if absolute else None
-    full_percent = None if full is None else 100 * full
+    ground = source.root_zone if absolute else None
+    depth = settings.root_depth_mm or float(about.get("root_depth_mm") or ROOT_DEPTH_MM)
+    if ground is not None and depth != ground.root_depth_mm:
+        share = max(1 - (1 - ground.below_share) * ground.root_depth_mm / depth, 0.0)
+        ground = ground.model_copy(update={"root_depth_mm": depth, "below_share": share})
     smallest = None if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
-    zones = management_zones(one, source.boundary, settings.zones, smallest, limits or None, full_percent)
+    zones = management_zones(one, source.boundary, settings.zones, smallest, limits or None, ground)
     known = usable or not moist
     if not known:
         source.notes.append("the moisture is impossible on much of the area, see the report: no zone is certain")
-    names = [str(zone["name"]) for zone in about.get("zones") or ()] if limits else []
-    source.notes.extend(_lost(one, source.boundary.area, zones, limits, names))
+    of_advice = list(about.get("zones") or ()) if limits else []
+    names = [str(zone["name"]) for zone in of_advice]
+    source.notes.extend(_lost(zones, of_advice))
     columns: dict[str, NDArray[Any]] = {
         "ZONE": np.array([zone.number for zone in zones], np.int32),
         one.quantity.column: np.round([zone.mean for zone in zones], 3),
@@ -276,10 +280,10 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
         "AREA_HA": np.round([zone.area_ha for zone in zones], 4),
     }
     if absolute:
-        depth = settings.root_depth_mm or float(about.get("root_depth_mm") or ROOT_DEPTH_MM)
-        columns["WATER_MM"] = np.round([zone.water_mm(depth) for zone in zones], 1)
-        if full is not None:
-            missing = np.array([zone.missing for zone in zones]).reshape(-1, 3) / 100 * depth
+        shift = 0.0 if ground is None else ground.shift
+        columns["WATER_MM"] = np.round([zone.water_mm(depth, shift) for zone in zones], 1)
+        if ground is not None:
+            missing = np.array([zone.missing for zone in zones]).reshape(-1, 3)
             columns |= dict(zip(("MISS_MM", "MISS_P05", "MISS_P95"), np.round(missing, 1).T, strict=True))
         columns["ROOT_MM"] = np.full(len(zones), depth)
     if names:
@@ -288,13 +292,10 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
     return Layer(f"zones{one.suffix}", "Polygon", [zone.shape for zone in zones], columns, f"Zones: {one.title}")
 
 
-def _lost(
-    one: ExportedProperty, area_m2: float, zones: Sequence[Zone], limits: Sequence[float], names: Sequence[str]
-) -> Iterator[str]:
+def _lost(zones: Sequence[Zone], of_advice: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Zones of the advice whose parts are too small for a polygon, in sentences."""
-    number = np.searchsorted(limits, one.values[one.cells[0]], side="right") + 1
-    for index, name in enumerate(names, 1):
-        of_map = float((number == index).mean()) * area_m2 / 1e4
+    for index, advised in enumerate(of_advice, 1):
+        name, of_map = advised["name"], advised["area_m2"] / 1e4
         kept = sum(zone.area_ha for zone in zones if zone.number == index)
         if kept < KEPT_SHARE * of_map:
             yield (

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
+from soilmoist_ros.reporting.certainty import NO_LEVEL, guess_text
 from soilmoist_ros.reporting.colours import UNCERTAIN, colour_ramp, hex_ramp
 from soilmoist_ros.reporting.exports.layers import (
     Layer,
@@ -89,19 +89,17 @@ def layer_look(layer: Layer) -> dict[str, Any]:
     name = "no_go" if layer.name.startswith("no_go") else layer.name.split("_")[0]
     kind, options = _SYMBOLS[name]
     return {
-        "kind": kind,
-        "class": _CLASSES[kind],
-        "options": {**_UNITS, **options},
+        "kind": kind, "class": _CLASSES[kind], "options": {**_UNITS, **options},
         "label": "LABEL" if name == "contours" else "",
         "categories": list(_zone_categories(layer)) if name == "zones" else [],
-    }
+    }  # fmt: skip
 
 
 def _zone_categories(layer: Layer) -> Iterable[tuple[int, str, str]]:
     """Number, label and colour of each class of zones."""
     columns = layer.columns
     quantity = MOISTURE if MOISTURE.column in columns else RATE
-    guessed = f", {ILLUSTRATIVE}" if ILLUSTRATIVE in columns["CALIBRATED"] else ""
+    guessed = guess_text(str(columns["CALIBRATED"][0]))
     numbers = np.unique(columns["ZONE"]).tolist()
     for number, colour in zip(numbers, colour_ramp(quantity.colours, len(numbers)).tolist(), strict=True):
         own = columns["ZONE"] == number
@@ -199,9 +197,9 @@ def _project(title: str, maps: Sequence[ExportedProperty], layers: Sequence[tupl
     first, shown = maps[0], []
     for layer, source in reversed(layers):
         key = layer.name
-        guessed = key.startswith(_OF_MOISTURE) and first.calibration == ILLUSTRATIVE
+        guessed = key.startswith(_OF_MOISTURE) and first.calibration in NO_LEVEL
         shown.append({
-            "key": key, "name": f"{key} ({ILLUSTRATIVE})" if guessed else key, "source": source, "crs": crs,
+            "key": key, "name": f"{key} ({first.calibration})" if guessed else key, "source": source, "crs": crs,
             "visible": key.split("_")[0] not in HIDDEN and not key.startswith("samples_"),
             "geometry": _GEOMETRY.get(layer.kind, layer.kind), "look": layer_look(layer),
         })  # fmt: skip

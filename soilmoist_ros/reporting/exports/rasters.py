@@ -147,25 +147,20 @@ def _write_kmz(source: RunSource, one: ExportedProperty, path: Path) -> Path:
     guessed = guess_text(one.calibration)
     (shape,) = to_crs([source.boundary], source.frame, CRS.from_epsg(4326))
     text = fill_template(
-        "map.kml.j2",
-        title=f"{source.title}{label}: {one.quantity.title.lower()}{guessed}",
+        "map.kml.j2", title=f"{source.title}{label}: {one.quantity.title.lower()}{guessed}",
         about=_in_words(source, one),
-        survey=source.survey and [time.strftime(DATE_TIME) for time in source.survey],
-        overlay=one.title,
-        box=box,
+        survey=source.survey and [time.strftime(DATE_TIME) for time in source.survey], overlay=one.title, box=box,
         field=source.title,
         parts=[
             [" ".join(f"{x:.7f},{y:.7f}" for x, y, *_ in ring.coords) for ring in (part.exterior, *part.interiors)]
             for part in getattr(shape, "geoms", [shape])
         ],
         samples=list(_sample_marks(one)),
-    )
+    )  # fmt: skip
     files: dict[str, str | bytes] = {
-        "doc.kml": text,
-        "map.png": picture,
-        "legend.png": _legend(source, one),
+        "doc.kml": text, "map.png": picture, "legend.png": _legend(source, one),
         "place.png": palette_png(np.hypot(*np.mgrid[-1:1:64j, -1:1:64j]) > 1, np.full((1, 3), 255, np.uint8)),
-    }
+    }  # fmt: skip
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
             archive.writestr(name, content)

@@ -12,7 +12,7 @@ import numpy as np
 
 from soilmoist_ros.foundation import optional_module
 from soilmoist_ros.reporting.colours import FAINT, INK, SOFT, WATER, hex_ramp
-from soilmoist_ros.reporting.dose import DoseZone, zones_by_dose, zones_mean
+from soilmoist_ros.reporting.dose import DoseZone, missing_mm, zones_by_dose, zones_mean
 from soilmoist_ros.reporting.exports.irrigation import Plan, Units, irrigation_plan, rate
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource
 from soilmoist_ros.reporting.geometry import right_handed
@@ -50,7 +50,7 @@ def write_sheet(source: RunSource, folder: Path, settings: ExportSettings) -> li
 def headline(plan: Plan, units: Units) -> str:
     """Advice in one sentence.
 
-    >>> headline(Plan(None, [], "", True), Units.of("mm"))
+    >>> headline(Plan(DoseSettings(), [], 1.0, None, ""), Units.of("mm"))
     'No irrigation'
     """
     zones, before = plan.irrigated, "" if plan.certain else "Best estimate, not certain: "
@@ -66,16 +66,17 @@ def headline(plan: Plan, units: Units) -> str:
 def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     """The page as a figure of matplotlib."""
     figure: Figure = optional_module("matplotlib.figure", "reports").Figure(figsize=A4_IN)
-    wide, units, (top, left) = 1 - 2 * MARGIN, Units.of(settings.rate_unit), plan.capped
+    wide, units, left = 1 - 2 * MARGIN, Units.of(settings.rate_unit), plan.capped[1]
     figure.text(MARGIN, 0.945, textwrap.shorten(source.title, 42), size=20, weight="bold", color=INK)
     figure.text(MARGIN, 0.918, headline(plan, units), size=14 if plan.certain else 11, color=INK)
-    known = {**plan.facts, "missing [mm]": ""} | {f"missing [{units.depth}]": units.missing(plan.zones)}
+    known = {**plan.facts, "missing [mm]": ""} | {f"missing [{units.depth}]": units.missing(plan.missing_mm)}
     facts = "   ".join(f"{name}: {value}" for name, value in known.items() if value and name not in _IN_HEADLINE)
     figure.text(MARGIN, 0.896, facts, size=9.5, color=INK)
     alerts = ["Simulated counts: this is an example, not a field."] if source.simulated else []
     if left:
-        most, rest = f"{units.dose(top)} {units.depth}", f"{left * units.per_mm:.{units.decimals}f} {units.depth}"
-        alerts.append(f"{most} is the largest dose of the machine: about {rest} remain missing.")
+        largest = plan.largest_text(lambda dose: f"{units.dose(dose)} {units.depth}")
+        rest = f"{left * units.per_mm:.{units.decimals}f} {units.depth}"
+        alerts.append(f"{largest}: about {rest} remain missing.")
     figure.text(MARGIN, 0.889, "\n".join(alerts), size=9, color="#b00020", va="top")
     doses = zones_by_dose(plan.zones)
     colours = dict(zip(doses, _colours(list(doses)), strict=True))
@@ -146,7 +147,9 @@ def _table(
 
     for zones in list(doses.values())[-MAX_ROWS:]:
         dose = f"{float(f'{rate(zones[0].gross_mm, unit):.4g}'):,g}"
-        rows.append((dose, *sums(zones), units.missing(zones), f"{100 * zones_mean(zones, 'sure'):.0f} %"))
+        rows.append(
+            (dose, *sums(zones), units.missing(missing_mm(zones)), f"{100 * zones_mean(zones, 'sure'):.0f} %")
+        )
     rows.append(("total", *sums([zone for zones in doses.values() for zone in zones]), "", ""))
     step = min(1.0, (MAX_ROWS / 2 + 2) / len(rows))
     for number, row in enumerate(rows):

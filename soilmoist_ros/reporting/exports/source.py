@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,9 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation import InputError, LocalFrame, install
 from soilmoist_ros.mapping import SoilMap
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S, calibration_method, curve_of, is_illustrative, shape_of
-from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_state, class_probability
+from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, calibration_state, class_probability, guess_text
+from soilmoist_ros.reporting.dose import DoseSettings
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
-from soilmoist_ros.sensing import MoistureCurve
+from soilmoist_ros.reporting.page.field_dose import below_sensed
+from soilmoist_ros.sensing import MoistureCurve, Site, load_site, read_data
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
@@ -127,7 +131,7 @@ class ExportedProperty:
     @property
     def unit(self) -> str:
         """Unit for readers, with a word if the level is not real."""
-        return f"{self.quantity.unit}{f', {ILLUSTRATIVE}' if self.calibration == ILLUSTRATIVE else ''}"
+        return self.quantity.unit + guess_text(self.calibration)
 
     @property
     def title(self) -> str:
@@ -151,11 +155,17 @@ class ExportedProperty:
             return band * self.quantity.scale
         return self.values + (SoilMap.QUANTILE_SD if end == "p95" else -SoilMap.QUANTILE_SD) * self.sd
 
-    def probability(self, number: int, edges: Array, relative: bool) -> Array:
-        """Probability of a class at each cell, see :func:`class_probability`; 0 outside the field."""
+    def probability(self, number: int, edges: Array, relative: bool, zone: DoseSettings | None = None) -> Array:
+        """Probability of a class at each cell, see :func:`class_probability`; 0 outside the field.
+
+        :param zone: root zone whose limits the edges are
+        """
         if self.quantity is MOISTURE and self.curve is not None and "rate_sd" in self.bands:
             rate, sd = self.bands["rate"], self.bands["rate_sd"]
-            return class_probability(rate, sd, number, edges / self.quantity.scale, self.curve, relative)
+            sds, shift = ((), 0.0) if zone is None else (zone.limits[1], zone.shift)
+            return class_probability(
+                rate, sd, number, edges / self.quantity.scale, self.curve, relative, sds, shift
+            )
         return class_probability(self.values, self.sd, number, edges, None, relative)
 
     @cached_property
@@ -216,6 +226,41 @@ class RunSource:
     def simulated(self) -> bool:
         """True if the counts come from a simulation."""
         return bool(self.run.summary.get("simulated"))
+
+    @cached_property
+    def root_zone(self) -> DoseSettings | None:
+        """Limits of the root zone: those of the run, else by the site file that it was made with."""
+        about = self.run.summary
+        known = (about.get("irrigation") or {}).get("root_zone") or (about.get("dose") or {}).get("settings")
+        if known:
+            return DoseSettings(**known)
+        if "dose" in about:  # the run has looked for them
+            return None
+        site = self._site
+        limits = site.irrigation if isinstance(site, Site) else None
+        if limits is None or limits.wilting_point is None:
+            return None
+        depth_cm = (((about.get("map") or {}).get("sensed") or {}).get("depth_d86_cm") or {}).get("mean")
+        below, _ = below_sensed(10 * depth_cm if depth_cm else None, limits, np.empty(0), np.empty(0))
+        return DoseSettings(**limits.model_dump(), **below)
+
+    @cached_property
+    def _site(self) -> Site | str:
+        """Site file that the run was made with, or why it is not there."""
+        for one in self.run.summary.get("inputs") or ():
+            if one.get("role") == "site":
+                path = Path(one["name"])
+                if not path.is_file():
+                    return f"its site file {path} is not here"
+                if hashlib.sha256(read_data(path)).hexdigest() != one.get("sha256"):
+                    return f"its site file {path} was changed since"
+                return load_site(path)
+        return "it does not name its site file"
+
+    @property
+    def no_site(self) -> str:
+        """Why the site file of the run is not used; empty if it is there."""
+        return self._site if isinstance(self._site, str) else ""
 
     @property
     def survey(self) -> tuple[datetime, datetime] | None:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.reporting.certainty import Certainty, certainty
+from soilmoist_ros.reporting.dose import DoseSettings, find_dose
 from soilmoist_ros.reporting.exports.source import ExportedProperty
 from soilmoist_ros.reporting.page.frame import round_step
 from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, divided, workable
@@ -132,7 +133,7 @@ class Zone:
     :param number: number of its class, from 1 for the lowest values
     :param mean: mean of its cells in the unit for readers, with their mean standard deviation ``sd``
     :param other: share of its cells that the map puts into another class [0..1]: small parts that joined it
-    :param missing: mean below a given value, its quantile 0.05 and 0.95, in the unit for readers; NaN without one
+    :param missing: water missing to field capacity, its quantiles 0.05 and 0.95 [mm]; NaN without a root zone
     """
 
     shape: BaseGeometry
@@ -148,9 +149,11 @@ class Zone:
         """Area of the zone [ha]."""
         return float(self.shape.area) / 1e4
 
-    def water_mm(self, root_depth_mm: float) -> float:
-        """Water above a depth if the moisture is given in % by volume and the same at all depths [mm]."""
-        return self.mean / 100 * root_depth_mm
+    def water_mm(self, root_depth_mm: float, shift: float = 0.0) -> float:
+        """Water above a depth if the moisture is given in % by volume, and on average differs from it by a shift
+        [m^3/m^3] at all depths [mm].
+        """
+        return (self.mean / 100 + shift) * root_depth_mm
 
 
 def management_zones(
@@ -159,7 +162,7 @@ def management_zones(
     classes: int = 3,
     min_area_m2: float | None = None,
     limits: Sequence[float] | None = None,
-    full: float | None = None,
+    zone: DoseSettings | None = None,
 ) -> list[Zone]:
     """Zones of a map, from low to high classes. They do not overlap, and together they are the field.
 
@@ -171,7 +174,8 @@ def management_zones(
     :param classes: number of classes of equal area, where no limits are given
     :param min_area_m2: minimum area of a part that is a zone [m^2]; by default 5 % of the field
     :param limits: limits between the classes in the unit for readers
-    :param full: value that nothing should be missing to, such as field capacity, in the unit for readers
+    :param zone: root zone, to whose field capacity water is missing; where its limits are those of the classes,
+        their errors count in the certainty
     :raises InputError: for a number of classes, an area or limits out of range, or an old shapely
     """
     from scipy.ndimage import gaussian_filter
@@ -182,15 +186,23 @@ def management_zones(
     if not smallest_m2 >= 0:
         raise InputError(f"{smallest_m2} m2 is no area", "choose one from 0")
     edges = zone_limits(the_map.values, classes) if limits is None else np.asarray(limits, float)
+    of_plants = zone is not None and limits is not None and np.allclose(edges, 100 * np.array(zone.limits[0]))
+    shown = edges - 100 * zone.shift if of_plants and zone is not None else edges
     if (np.diff(edges) <= 0).any():
         raise InputError(f"the limits of zones {list(edges)} do not rise", "give them in rising order")
     raster = gaussian_filter(
         continued(the_map.values), SMOOTHING * np.sqrt(smallest_m2) / the_map.cell_m, mode="nearest"
     )
-    faces = divided([line for edge in edges for line in level_lines(the_map, raster, float(edge))], boundary)
-    number = _classes(the_map, raster, edges, faces)
+    faces = divided([line for edge in shown for line in level_lines(the_map, raster, float(edge))], boundary)
+    number = _classes(the_map, raster, shown, faces)
     shapes, number = workable(faces, number, smallest_m2, the_map.cell_m / 2)
-    return _described(the_map, shapes, number, edges, limits is None, full)
+    of_map = np.searchsorted(shown, the_map.values[the_map.cells[0]], side="right") + 1
+    limiting = zone if of_plants else None
+    probability = {
+        one: the_map.probability(one - 1, edges, limits is None, limiting)[the_map.cells[0]]
+        for one in set(number.tolist())
+    }
+    return _described(the_map, shapes, number, of_map, probability, zone)
 
 
 def _classes(
@@ -206,17 +218,19 @@ def _classes(
 
 
 def _described(
-    the_map: ExportedProperty, shapes: Sequence[BaseGeometry], number: NDArray[np.intp], edges: Array,
-    relative: bool, full: float | None,
+    the_map: ExportedProperty, shapes: Sequence[BaseGeometry], number: NDArray[np.intp],
+    of_map: NDArray[np.intp], probability: Mapping[int, Array], zone: DoseSettings | None,
 ) -> list[Zone]:  # fmt: skip
+    """Zones with the figures of their cells, of which the map knows the class ``of_map``."""
     from shapely import contains_xy, get_coordinates, point_on_surface, prepare
 
     inside, xy = the_map.cells
     values, sd = the_map.values[inside], the_map.sd[inside]
-    of_map = np.searchsorted(edges, values, side="right") + 1
-    probability = {one: the_map.probability(one - 1, edges, relative)[inside] for one in set(number.tolist())}
-    below = [np.maximum((np.nan if full is None else full) - band[inside], 0.0)
-             for band in (the_map.values, the_map.quantile("p95"), the_map.quantile("p05"))]  # fmt: skip
+    below = [np.full(len(xy), np.nan)] * 3
+    if zone is not None and the_map.curve is not None:
+        capacity = zone.model_copy(update={"target": None, "target_share": 1.0})
+        need = find_dose(the_map.bands["rate"][inside], the_map.bands["rate_sd"][inside], the_map.curve, capacity)
+        below = [need.net_mm, need.p05_mm, need.p95_mm]
     zones = []
     for shape, one in zip(shapes, number.tolist(), strict=True):
         prepare(shape)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.reporting.certainty import CERTAIN, absolute, calibration_of, once_a_run
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, absolute, calibration_of, once_a_run
 from soilmoist_ros.reporting.dose import (
     Dose,
+    DosePlan,
     DoseSettings,
     DoseZone,
     find_dose,
     sure_share,
-    total_m3,
     zones_of_dose,
 )
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place
 from soilmoist_ros.reporting.page.statistics import is_usable
-from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve
+from soilmoist_ros.sensing import UNKNOWN_SENSOR, Irrigation, MoistureCurve
 
 Array = NDArray[np.float64]
 
@@ -53,6 +53,7 @@ MINUTES = (3, 6, 12, 20, 30, 45, 60, 90, 120, 180)
 MIN_GAIN = 0.05
 """Share of the field that more counting must make certain to be worth a sentence."""
 _CELLS, _STOPS = 150, 4
+_CAPACITY = {"target": None, "target_share": 1.0}
 _Z = 0.8416212335729143
 """Quantile :data:`CERTAIN` of the standard normal distribution."""
 
@@ -73,57 +74,23 @@ class Remedy(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class FieldDose:
+class FieldDose(DosePlan):
     """Dose of a field.
 
     :param dose: of each cell of the map, in the order of ``grid.cells``
-    :param zones: from the lowest to the highest dose
     :param below: what is taken of the soil below the sensed depth, as a sentence; empty if the sensor sees it all
     :param remedies: what would make the need of more places certain, the best first
     """
 
-    settings: DoseSettings
     dose: Dose
-    zones: Sequence[DoseZone]
     below: str
     remedies: Sequence[Remedy]
-
-    @cached_property
-    def sure(self) -> float:
-        """Share of the area where it is certain whether plants lack water now [0..1]."""
-        return sure_share(self.dose)
-
-    @property
-    def irrigated(self) -> list[DoseZone]:
-        """Zones that get water."""
-        return [zone for zone in self.zones if zone.gross_mm > 0]
-
-    @property
-    def area_m2(self) -> float:
-        """Area that gets water [m^2]."""
-        return sum(zone.area_m2 for zone in self.irrigated)
-
-    @property
-    def volume_m3(self) -> float:
-        """Water for the field [m^3]."""
-        return total_m3(self.zones)
-
-    @property
-    def certain(self) -> bool:
-        """True if 80 % or more of the area that gets water can be expected to need it; without a dose, if 80 % or
-        more of the field can be expected not to.
-        """
-        zones = self.irrigated or self.zones
-        right = sum((z.needed if z.gross_mm else 1 - z.needed) * z.area_m2 for z in zones)
-        return right >= CERTAIN * sum(zone.area_m2 for zone in zones)
 
     @property
     def content(self) -> dict[str, Any]:
         """Figures for ``summary.json``."""
-        columns = (
-            "number", "gross_mm", "net_mm", "p05_mm", "p95_mm", "area_m2", "volume_m3", "needed", "sure",
-            "rings_m",
-        )  # fmt: skip
+        figures = [field.name for field in fields(DoseZone)[1:]]
+        columns = [*figures, "area_m2", "volume_m3", "rings_m"]
         return {
             "missing": None, "settings": self.settings.model_dump(), "target_vwc": self.settings.full,
             "needed_below_vwc": self.settings.stress, "area_m2": self.area_m2, "volume_m3": self.volume_m3,
@@ -145,50 +112,101 @@ class NoDose(NamedTuple):
         return {**self._asdict(), "settings": None}
 
 
+def has_level(run: MapRun) -> bool:
+    """True if limits, amounts of water and advice may rest on the moisture of a map."""
+    return absolute(run) and is_usable(run.soil_map)
+
+
+@once_a_run
+def root_zone(run: MapRun) -> tuple[DoseSettings, str] | None:
+    """Limits of the root zone with the soil below the sensed depth, and what is taken of that in words; ``None``
+    without a level, or without wilting point and field capacity.
+    """
+    curve = run.soil_map.curve
+    if curve is None or not has_level(run) or run.irrigation.wilting_point is None:
+        return None
+    depth_mm = None if run.sensed is None else 10 * run.sensed.depth_cm[0]
+    below, text = below_sensed(depth_mm, run.irrigation, *_surveys(run, curve))
+    return DoseSettings(**run.irrigation.model_dump(), **below), text
+
+
+@once_a_run
+def to_capacity(run: MapRun) -> Dose | None:
+    """Water that each cell lacks to field capacity; ``None`` without :func:`root_zone`, or without such pores."""
+    found = root_zone(run)
+    try:
+        return None if found is None else _need(run, found[0].model_copy(update=_CAPACITY))
+    except InputError:
+        return None
+
+
+def _need(run: MapRun, settings: DoseSettings) -> Dose:
+    soil_map, mask = run.soil_map, run.soil_map.grid.mask
+    assert soil_map.curve is not None
+    return find_dose(soil_map.rate[mask], soil_map.rate_sd[mask], soil_map.curve, settings)
+
+
 @once_a_run
 def field_dose(run: MapRun) -> FieldDose | NoDose:
     """Dose of a run, or why there is none."""
-    soil_map, curve = run.soil_map, run.soil_map.curve
-    lacking = _lacking(run)
-    if lacking is not None or curve is None:
+    soil_map, lacking, zone = run.soil_map, _lacking(run), root_zone(run)
+    if lacking is not None or zone is None:
         return lacking or NoDose("the sensor is not calibrated", "calibrate it with soil cores")
-    mask = soil_map.grid.mask
+    settings, text = zone
     try:
-        below, text = _below(run, curve)
-        settings = DoseSettings(**run.irrigation.model_dump(), **below)
-        dose = find_dose(soil_map.rate[mask], soil_map.rate_sd[mask], curve, settings)
-        area = field_polygon(soil_map)
+        known = to_capacity(run) if settings == settings.model_copy(update=_CAPACITY) else None
+        dose, area = known or _need(run, settings), field_polygon(soil_map)
         zones = zones_of_dose(dose, soil_map.grid.cells, soil_map.grid.cell_m, area, settings)
     except InputError as error:
         mistake = error.mistakes[0]
         return NoDose(mistake.message, mistake.remedy)
+    method = "cores" if run.calibration is None else run.calibration.method
     sure = sure_share(dose)
-    remedy = _CORES_OF.get("cores" if run.calibration is None else run.calibration.method)
-    if run.calibration is not None and remedy is not None and sure < USEFUL_SHARE:
-        how = f"by the {run.calibration.method} calibration"
-        return NoDose(f"{how} the need is certain on only {100 * sure:.0f} % of the area", remedy)
-    return FieldDose(settings, dose, zones, text, remedies(run, settings, dose))
+    return useless(method, sure) or FieldDose(settings, zones, sure, dose, text, remedies(run, settings, dose))
+
+
+def useless(method: str, sure: float) -> NoDose | None:
+    """Reason to give no dose by a general or combined calibration; ``None`` if it is certain enough."""
+    remedy = _CORES_OF.get(method)
+    if remedy is None or sure >= USEFUL_SHARE:
+        return None
+    return NoDose(
+        f"by the {method} calibration the need is certain on only {100 * sure:.0f} % of the area", remedy
+    )
 
 
 def _lacking(run: MapRun) -> NoDose | None:
     """What a run lacks for a dose."""
+    curve, places = run.soil_map.curve, 1 if at_one_place(run) else len(run.soil_map.samples)
+    return lacking(curve, calibration_of(run), is_usable(run.soil_map), places, run.irrigation)
+
+
+def lacking(
+    curve: MoistureCurve | None, origin: str, usable: bool, places: int, limits: Irrigation | None
+) -> NoDose | None:
+    """What a map lacks for a dose.
+
+    :param origin: of its calibration, see :func:`.calibration_state`
+    :param usable: whether the moisture is possible on most of the area
+    :param places: number of measured places
+    """
     cores = "calibrate it with soil cores"
-    if not run.calibrated:
+    if curve is None:
         return NoDose("the sensor is not calibrated", cores)
-    if calibration_of(run) == UNKNOWN_SENSOR:
+    if origin == UNKNOWN_SENSOR:
         what = "the sensor is unknown, and with it the level of the moisture"
         return NoDose(what, "name the sensor with --sensor MODEL, or calibrate it with soil cores")
-    if not absolute(run):
+    if origin == ILLUSTRATIVE:
         return NoDose("the calibration is a guess", cores)
-    if run.soil_map.curve is not None and not run.soil_map.curve.n0_sd_cps > 0:
+    if not curve.n0_sd_cps > 0:
         return NoDose("the calibration states no ±", "give n0_sd_cps in the site file, or run soilmoist calibrate")
-    if not is_usable(run.soil_map):
+    if not usable:
         return NoDose("the moisture is impossible on much of the area", "check N0, bulk density and tubes")
-    if at_one_place(run):
+    if places == 1:
         return NoDose("all records are of one place", "drive the sensor over the field")
-    if len(run.soil_map.samples) < FEW_PLACES:
+    if places < FEW_PLACES:
         return NoDose(f"there are fewer than {FEW_PLACES} places", "measure at more places")
-    if run.irrigation.wilting_point is None or run.irrigation.field_capacity is None:
+    if limits is None or limits.wilting_point is None or limits.field_capacity is None:
         what = "texture, or wilting_point and field_capacity, are not in the site file"
         return NoDose(what, "give irrigation: {texture: CLASS} with the class of the soil, such as loam")
     return None
@@ -211,15 +229,19 @@ def soil_water_index(days: Array, vwc: Array, time_days: float) -> tuple[float, 
     return index, gain
 
 
-def _below(run: MapRun, curve: MoistureCurve) -> tuple[dict[str, Any], str]:
-    """Share, shift and standard deviation of the soil below the sensed depth, and a sentence about it."""
-    depth_mm = DEFAULT_DEPTH_MM if run.sensed is None else 10 * run.sensed.depth_cm[0]
-    root_mm, limits = run.irrigation.root_depth_mm, run.irrigation
+def below_sensed(
+    depth_mm: float | None, limits: Irrigation, days: Array, vwc: Array
+) -> tuple[dict[str, Any], str]:
+    """Share, shift and standard deviation of the soil below the sensed depth, and a sentence about it.
+
+    :param depth_mm: sensed depth [mm], ``None`` if it is not known
+    :param days: rising times of the surveys [d], and the moisture of the field then [m^3/m^3], shape (n,) each
+    """
+    depth_mm, root_mm = depth_mm or DEFAULT_DEPTH_MM, limits.root_depth_mm
     share = max(1 - depth_mm / root_mm, 0.0)
     if share == 0:
         return {}, ""
     sd = BELOW_SD_SHARE * ((limits.field_capacity or 0.0) - (limits.wilting_point or 0.0))
-    days, vwc = _surveys(run, curve)
     found = f"The counts come from the upper {depth_mm:.0f} mm, the roots reach {root_mm:.0f} mm."
     if len(days) < 2:
         text = f"{found} The soil below is taken to be as moist, ± {100 * sd:.1f} % by volume: an assumption."
@@ -294,7 +316,7 @@ class _Decision:
         from scipy.special import ndtr
 
         settings, curve = self.settings, self.curve
-        edge = np.asarray(curve.rate_cps(max(settings.stress - settings.below_share * settings.below_shift, 0.0)))
+        edge = np.asarray(curve.rate_cps(max(settings.stress - settings.shift, 0.0)))
         common = None if leave_out == "calibration" else common_rate_sd(curve, self.rate)
         exact = {"limits": {"wilting_point_sd": 0.0, "field_capacity_sd": 0.0}, "below": {"below_sd": 0.0}}
         of_limit = settings.model_copy(update=exact.get(leave_out)).stress_sd / abs(float(curve.slope(edge)))

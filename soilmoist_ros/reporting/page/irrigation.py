@@ -7,12 +7,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.mapping import SoilMap, common_rate_sd
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.reporting.budget import make_budget
+from soilmoist_ros.reporting.budget import level_remedy, make_budget, place_remedy
 from soilmoist_ros.reporting.certainty import (
     CERTAIN,
     Certainty,
@@ -22,10 +25,18 @@ from soilmoist_ros.reporting.certainty import (
     class_probability,
     once_a_run,
 )
-from soilmoist_ros.reporting.dose import capped, zones_by_dose, zones_mean
+from soilmoist_ros.reporting.dose import missing_mm, zones_by_dose, zones_mean
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
-from soilmoist_ros.reporting.page.field_dose import FEW_PLACES, FieldDose, NoDose, field_dose
+from soilmoist_ros.reporting.page.field_dose import (
+    FEW_PLACES,
+    FieldDose,
+    NoDose,
+    field_dose,
+    has_level,
+    root_zone,
+    to_capacity,
+)
 from soilmoist_ros.reporting.page.frame import part_of_area, percent, volume
 from soilmoist_ros.reporting.page.statistics import calibration_sd, is_usable, mean_moisture, unusable_share
 from soilmoist_ros.sensing import UNKNOWN_SENSOR
@@ -34,6 +45,8 @@ Array = NDArray[np.float64]
 
 COLOURS = ("#d8b365", "#a6d5cf", "#2166ac")
 """Colours of dry, medium and moist; readers with colour-blindness can distinguish them."""
+MEASURED_LIMITS = "measured field capacity and wilting point"
+MEASURED_BELOW = "a measurement of the soil below the sensed depth"
 RELATIVE = ("driest third", "middle third", "wettest third")
 BY_USER = ("dry", "medium", "moist")
 BY_PLANT = ("too dry", "enough water", "too wet")
@@ -47,7 +60,7 @@ class IrrigationZone:
     :param share: share of the field's area [0..1]
     :param water_mm: mean water in the root zone [mm], NaN without a calibration
     :param missing_mm: mean water missing to field capacity [mm], NaN if that is unknown; ``missing_mm_p05`` and
-        ``missing_mm_p95`` are quantiles of what is missing at a place, mean over the zone
+        ``missing_mm_p95`` are its quantiles at a place, mean over the zone. All are those of the dose
     """
 
     name: str
@@ -90,7 +103,6 @@ class IrrigationAdvice:
     :param number: number of the zone of each cell, NaN outside the field, shape (ny, nx)
     :param sure: whether a cell is certain of its zone, shape (ny, nx)
     :param not_dry: whether a cell is certain not to be in the first zone, shape (ny, nx)
-    :param by_calibration: whether only the calibration leaves open if a cell is in it, shape (ny, nx)
     :param edges: limits between the zones [m^3/m^3]; ``None`` if they only compare places of this field
     :param basis: where the limits of the zones come from, as a sentence
     :param water: water in the root zone of the mean of the field, as a sentence; empty without a real calibration
@@ -104,14 +116,13 @@ class IrrigationAdvice:
     number: Array
     sure: NDArray[np.bool_]
     not_dry: NDArray[np.bool_]
-    by_calibration: NDArray[np.bool_]
     edges: tuple[float, ...] | None
     basis: str
     water: str
     level: str
     steps: tuple[str, ...] = ()
     dose: FieldDose | NoDose | None = None
-    doses: tuple[DoseRow, ...] = ()
+    doses: tuple[SimpleNamespace, ...] = ()
 
     @property
     def advice(self) -> str:
@@ -145,26 +156,29 @@ def irrigation(run: MapRun) -> IrrigationAdvice:
     soil_map, of_moisture = run.soil_map, _of_moisture(run)
     # Minus the rate where no moisture can be used: more is moister.
     values = np.where(soil_map.grid.mask, soil_map.vwc if of_moisture else -soil_map.rate, np.nan)
-    names, edges, basis = _edges(run, values)
-    relative = names == RELATIVE
-    number = np.where(np.isfinite(values), np.searchsorted(edges, np.nan_to_num(values), side="right"), np.nan)
-    probability = _probability(run, number, edges, relative)
-    zones = tuple(_zone(run, i, names[i], edges, values, number, probability) for i in range(3))
-    first = np.where(np.isfinite(number), 0.0, np.nan)
-    dry, by_counts = (_probability(run, first, edges, alone) for alone in (relative, True))
-    not_dry = (number > 0) & (1 - dry >= CERTAIN)
-    by_calibration = (np.abs(dry - 0.5) < CERTAIN - 0.5) & (np.abs(by_counts - 0.5) >= CERTAIN - 0.5)
-    limits, sure = None if relative else tuple(edges.tolist()), probability >= CERTAIN
-    found = IrrigationAdvice(zones, number, sure, not_dry, by_calibration, limits, basis, _water(run), _level(run))
-    dose = field_dose(run)
-    doses = tuple(dose_rows(run, dose)) if isinstance(dose, FieldDose) else ()
-    found = replace(found, dose=dose, doses=doses)
-    return replace(found, steps=tuple(_steps(run, found)))
+    limits = _limits(run, values)
+    index = np.searchsorted(limits.edges - limits.shift, np.nan_to_num(values), side="right")
+    number = np.where(np.isfinite(values), index, np.nan)
+    probability = _probability(run, number, limits)
+    zones = tuple(_zone(run, i, limits, values, number, probability) for i in range(3))
+    dry = _probability(run, np.where(np.isfinite(number), 0.0, np.nan), limits)
+    edges = None if limits.names == RELATIVE else tuple(limits.edges.tolist())
+    found = IrrigationAdvice(
+        zones, number, probability >= CERTAIN, (number > 0) & (1 - dry >= CERTAIN), edges, limits.basis,
+        _water(run), _level(run), dose=field_dose(run),
+    )  # fmt: skip
+    doses = tuple(dose_rows(run, found.dose)) if isinstance(found.dose, FieldDose) else ()
+    return replace(found, doses=doses, steps=tuple(_steps(run, found, limits)))
 
 
-def has_level(run: MapRun) -> bool:
-    """True if limits, amounts of water and advice may rest on the moisture of a map."""
-    return absolute(run) and is_usable(run.soil_map)
+class _Limits(NamedTuple):
+    """Names of the zones, the two limits between them, and their origin; see :func:`class_probability`."""
+
+    names: tuple[str, ...]
+    edges: Array
+    basis: str
+    sds: tuple[float, ...] = ()
+    shift: float = 0.0
 
 
 def _of_moisture(run: MapRun) -> bool:
@@ -172,62 +186,59 @@ def _of_moisture(run: MapRun) -> bool:
     return run.calibrated and is_usable(run.soil_map)
 
 
-def _probability(run: MapRun, number: Array, edges: Array, relative: bool) -> Array:
+def _probability(run: MapRun, number: Array, limits: _Limits) -> Array:
     """Probability of a zone in each cell; of a rate map the zones count from many to few neutrons."""
-    soil_map = run.soil_map
+    soil_map, relative = run.soil_map, limits.names == RELATIVE
     if not _of_moisture(run):
-        return class_probability(soil_map.rate, soil_map.rate_sd, 2 - number, -edges[::-1], None, relative)
-    return class_probability(soil_map.rate, soil_map.rate_sd, number, edges, soil_map.curve, relative)
+        return class_probability(soil_map.rate, soil_map.rate_sd, 2 - number, -limits.edges[::-1], None, relative)
+    of_limits = limits.edges, soil_map.curve, relative, limits.sds, limits.shift
+    return class_probability(soil_map.rate, soil_map.rate_sd, number, *of_limits)
 
 
-def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
-    """Names of the zones, the two limits between them, and their origin."""
-    limits, stress, holds = run.irrigation, run.irrigation.stress, has_level(run)
+def _limits(run: MapRun, values: Array) -> _Limits:
+    limits, zone, holds = run.irrigation, root_zone(run), has_level(run)
     if holds and limits.dry_below is not None and limits.moist_above is not None:
-        return BY_USER, np.array([limits.dry_below, limits.moist_above]), "The limits are those of the site file."
-    if holds and limits.wilting_point is not None and limits.field_capacity is not None:
+        basis = "The limits are those of the site file."
+        if zone is not None and limits.stress != limits.dry_below:
+            basis += (
+                f" They do not decide the dose: dry is below {volume(limits.dry_below)} % here, and plants lack "
+                f"water below {volume(limits.stress)} % there."
+            )
+        return _Limits(BY_USER, np.array([limits.dry_below, limits.moist_above]), basis)
+    if zone is not None:
         basis = (
-            f"Plants lack water below {volume(stress)} %: there, {percent(limits.depletion)} of the water between "
-            f"field capacity ({volume(limits.field_capacity)} %) and wilting point "
+            f"Plants lack water below {volume(limits.stress)} %: there, {percent(limits.depletion)} of the water "
+            f"between field capacity ({volume(limits.field_capacity)} %) and wilting point "
             f"({volume(limits.wilting_point)} %) is used up. Above field capacity the soil drains."
         ) + (f" Both are typical values of {limits.texture}, not measured." if limits.texture else "")
-        return BY_PLANT, np.array([stress, limits.field_capacity]), basis
+        of_plants, sds = zone[0].limits
+        return _Limits(BY_PLANT, np.array(of_plants), basis, sds, zone[0].shift)
     edges = np.nanquantile(values, (1 / 3, 2 / 3))
     basis = "The zones only compare places of this field: each is about a third of the area, dry or wet."
-    if math.isnan(stress) and limits.dry_below is None:
+    if math.isnan(limits.stress) and limits.dry_below is None:
         basis += (
             " For absolute zones, give wilting point and field capacity, or your own limits, in the site file."
         )
     elif not holds:
         needed = "a moisture that this soil can have" if absolute(run) else "a calibrated sensor"
         basis += f" The limits of the site file need {needed}."
-    return RELATIVE, edges, basis
+    return _Limits(RELATIVE, edges, basis)
 
 
 def _zone(
-    run: MapRun, index: int, name: str, edges: Array, values: Array, number: Array, probability: Array
+    run: MapRun, index: int, limits: _Limits, values: Array, number: Array, probability: Array
 ) -> IrrigationZone:
-    chosen, soil_map = number == index, run.soil_map
-    share = _share(run, chosen)
-    depth, full = run.irrigation.root_depth_mm, run.irrigation.field_capacity
-    known: list[float] = []
+    chosen, zone, need = number == index, root_zone(run), to_capacity(run)
+    share, known = _share(run, chosen), list[float]()
     if has_level(run) and chosen.any():
-        known = [float(values[chosen].mean()) * depth]
-        if full is not None:
-            bands = (values, soil_map.vwc_p95, soil_map.vwc_p05)  # less is missing where it is wetter
-            known += [missing_mm(band[chosen], full, depth) for band in bands]
-    size_m2, text = share * float(field_polygon(soil_map).area), _range_text(run, index, edges)
-    return IrrigationZone(name, text, COLOURS[index], size_m2, share, certainty(probability[chosen]), *known)
-
-
-def missing_mm(vwc: Array, field_capacity: float, root_depth_mm: float) -> float:
-    """Mean water that is missing to field capacity [mm].
-
-    :param vwc: moisture of places [m^3/m^3]; what one of them has too much does not help the others
-    :param field_capacity: [m^3/m^3]
-    :param root_depth_mm: depth to fill [mm]; moisture is taken as the same at all depths
-    """
-    return float(np.maximum(field_capacity - vwc, 0).mean()) * root_depth_mm
+        shift = 0.0 if zone is None else zone[0].shift
+        known = [float(values[chosen].mean() + shift) * run.irrigation.root_depth_mm]
+        if need is not None:
+            own = chosen[run.soil_map.grid.mask]
+            known += [float(band[own].mean()) for band in (need.net_mm, need.p05_mm, need.p95_mm)]
+    size_m2, text = share * float(field_polygon(run.soil_map).area), _range_text(run, index, limits.edges)
+    sure = certainty(probability[chosen])
+    return IrrigationZone(limits.names[index], text, COLOURS[index], size_m2, share, sure, *known)
 
 
 def _range_text(run: MapRun, index: int, edges: Array) -> str:
@@ -251,13 +262,20 @@ def _water(run: MapRun) -> str:
             f"At the end the upper {depth:g} mm of the soil held {middle:.0f} mm of water (90 % interval "
             f"{low:.0f} to {high:.0f} mm), if the soil below the reach of the sensor was as moist as above."
         )
-    mean = mean_moisture(run.soil_map)
+    mean, zone = mean_moisture(run.soil_map), root_zone(run)
     if mean is None or not math.isfinite(mean.value):
         return ""
+    low, middle, high, below = mean.p05, mean.value, mean.p95, "as moist as above"
+    if zone is not None and zone[1]:
+        away = SoilMap.QUANTILE_SD * zone[0].below_share * zone[0].below_sd
+        low, high = middle - math.hypot(middle - low, away), middle + math.hypot(high - middle, away)
+        low, middle, high = (max(value + zone[0].shift, 0.0) for value in (low, middle, high))
+        if (by := zone[0].below_shift) != 0:
+            below = f"{100 * abs(by):.1f} % by volume {'moister' if by > 0 else 'drier'} than above"
+        below += f", ± {100 * zone[0].below_sd:.1f} %"
     text = (
-        f"On average the upper {depth:g} mm of the soil hold {mean.value * depth:.0f} mm of water "
-        f"(90 % interval {mean.p05 * depth:.0f} to {mean.p95 * depth:.0f} mm), if the soil below the reach of the "
-        "sensor is as moist as above"
+        f"On average the upper {depth:g} mm of the soil hold {middle * depth:.0f} mm of water (90 % interval "
+        f"{low * depth:.0f} to {high * depth:.0f} mm), if the soil below the reach of the sensor is {below}"
     )
     return f"{text}." if mean.common_sd > 0 else f"{text}. An error of the calibration is not included."
 
@@ -296,7 +314,7 @@ def _level(run: MapRun) -> str:
     return f"Calibrated{source}: the percentages and millimetres are meant as they stand, with their intervals."
 
 
-def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
+def _steps(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> Iterator[str]:
     """The next steps that help most. They never rest on a zone that is not certain."""
     samples = len(run.soil_map.samples)
     if calibration_of(run) == UNKNOWN_SENSOR:
@@ -315,7 +333,7 @@ def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
         yield f"Next: {todo}. Until then the map says where it is drier and wetter, not if water is needed."
     elif at_one_place(run):
         if found.edges:
-            yield _on_place(run, found)
+            yield _on_place(run, found, limits)
         yield "Next: for a map of the surroundings, drive the sensor over the field or move it between places."
     elif samples < FEW_PLACES:
         yield f"Next: measure at more places; {samples} are too few to know how sure the map is."
@@ -323,31 +341,39 @@ def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
         yield from _on_dose(run, found.dose)
         yield from _on_wet(found)
     elif found.edges:
-        yield from _on_dry(run, found)
+        yield from _on_dry(run, found, limits)
         yield from _on_wet(found)
     elif not (found.zones[0].certainty.certain and found.zones[2].certainty.certain):
         yield (
-            f"Next: count longer or at more places{_where(run, ~found.sure)}; now the zone is certain on only "
+            f"Next: {place_remedy(run)}{_where(run, ~found.sure)}; now the zone is certain on only "
             f"{percent(found.sure_share)} of the area."
         )
     else:
         yield "Next: compare the zones with what you see in the field, and measure again after rain or irrigation."
 
 
-def _on_place(run: MapRun, found: IrrigationAdvice) -> str:
+def _on_place(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> str:
     """Advice for a probe that stays at one place, by the last step of its series."""
-    bands, edges = moisture_series(run.track, run.soil_map.curve).bands, np.array(found.edges)
-    dry = float(class_probability(bands.rate[-1:], bands.rate_sd[-1:], 0, edges, run.soil_map.curve, False)[0])
-    is_dry = float(bands.vwc[-1]) < edges[0]
+    bands, curve = moisture_series(run.track, run.soil_map.curve).bands, run.soil_map.curve
+    rate, sd = bands.rate[-1:], bands.rate_sd[-1:]
+    of_limits = limits.edges, curve, False, limits.sds, limits.shift
+    dry = float(class_probability(rate, sd, 0, *of_limits)[0])
+    is_dry = float(bands.vwc[-1]) + limits.shift < limits.edges[0]
     seen = f"at the end it was {'' if is_dry else 'not '}{found.zones[0].name} here"
     if max(dry, 1 - dry) < CERTAIN:
-        return f"{seen.capitalize()}, but that is not certain: count longer first."
+        todo = _remedy(run, limits, rate, sd) or "count longer first"
+        return f"{seen.capitalize()}, but that is not certain: {todo}."
     return f"{'Irrigate' if is_dry else 'No irrigation needed now'}: {seen}."
 
 
-def _on_dry(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
+def _on_dry(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> Iterator[str]:
     """Advice on the driest zone: parts to irrigate, parts to leave, and parts that are uncertain."""
-    dry, as_well = found.zones[0], ""
+    dry, as_well, soil_map = found.zones[0], "", run.soil_map
+
+    def first(chosen: NDArray[np.bool_]) -> str:
+        remedy = _remedy(run, limits, soil_map.rate[chosen], soil_map.rate_sd[chosen])
+        return remedy or f"{place_remedy(run)} there first{_where(run, chosen)}"
+
     if dry.share > 0:
         as_well = " as well"
         if dry.certainty.certain:
@@ -359,7 +385,7 @@ def _on_dry(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
             )
         else:
             seems = f"{dry.name.capitalize()} on {dry.area}, certain on {dry.sure_area}"
-            yield f"{seems}: {_remedy(run, found, found.number == 0)}."
+            yield f"{seems}: {first(found.number == 0)}."
     open_cells = (found.number > 0) & ~found.not_dry
     moist, unclear = _area(run, found.not_dry), _area(run, open_cells)
     if not open_cells.any() and not as_well:
@@ -367,17 +393,27 @@ def _on_dry(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
     elif found.not_dry.any():
         yield f"No irrigation needed now on {'the other ' if as_well and not open_cells.any() else ''}{moist}."
     if open_cells.any() and not as_well and not found.not_dry.any():
-        todo = _remedy(run, found, open_cells)
+        todo = first(open_cells)
         yield f"No part of the field seems {dry.name}, but that is certain on none of it: {todo}."
     elif open_cells.any():
-        yield f"The other {unclear} may be {dry.name}{as_well}: {_remedy(run, found, open_cells)}."
+        yield f"The other {unclear} may be {dry.name}{as_well}: {first(open_cells)}."
 
 
-def _remedy(run: MapRun, found: IrrigationAdvice, chosen: NDArray[np.bool_]) -> str:
-    """Remedy for uncertain cells: more counts, or a better calibration where the counts alone would do."""
-    if 2 * np.count_nonzero(chosen & found.by_calibration) > np.count_nonzero(chosen):
-        return "take more soil cores first, since the calibration, not the counts, leaves it open"
-    return f"count longer there first{_where(run, chosen)}"
+def _remedy(run: MapRun, limits: _Limits, rate: Array, rate_sd: Array) -> str:
+    """Remedy for the largest error of places that are not certain to be dry; empty if that is of the counts."""
+    curve, zone = run.soil_map.curve, root_zone(run)
+    if curve is None:
+        return ""
+    common = 0.0 if (found := common_rate_sd(curve, rate)) is None else float(np.mean(found**2))
+    variances = {"": float(np.mean(rate_sd**2)), level_remedy(run): common}
+    if limits.sds and zone is not None:
+        edge = float(curve.rate_cps(max(limits.edges[0] - limits.shift, 0.0)))
+        below = zone[0].below_share * zone[0].below_sd
+        slope = abs(float(curve.slope(edge)))
+        variances[MEASURED_BELOW] = (below / slope) ** 2
+        variances[MEASURED_LIMITS] = (math.sqrt(max(limits.sds[0] ** 2 - below**2, 0.0)) / slope) ** 2
+    largest = max(variances, key=lambda name: variances[name])
+    return f"first get {largest}, since this, not the counts, leaves it open" if largest else ""
 
 
 def _share(run: MapRun, chosen: NDArray[np.bool_]) -> float:
@@ -428,17 +464,17 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
             smallest = f"{found.settings.doses_mm[0]:g} mm, the smallest dose of the machine"
             what = f"No irrigation yet: what is missing is nearer to nothing than to {smallest}"
     else:
-        mean = 1000 * found.volume_m3 / found.area_m2
-        amount = f"{mean:.0f} mm" if min(doses) == max(doses) else f"{min(doses):g} to {max(doses):g} mm"
+        amount = " to ".join(f"{dose:g}" for dose in sorted({min(doses), max(doses)})) + " mm"
         of = f" of {part_of_area(whole_m2, whole_m2)}" if found.area_m2 < 0.999 * whole_m2 else ""
         what = f"Irrigate {amount} on {area.rsplit(' ', 1)[0] if of else area}{of} ({found.volume_m3:,.0f} m³)"
     before: tuple[str, ...] = ("simulated",) if run.simulated else ()
     before += () if found.certain else ("best estimate, not certain",)
-    what = ": ".join([*before, what[0].lower() + what[1:]])
-    yield f"{what[0].upper()}{what[1:]}{_capped(found)}; {share}{_surer(found)}."
+    what, left = ": ".join([*before, what[0].lower() + what[1:]]), found.capped[1]
+    most = f"; {found.largest_text()}, about {left:.0f} mm remain missing" if left else ""
+    yield f"{what[0].upper()}{what[1:]}{most}; {share}{_surer(run, found)}."
     if doses:
         settings = found.settings
-        net, low, high = (zones_mean(found.irrigated, name) for name in ("net_mm", "p05_mm", "p95_mm"))
+        net, low, high = found.missing_mm
         loss = f", and {percent(1 - settings.efficiency)} is lost on the way" if settings.efficiency < 1 else ""
         yield (
             f"There {net:.0f} mm ({low:.0f} to {high:.0f} mm) are missing to {volume(settings.full)} % in the "
@@ -448,14 +484,7 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
         yield found.below
 
 
-def _capped(found: FieldDose) -> str:
-    """What the largest dose of the machine leaves missing, as a part of a sentence; empty if it is enough."""
-    top, left = capped(found.zones, found.settings)
-    text = f"; {top:g} mm is the largest dose of the machine, about {left:.0f} mm remain missing"
-    return text if left else ""
-
-
-def _surer(found: FieldDose) -> str:
+def _surer(run: MapRun, found: FieldDose) -> str:
     """What would make the dose surer, as the end of a sentence."""
     if not found.remedies:
         return ""
@@ -463,45 +492,20 @@ def _surer(found: FieldDose) -> str:
     if best.what == "counting":
         where = f" in the {best.part}" if best.part else ""
         return f"; {best.minutes} more minutes of counting{where} would make it {percent(best.share)}"
-    what = {
-        "calibration": "a core day",
-        "limits": "measured field capacity and wilting point",
-        "below": "a measurement of the soil below the sensed depth",
-    }[best.what]
+    others = {"calibration": level_remedy(run), "limits": MEASURED_LIMITS, "below": MEASURED_BELOW}
+    what = others[best.what]
     return f"; {what}, not more counting, could make it up to {percent(best.share)}"
 
 
-@dataclass(frozen=True)
-class DoseRow:
-    """A dose of the table, with all its zones."""
-
-    dose: str
-    area: str
-    volume: str
-    missing: str
-    interval: str
-    needed: str
-    sure: str
-
-
-def dose_rows(run: MapRun, found: FieldDose) -> list[DoseRow]:
-    """The doses from low to high, and their sum, in words."""
-    whole_m2 = float(field_polygon(run.soil_map).area)
-    rows = []
+def dose_rows(run: MapRun, found: FieldDose) -> list[SimpleNamespace]:
+    """The doses from low to high in words, each with all its zones."""
+    whole_m2, rows = float(field_polygon(run.soil_map).area), []
     for gross, zones in zones_by_dose(found.zones).items():
-        size = sum(zone.area_m2 for zone in zones)
-        net, low, high, needed, sure = (
-            zones_mean(zones, name) for name in ("net_mm", "p05_mm", "p95_mm", "needed", "sure")
-        )
-        rows.append(
-            DoseRow(
-                f"{gross:g} mm" if gross else "none",
-                part_of_area(size, whole_m2),
-                f"{gross / 1000 * size:,.0f} m³" if gross else "–",
-                f"{net:.0f} mm",
-                f"{low:.0f} to {high:.0f} mm",
-                percent(needed),
-                percent(sure),
-            )
-        )
+        size, (net, low, high) = sum(zone.area_m2 for zone in zones), missing_mm(zones)
+        rows.append(SimpleNamespace(
+            dose=f"{gross:g} mm" if gross else "none", area=part_of_area(size, whole_m2),
+            volume=f"{gross / 1000 * size:,.0f} m³" if gross else "–", missing=f"{net:.0f} mm",
+            interval=f"{low:.0f} to {high:.0f} mm", needed=percent(zones_mean(zones, "needed")),
+            sure=percent(zones_mean(zones, "sure")),
+        ))  # fmt: skip
     return rows

@@ -63,39 +63,24 @@ def render_report(run: MapRun) -> str:
     found, still = irrigation(run), at_one_place(run)  # a probe that stays at one place has no map
     variograms, curve = list(variogram_charts(run)), run.soil_map.curve
     return render_page(
-        "report.html.j2",
-        title=run.title,
-        version=run.version,
-        place=run.field_name,
-        when=wording.survey_time(run),
-        where=wording.place(run),
-        simulated=run.simulated,
-        run=run,
-        curve=curve,
-        facts=wording.facts(run),
-        headline=wording.headline(run),
-        notes=notes(run),
-        irrigation=found,
+        "report.html.j2", title=run.title, version=run.version, place=run.field_name,
+        when=wording.survey_time(run), where=wording.place(run), simulated=run.simulated, run=run, curve=curve,
+        facts=wording.facts(run), headline=wording.headline(run), notes=notes(run), irrigation=found,
         guessed=calibration_of(run) in NO_LEVEL,
         series=moisture_chart(moisture_series(run.track, curve)) if still and curve is not None else None,
-        covariates=_covariate_rows(run),
-        map_data=None if still else viewer_data(run, found),
+        covariates=_covariate_rows(run), map_data=None if still else viewer_data(run, found),
         pictures=() if still else list(pictures(run)),
         budgets=[part for one in run.properties if (part := budget_part(one)) is not None],
-        earlier=earlier_part(run),
-        mission=mission_part(run),
-        variograms=[chart for chart, _ in variograms],
-        classes=[classes for _, classes in variograms],
-        charts=list(_charts(run)),
+        earlier=earlier_part(run), mission=mission_part(run), variograms=[chart for chart, _ in variograms],
+        classes=[classes for _, classes in variograms], charts=list(_charts(run)),
         truths=[
             (one.label or one.name or "the map", truth_score(one.soil_map, one.truth_rate))
             for one in run.properties
             if one.truth_rate is not None
         ],
-        model=_model_rows(run),
-        outside=sum(row.count for row in run.losses if row.consequence != "kept"),
+        model=_model_rows(run), outside=sum(row.count for row in run.losses if row.consequence != "kept"),
         datum=wording.datum(run),
-    )
+    )  # fmt: skip
 
 
 def budget_part(run: MapRun) -> Part | None:

@@ -30,9 +30,9 @@ from soilmoist_ros.reporting.colours import (
 from soilmoist_ros.reporting.dose import dose_at
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts import round_ticks
-from soilmoist_ros.reporting.page.field_dose import FieldDose
+from soilmoist_ros.reporting.page.field_dose import FieldDose, has_level
 from soilmoist_ros.reporting.page.frame import percent, plain, round_step
-from soilmoist_ros.reporting.page.irrigation import IrrigationAdvice, has_level
+from soilmoist_ros.reporting.page.irrigation import IrrigationAdvice
 
 Array = NDArray[np.float64]
 
@@ -91,11 +91,9 @@ def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
     samples = np.column_stack([one.xy, one.counts, one.exposure_s])
     robots = len(run.tracks_xy)
     return {
-        "view": [round(edge, 2) for edge in edges],
-        "place": place_data(run.frame, edges),
+        "view": [round(edge, 2) for edge in edges], "place": place_data(run.frame, edges),
         "rootDepth": run.irrigation.root_depth_mm if has_level(run) else 0,
-        "grids": [grid_data(one.soil_map.grid) for one in run.properties],
-        "layers": list(_layers(run, found)),
+        "grids": [grid_data(one.soil_map.grid) for one in run.properties], "layers": list(_layers(run, found)),
         "zones": [{"name": zone.name, "limits": zone.limits, "colour": zone.colour} for zone in found.zones],
         "edge": [rounded(ring) for ring in rings(run.soil_map)],
         "noGo": [rounded(hole) for hole in run.soil_map.grid.holes],
@@ -115,7 +113,7 @@ def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
             for record in run.quarantined
             if math.isfinite(record.x_m)
         ],
-    }
+    }  # fmt: skip
 
 
 def view(run: MapRun) -> tuple[float, float, float, float]:

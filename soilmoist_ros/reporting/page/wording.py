@@ -25,7 +25,7 @@ from soilmoist_ros.pipeline import (
     mean_rate,
     track_xy,
 )
-from soilmoist_ros.reporting.budget import make_budget
+from soilmoist_ros.reporting.budget import level_remedy, make_budget, place_remedy
 from soilmoist_ros.reporting.certainty import calibration_of
 from soilmoist_ros.reporting.geometry import distances_m, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
@@ -344,6 +344,11 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
     unknown = calibration_of(run) == UNKNOWN_SENSOR  # such intervals end there, however long the stops
     unclear = statistics.beyond_limits_share(soil_map) - below - too_wet - negative
     pores, unsure = volume(limits.saturation), "the map of the rate is not sure enough there"
+    budget = make_budget(run)
+    if budget is not None and budget.level_sd > budget.place_sd:
+        reached = f"what is unsure is the level of the whole map; {level_remedy(run)} would help"
+    else:
+        reached = f"{unsure}; {'longer' if place_remedy(run) == 'count longer' else 'more'} stops would help"
     why_wet = "N0 or the bulk density is probably too high, or not all tubes were counted"
     why_dry = "N0 is probably too low, or lattice and organic water too high"
     for code, share, text in (
@@ -365,8 +370,7 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
         (
             NoteCode.BEYOND_LIMITS,
             0.0 if unclear < MIN_UNCLEAR or at_one_place(run) or unknown else unclear,
-            f"the 90 % interval of the moisture reaches a limit of this soil, 0 or {pores} %: {unsure}; longer or "
-            "more stops would help.",
+            f"the 90 % interval of the moisture reaches a limit of this soil, 0 or {pores} %: {reached}.",
         ),
     ):  # fmt: skip
         if share > 0:

@@ -12,7 +12,7 @@ from affine import Affine
 from shapely import Polygon, box
 
 from soilmoist_ros.foundation import LocalFrame
-from soilmoist_ros.reporting.dose import DoseZone
+from soilmoist_ros.reporting.dose import DoseSettings, DoseZone
 from soilmoist_ros.reporting.exports.irrigation import Plan
 from soilmoist_ros.reporting.exports.source import ExportedProperty, RunSource
 
@@ -36,9 +36,16 @@ def irrigated(doses=(0.0, 10.0, 15.0), latitude=53.27, longitude=-0.52, cell_m=2
     used = sorted(set(doses))
     zones = [
         DoseZone(
-            outline.intersection(part), used.index(gross) + 1, gross, 0.8 * gross, 0.5 * gross, 1.2 * gross, 0.9,
+            outline.intersection(part),
+            used.index(gross) + 1,
+            gross,
+            0.8 * gross,
+            0.5 * gross,
+            1.2 * gross,
+            0.9 if gross else 0.1,
             0.7,
         )
         for part, gross in zip(PARTS, doses, strict=True)
-    ]  # fmt: skip
-    return source, Plan(one, zones, "2026-05-03", True)
+    ]
+    settings = DoseSettings(wilting_point=0.1, field_capacity=0.3, max_dose_mm=100)
+    return source, Plan(settings, zones, 0.55, one, "2026-05-03")

@@ -21,6 +21,7 @@ from reporting.exports.irrigated import OUTLINE, irrigated
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import BorderSource
+from soilmoist_ros.pipeline.field_survey import input_file
 from soilmoist_ros.reporting.exports import irrigation, isoxml, sheet
 from soilmoist_ros.reporting.exports.irrigation import (
     RATE_UNITS,
@@ -34,7 +35,9 @@ from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run, open_r
 from soilmoist_ros.reporting.exports.sheet import headline, write_sheet
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.outputs import write_outputs
-from soilmoist_ros.sensing import Irrigation
+from soilmoist_ros.reporting.page.field_dose import field_dose
+from soilmoist_ros.reporting.page.irrigation import irrigation as page_irrigation
+from soilmoist_ros.sensing import Irrigation, load_site
 
 MM = Units.of("mm")
 
@@ -93,7 +96,7 @@ def test_facts_fit_a_designator_and_the_headline_says_what_to_do():
     assert all(len(f"{name}: {value}") <= 32 for name, value in plan.facts.items())
     assert headline(plan, MM) == "Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
     assert headline(replace(plan, zones=plan.zones[:1]), MM) == "No irrigation"
-    guess = replace(plan, certain=False)
+    guess = replace(plan, zones=[replace(zone, needed=0.5) for zone in plan.zones])
     assert headline(guess, MM) == "Best estimate, not certain: Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
     assert guess.facts == {**plan.facts, "best estimate": "not certain"}
     assert all(len(f"{name}: {value}") <= 32 for name, value in guess.facts.items())
@@ -103,7 +106,9 @@ def test_facts_fit_a_designator_and_the_headline_says_what_to_do():
 
 def test_files_name_what_the_largest_dose_leaves_missing():
     source, plan = irrigated((0.0, 12.5, 17.5))
-    plan = replace(plan, capped=(17.5, 12.3))
+    small = {"steps_mm": 2.5, "max_dose_mm": 18.0, "root_depth_mm": 500}
+    zones = [replace(zone, net_mm=zone.gross_mm + 12.3 * (zone.gross_mm == 17.5)) for zone in plan.zones]
+    plan = replace(plan, zones=zones, settings=plan.settings.model_copy(update=small))
     assert plan.facts["capped at"] == "17.5 mm, 12 mm remain"
     assert all(len(f"{name}: {value}") <= 32 for name, value in plan.facts.items())
     assert dose_layer(source, plan, ExportSettings()).columns["LEFT_MM"].tolist() == [0, 0, 12.3]
@@ -111,7 +116,8 @@ def test_files_name_what_the_largest_dose_leaves_missing():
     assert b"capped at: 17.5 mm, 12 mm remain" in xml
     page = sheet.sheet(source, plan, ExportSettings(rate_unit="in"))
     shown = [text.get_text() for part in (page, *page.axes) for text in part.texts]
-    assert "0.69 in is the largest dose of the machine: about 0.48 in remain missing." in shown
+    largest = "0.69 in is the largest dose in steps of 0.1 in up to the 0.71 in of the machine"
+    assert f"{largest}: about 0.48 in remain missing." in shown
     assert {"area [ac]", "water [gal]", "missing [in]", "0.49 in", "0.69 in"} < set(shown)
     assert headline(plan, Units.of("in")) in shown
 
@@ -122,7 +128,7 @@ def test_the_sheet_is_one_page_with_every_dose(plan, tmp_path):
     (path,) = write_sheet(source, tmp_path, ExportSettings())
     content = path.read_bytes()
     assert (content.count(b"/Type /Page\n") + content.count(b"/Type /Page "), content[:5]) == (1, b"%PDF-")
-    its = replace(its, certain=False)
+    its = replace(its, zones=[replace(zone, needed=0.5) for zone in its.zones])
     page = sheet.sheet(source, its, ExportSettings(rate_unit="m3/ha"))
     shown = [text.get_text() for axes in page.axes for text in axes.texts] + [
         text.get_text() for text in page.texts
@@ -184,3 +190,42 @@ def test_a_run_is_exported_as_its_zones(make_run, tmp_path):
         export_run(folder, ["dose", "isoxml"], tmp_path / "none", settings, refused=[])
     assert len(refused.value.mistakes) == 2
     assert not list((tmp_path / "none").iterdir())
+
+
+@pytest.mark.slow
+def test_a_run_of_before_gets_its_dose_from_map_and_site_file(make_run, tmp_path):
+    site = tmp_path / "site.yaml"
+    site.write_text("irrigation: {wilting_point: 0.08, field_capacity: 0.3, root_depth_mm: 400, width_m: 8}\n")
+    run = make_run(irrigation=load_site(site).irrigation, inputs=[input_file(site, "site")])
+    folder = tmp_path / "run"
+    write_outputs(folder, run)
+    about = json.loads((folder / "summary.json").read_text())
+    told = irrigation_plan(open_source(open_run(folder)), ExportSettings())
+    del about["dose"], about["irrigation"]["root_zone"]
+    about["inputs"][0]["name"] = str(site)
+    (folder / "summary.json").write_text(json.dumps(about))
+    source = open_source(open_run(folder))
+    plan = irrigation_plan(source, ExportSettings())
+    assert any("made from its map and its site file" in note for note in source.notes)
+    assert plan.settings.below_share == told.settings.below_share > 0
+    assert plan.volume_m3 == pytest.approx(told.volume_m3, rel=0.05)
+    assert plan.sure == pytest.approx(told.sure, abs=0.05)
+    site.write_text("irrigation: {texture: loam}\n")
+    with pytest.raises(InputError, match=r"texture, or wilting_point .* was changed since"):
+        irrigation_plan(open_source(open_run(folder)), ExportSettings())
+
+
+def test_sheet_task_and_report_tell_of_the_same_ground(make_run):
+    """Water is missing where it is applied: not on the field, of which a half needs none."""
+    run = make_run(irrigation=Irrigation(wilting_point=0.08, field_capacity=0.3, width_m=8))
+    found, (source, _) = field_dose(run), irrigated()
+    assert found.area_m2 < 0.9 * source.boundary.area
+    plan = irrigation.Plan(found.settings, found.zones, found.sure, source.properties[0], "2026-05-03")
+    net, low, high = found.missing_mm
+    assert plan.facts["missing [mm]"] == f"{net:.0f} ({low:.0f} to {high:.0f})"
+    assert plan.facts["need sure on"] == f"{100 * found.sure:.0f} %"
+    said = " ".join(page_irrigation(run).steps)
+    assert f"There {net:.0f} mm ({low:.0f} to {high:.0f} mm) are missing" in said
+    assert f"need sure on {100 * found.sure:.0f} %" in said
+    xml, _ = isoxml.task_data(source, plan, ExportSettings(passes=5))
+    assert f"missing [mm]: {net:.0f} ({low:.0f} to {high:.0f})".encode() in xml

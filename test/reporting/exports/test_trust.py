@@ -18,6 +18,7 @@ from soilmoist_ros.pipeline.run import CalibrationInfo
 from soilmoist_ros.reporting import open_run, write_outputs
 from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run
 from soilmoist_ros.reporting.exports.source import ExportSettings
+from soilmoist_ros.reporting.page.field_dose import field_dose
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.sensing import Irrigation
 
@@ -51,7 +52,7 @@ def guessed(make_run, tmp_path_factory):
 def test_geotiffs_say_that_the_calibration_is_a_guess(guessed, name):
     with rasterio.open(guessed / name) as raster:
         assert raster.tags()["SOILMOIST_CALIBRATION"] == "illustrative"
-        assert "illustrative calibration" in raster.tags()["TIFFTAG_IMAGEDESCRIPTION"]
+        assert "calibration: illustrative" in raster.tags()["TIFFTAG_IMAGEDESCRIPTION"]
         assert "illustrative" in raster.tags(1)["long_name"] + raster.tags(1)["units"]
 
 
@@ -105,13 +106,16 @@ def test_a_folder_of_an_earlier_release_is_exported_as_illustrative_too(guessed,
     assert set(columns(path)["CALIBRATED"]) == {"illustrative"}
 
 
-def test_zones_state_what_the_report_states(make_run, the_map, tmp_path):
-    """One class on the whole field: polygon and report have the same cells, so the same figures."""
+@pytest.mark.parametrize(
+    "limits", [LIMITS, Irrigation(root_depth_mm=500.0, texture="loam")], ids=["known", "loam"]
+)
+def test_zones_state_what_the_report_states(make_run, the_map, tmp_path, limits):
+    """One class on the whole field: polygon, report and dose have the same cells, so the same figures."""
     vwc = np.where(the_map.grid.mask, 0.16, np.nan)
     soil = dataclasses.replace(
         the_map, rate=the_map.curve.rate_cps(vwc), variance=np.where(the_map.grid.mask, 0.02**2, np.nan)
     )
-    run = make_run(soil_map=soil, irrigation=LIMITS)
+    run = make_run(soil_map=soil, irrigation=limits)
     write_outputs(tmp_path, run)
     with rasterio.open(tmp_path / "map.tif", "r+", IGNORE_COG_LAYOUT_BREAK="YES") as raster:  # give it the map
         for number, name in enumerate(raster.descriptions[:-1], 1):  # but the dose
@@ -122,11 +126,16 @@ def test_zones_state_what_the_report_states(make_run, the_map, tmp_path):
     assert dry.share == 1.0
     assert (table["ZONE"].tolist(), table["NAME"].tolist()) == ([1], ["too dry"])
     assert table["CERTAIN"].tolist() == [int(dry.certainty.certain)] == [1]
+    dose = field_dose(run)
+    assert dry.certainty.expected == pytest.approx(dose.dose.needed.mean()), "one certainty for one ground"
+    assert dry.certainty.sure == pytest.approx(dose.sure)
+    assert dry.certainty.certain == dose.certain
+    assert dry.missing_mm == pytest.approx(dose.missing_mm[0], abs=0.05)
     assert table["SURE_PCT"][0] == 100 * dry.certainty.sure
-    assert table["MISS_MM"][0] == pytest.approx((0.30 - 0.16) * 500, abs=0.05)
-    assert (table["MISS_P05"][0], table["MISS_P95"][0]) == pytest.approx(
-        (dry.missing_mm_p05, dry.missing_mm_p95), abs=0.05
-    )
+    figures = ("missing_mm", "missing_mm_p05", "missing_mm_p95")
+    missing = [table[name][0] for name in ("MISS_MM", "MISS_P05", "MISS_P95")]
+    assert missing == pytest.approx([getattr(dry, name) for name in figures], abs=0.06)
+    assert missing[0] == pytest.approx((limits.field_capacity - 0.16) * 500, abs=5)
     assert table["WATER_MM"][0] == pytest.approx(80.0, abs=0.05)
     assert set(table["CALIBRATED"]) == {"own"}
 

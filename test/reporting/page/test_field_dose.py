@@ -93,7 +93,7 @@ def test_the_general_calibration_has_a_dose_where_it_is_sure(make_run, the_map):
     assert "more soil cores" in found.remedy
     own = make_run(irrigation=LIMITS, soil_map=wide, sensed=DEEP)
     assert isinstance(field_dose(own), FieldDose)
-    assert "; a core day, not more counting, could make it up to" in irrigation(own).steps[0]
+    assert "; more soil cores, on another day, not more counting, could make it up to" in irrigation(own).steps[0]
 
 
 def test_the_advice_leads_with_the_dose(make_run):
@@ -143,6 +143,9 @@ def test_the_lead_says_what_the_largest_dose_leaves(make_run):
         f"; 10 mm is the largest dose of the machine, about {left:.0f} mm remain missing; need sure on"
         in (irrigation(run).steps[0])
     )
+    steps = LIMITS.model_copy(update={"max_dose_mm": 13})
+    lead = irrigation(make_run(irrigation=steps, sensed=DEEP)).steps[0]
+    assert "; 10 mm is the largest dose in steps of 5 mm up to the 13 mm of the machine, about " in lead
     assert "largest dose" not in irrigation(make_run(irrigation=LIMITS, sensed=DEEP)).steps[0]
 
 

@@ -42,7 +42,7 @@ def test_available_water_gives_the_stress_point_and_the_missing_water(make_run, 
     for zone, chosen in zip(found.zones, (found.number == i for i in range(3)), strict=True):
         if chosen.any():
             missing = np.maximum(0.30 - the_map.vwc[chosen], 0).mean() * 500
-            assert zone.missing_mm == pytest.approx(missing)
+            assert zone.missing_mm == pytest.approx(missing, abs=9), "a mean over what the moisture may be"
             assert zone.water_mm == pytest.approx(the_map.vwc[chosen].mean() * 500)
 
 
@@ -57,6 +57,13 @@ def test_a_cell_is_certain_if_it_lies_in_its_zone_four_times_in_five(make_run, t
     np.testing.assert_array_equal(found.sure[clear], share[clear] >= 0.8)
     assert not found.sure[~the_map.grid.mask].any()
     assert found.sure_share == pytest.approx(found.sure[the_map.grid.mask].mean())
+
+
+def test_two_limits_of_dry_soil_are_told_once_with_both_numbers(make_run):
+    own = {"dry_below": 0.25, "moist_above": 0.35}
+    told = irrigation(make_run(irrigation=Irrigation(texture="loam", **own)))
+    assert "dry is below 25.0 % here, and plants lack water below 21.0 % there" in told.basis
+    assert "21.0 % there" not in irrigation(make_run(irrigation=Irrigation(**own))).basis
 
 
 def test_a_guessed_calibration_has_no_absolute_zones(make_run):
@@ -98,10 +105,16 @@ def test_a_probe_at_one_place_has_its_water_at_the_end(make_run, map_of):
     end = float(moisture_series(track, map_of(n=1).curve).bands.vwc[-1])
     limits = Irrigation(dry_below=end + 1e-4, moist_above=0.9)
     unsure = irrigation(make_run(soil_map=map_of(n=1), track=track, irrigation=limits)).steps[0]
-    assert unsure == "At the end it was dry here, but that is not certain: count longer first."
+    said = "At the end it was dry here, but that is not certain: "
+    level = "first get more soil cores, on another day, since this, not the counts, leaves it open."
+    assert unsure == said + level
+    soil = dataclasses.replace(map_of(n=1), curve=dataclasses.replace(map_of(n=1).curve, n0_sd_cps=1e-3))
+    unsure = irrigation(make_run(soil_map=soil, track=track, irrigation=limits)).steps[0]
+    assert unsure == said + "count longer first."
 
 
-LIMITS = Irrigation(dry_below=0.21, moist_above=0.30).model_copy(update={"field_capacity": 0.30})  # and no dose
+LIMITS = Irrigation(dry_below=0.21, moist_above=0.30, wilting_point=0.12, field_capacity=0.30, width_m=90)
+"""Wider than the field: there is no dose."""
 
 
 @pytest.fixture
@@ -124,14 +137,14 @@ def advised(make_run, the_map):
         ((0.15, 0.15, 0.05), ["Irrigate the 0.11 ha that are dry (certain on all of it).", "Filling"]),
         ((0.26, 0.26, 0.05), ["No irrigation needed now: no part of the field is dry."]),
         ((0.40, 0.40, 0.02), ["No irrigation needed now: no part of", "Moist on 0.11 ha (certain on"]),
-        ((0.205, 0.26, 0.05), ["Dry on 0.06 ha, certain on none of it: count longer there first (",
+        ((0.205, 0.26, 0.05), ["Dry on 0.06 ha, certain on none of it: count at more places there first (",
                                "No irrigation needed now on the other 0.05 ha."]),
         ((0.15, 0.215, 0.05), ["Irrigate the 0.06 ha that are dry",
                                "Filling their root zone to field capacity takes 45 mm (",
-                               "The other 0.05 ha may be dry as well: count longer there first (mostly in"]),
+                               "The other 0.05 ha may be dry as well: count at more places there first (mostly"]),
         ((0.214, 0.213, 0.05), ["No part of the field seems dry, but that is certain on none of it: count"]),
         ((0.31, 0.29, 0.05), ["No irrigation needed now: no part", "Moist on 0.06 ha, certain on none of it."]),
-        ((0.19, 0.19, 0.01, LIMITS, 0.5), ["Dry on 0.11 ha, certain on none of it: take more soil"]),
+        ((0.19, 0.19, 0.01, LIMITS, 0.5), ["Dry on 0.11 ha, certain on none of it: first get more soil"]),
         ((0.10, 0.26, 0.05, Irrigation(dry_below=0.2, moist_above=0.25)),
          ["Irrigate the 0.06 ha that are dry", "With field capacity in the site file",
           "No irrigation needed now on the other 0.05 ha.", "Moist on 0.05 ha"]),
