@@ -12,8 +12,7 @@ import rasterio
 from rasterio import Affine
 
 from soilmoist_ros.console.background import GROUND, MARGIN, MAX_BYTES, make_background
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame
 
 FRAME = LocalFrame(53.268, -0.5245)
 FIELD = np.array([(0.0, 0.0), (100.0, 0.0), (100.0, 80.0), (0.0, 80.0)])

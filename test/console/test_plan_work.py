@@ -19,11 +19,10 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.console.board import Board
+from soilmoist_ros.console import Board, Walk
 from soilmoist_ros.console.plan_work import (
     MAX_PLACES,
     STEP_M,
-    Walk,
     check_field,
     field_text,
     forecast,
@@ -32,8 +31,7 @@ from soilmoist_ros.console.plan_work import (
     walked,
 )
 from soilmoist_ros.exploration.travel.topological_map import read_topological_map
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.border_file import MAX_MEMBERS, MAX_UNZIPPED_BYTES
 from soilmoist_ros.mapping.field import load_field
 

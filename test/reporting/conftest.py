@@ -13,11 +13,9 @@ import pytest
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, SoilMap, Variogram, make_soil_map
 from soilmoist_ros.pipeline.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
-from soilmoist_ros.reporting.outputs import write_mission
-from soilmoist_ros.reporting.season import SeasonSettings, make_season
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
-from soilmoist_ros.sensing.moisture.footprint import SensedSoil
-from soilmoist_ros.sensing.records import NAN, CountRecord
+from soilmoist_ros.reporting import SeasonSettings, make_season, write_mission
+from soilmoist_ros.sensing import CalibrationCurve, CountRecord, MoistureCurve, SensedSoil
+from soilmoist_ros.sensing.records import NAN
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 CURVE = CalibrationCurve(7.0, 1.4, lattice_water=0.02, n0_sd_cps=0.1)

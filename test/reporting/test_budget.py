@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
 from soilmoist_ros.pipeline.run import CalibrationInfo, CorrectionRow
+from soilmoist_ros.reporting import make_budget, summary
 from soilmoist_ros.reporting.budget import (
     CORES,
     COUNTING,
@@ -27,13 +28,10 @@ from soilmoist_ros.reporting.budget import (
     SOURCES,
     WATER,
     level_parts,
-    make_budget,
 )
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.statistics import band_statistics
-from soilmoist_ros.reporting.run_summary import summary
-from soilmoist_ros.sensing import UncertaintyPart
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
+from soilmoist_ros.sensing import CalibrationCurve, UncertaintyPart, UniversalCurve
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = get_args(UncertaintyPart.model_fields["name"].annotation)

@@ -9,17 +9,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from soilmoist_ros.reporting.colours import (
-    DARKEST,
-    DIFFERENCE,
-    PALEST,
-    RATE,
-    UNCERTAIN,
-    WATER,
-    colour_ramp,
-    coloured_png,
-    hex_ramp,
-)
+from soilmoist_ros.reporting import RATE, UNCERTAIN
+from soilmoist_ros.reporting.colours import DARKEST, DIFFERENCE, PALEST, WATER, colour_ramp, coloured_png, hex_ramp
 
 
 @pytest.mark.parametrize("name", [WATER, RATE, UNCERTAIN, DIFFERENCE, f"{DIFFERENCE}_r"])

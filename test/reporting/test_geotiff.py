@@ -11,8 +11,7 @@ import pytest
 import rasterio
 from pyproj import Transformer
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.reporting import write_geotiff
 from soilmoist_ros.reporting.geotiff import BANDS, target_cells, write_cell_raster

@@ -10,16 +10,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from soilmoist_ros.reporting.live_view import (
-    DRY_TO_WET,
-    LiveBand,
-    LiveMap,
-    LiveMission,
-    LiveView,
-    map_picture,
-    render,
-)
-from soilmoist_ros.reporting.text_files import jsonable
+from soilmoist_ros.reporting import DRY_TO_WET, LiveMap, LiveMission, jsonable, render
+from soilmoist_ros.reporting.live_view import LiveBand, LiveView, map_picture
 
 RAMP = np.linspace(0.1, 0.4, 8)[None, :] * np.ones((8, 1))
 

@@ -11,11 +11,8 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.pipeline.log_map import MapSettings, map_logs
-from soilmoist_ros.pipeline.run import MapRun, NoteCode
-from soilmoist_ros.reporting import write_outputs
-from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
-from soilmoist_ros.reporting.page.wording import notes
+from soilmoist_ros.pipeline import MapRun, MapSettings, NoteCode, map_logs
+from soilmoist_ros.reporting import at_one_place, moisture_of_all, moisture_series, notes, write_outputs
 from soilmoist_ros.sensing import CountRecord, Site, process_logs, read_log
 
 STATION = Path(__file__).parents[2] / "examples" / "station_kansas_2021-10.dat"

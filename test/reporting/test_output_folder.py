@@ -9,16 +9,10 @@ import sys
 
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.pipeline.field_survey import require_crs
-from soilmoist_ros.reporting.output_folder import (
-    earlier_outputs,
-    remove_earlier,
-    require_free,
-    results_in,
-    writable,
-)
+from soilmoist_ros.reporting import earlier_outputs, remove_earlier, require_free, results_in
+from soilmoist_ros.reporting.output_folder import writable
 
 OURS = {"software": "soilmoist_ros", "title": "A map", "field": "north", "created_utc": "2026-05-01T10:00:00Z"}
 KANSAS = LocalFrame(38.7, -97.4)

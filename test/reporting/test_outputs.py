@@ -18,14 +18,12 @@ from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import make_soil_map
 from soilmoist_ros.recording import read_records
-from soilmoist_ros.reporting import outputs, write_outputs
-from soilmoist_ros.reporting.outputs import mission_run, write_mission
+from soilmoist_ros.reporting import mission_run, notes, outputs, write_mission, write_outputs
 from soilmoist_ros.reporting.page.report import mission_part, render_report
-from soilmoist_ros.reporting.page.wording import facts, headline, notes
+from soilmoist_ros.reporting.page.wording import facts, headline
 from soilmoist_ros.reporting.run_summary import mission_summary
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.simulation.mission.mission_result import TimedForecast
-from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation import MissionSettings, TimedForecast
 
 NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html", "records.csv", "soilmoist.qgs"]
 

@@ -13,8 +13,7 @@ import pytest
 import rasterio
 
 from soilmoist_ros.reporting.outputs import MISSION_NAMES, NAMES, mission_run, write_mission
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import simulate_mission
+from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 OTHER = ("map_synthetic_low.tif", "samples_synthetic_low.geojson", "records_synthetic_low.csv")

@@ -11,8 +11,8 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.soil_map import possible_moisture
+from soilmoist_ros.reporting import SeasonSettings, make_season
 from soilmoist_ros.reporting import season as module
-from soilmoist_ros.reporting.season import SeasonSettings, make_season
 from soilmoist_ros.reporting.season_outputs import render_season, summary
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 

@@ -13,15 +13,9 @@ import pytest
 from scipy.io import netcdf_file
 
 from reporting.packed import unpack, unpack_bits
+from soilmoist_ros.reporting import estimate_text, write_season
 from soilmoist_ros.reporting.geotiff import FILL
-from soilmoist_ros.reporting.season_outputs import (
-    NAMES,
-    estimate_text,
-    mean_chart,
-    render_season,
-    season_data,
-    write_season,
-)
+from soilmoist_ros.reporting.season_outputs import NAMES, mean_chart, render_season, season_data
 
 pytestmark = pytest.mark.slow  # the season that all use takes long to make
 

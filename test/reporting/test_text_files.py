@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from shapely.geometry import shape
 
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plain_values import csv_text, text_of_csv
+from soilmoist_ros.foundation import LocalFrame, csv_text, text_of_csv
 from soilmoist_ros.mapping import Samples, Variogram, make_soil_map
 from soilmoist_ros.reporting.opened_run import OpenedRun
 from soilmoist_ros.reporting.text_files import samples_collection, write_samples, write_visits

@@ -8,17 +8,8 @@ import re
 import numpy as np
 import pytest
 
-from soilmoist_ros.sensing.gnss import (
-    DEFAULT_UERE_M,
-    STATUS_OF_QUALITY,
-    Fix,
-    FixStatus,
-    Heard,
-    NoPlace,
-    clock_words,
-    covariance_of_ellipse,
-)
-from soilmoist_ros.sensing.records import Position
+from soilmoist_ros.sensing import Fix, FixStatus, Heard, Position, clock_words
+from soilmoist_ros.sensing.gnss import DEFAULT_UERE_M, STATUS_OF_QUALITY, NoPlace, covariance_of_ellipse
 
 
 def test_error_ellipse_at_an_angle_has_its_axes() -> None:

@@ -11,8 +11,7 @@ import numpy as np
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CalibrationCurve, CountRecord
 from soilmoist_ros.simulation.mission.mission_result import MapErrors, MappedProperty, MissionResult, SeriesRow
 
 TITLES = {

@@ -11,10 +11,8 @@ import pytest
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.pipeline.run import MapRun
 from soilmoist_ros.recording import write_records
-from soilmoist_ros.reporting import open_run, write_geotiff
-from soilmoist_ros.reporting.exports.source import RunSource, open_source
+from soilmoist_ros.reporting import RunSource, open_run, open_source, summary, write_geotiff
 from soilmoist_ros.reporting.outputs import _tags
-from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.reporting.text_files import write_json, write_samples, write_visits
 from soilmoist_ros.sensing.records import CountRecord
 

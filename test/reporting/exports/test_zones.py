@@ -12,8 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.reporting.exports.source import ExportedProperty
 from soilmoist_ros.reporting.exports.zones import contour_lines, levels, management_zones
 

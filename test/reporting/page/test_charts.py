@@ -20,8 +20,7 @@ from soilmoist_ros.reporting.page.charts import (
     round_ticks,
     time_axis,
 )
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CalibrationCurve, CountRecord
 
 
 def chart(*marks, **changes):

@@ -24,14 +24,11 @@ from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.pipeline.earlier_runs import run_change
 from soilmoist_ros.pipeline.field_survey import input_file
 from soilmoist_ros.pipeline.run import EarlierRun, InputFile, LossRow, Note, NoteCode
-from soilmoist_ros.reporting.outputs import write_outputs
+from soilmoist_ros.reporting import irrigation, mean_moisture, notes, summary, write_outputs
 from soilmoist_ros.reporting.page.frame import _text
-from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.report import earlier_part, render_report
-from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.reporting.page.viewer import viewer_data
-from soilmoist_ros.reporting.page.wording import notes, survey_time
-from soilmoist_ros.reporting.run_summary import summary
+from soilmoist_ros.reporting.page.wording import survey_time
 
 VOID = {"meta", "img", "input", "br", "link", "path"}
 MIN_TEXT_PX = 12

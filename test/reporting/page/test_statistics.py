@@ -19,19 +19,15 @@ from soilmoist_ros.mapping.samples import as_samples, footprint_spread
 from soilmoist_ros.mapping.soil_map import possible_moisture
 from soilmoist_ros.mapping.variogram.model import Amplitude
 from soilmoist_ros.pipeline.run import NoteCode
+from soilmoist_ros.reporting import covariate_importance, mean_moisture, notes, summary, truth_score
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.statistics import (
     calibration_sd,
-    covariate_importance,
     explained_share,
     leave_one_out,
-    mean_moisture,
     mean_sd,
     resolution_m,
-    truth_score,
 )
-from soilmoist_ros.reporting.page.wording import notes
-from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing import CountRecord, Kind, LoggerRecord, Position, Site
 from soilmoist_ros.sensing.checks.record_checks import Dispersion, TotalChecks, WeatherChecks, pressure_limits_hpa
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.survey import Survey
 
 

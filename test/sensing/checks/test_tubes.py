@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from soilmoist_ros.sensing import Kind, LoggerRecord
 from soilmoist_ros.sensing.checks.tubes import TubeChecks, combine_tubes, tube_shares
-from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import LoggerRecord
 
 T0 = 1.7e9
 RATE_CPS = 4.0

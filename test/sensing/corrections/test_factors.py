@@ -10,19 +10,16 @@ from crnpy import crnpy
 from hypothesis import given
 from hypothesis import strategies as st
 
+from soilmoist_ros.sensing import Corrections, CorrectionSettings, LoggerRecord, Site, standard_pressure_hpa
 from soilmoist_ros.sensing.corrections.factors import (
-    Corrections,
     absolute_humidity_gm3,
     atmospheric_depth_gcm2,
     barometric_coefficient,
     effective_exposure,
     f_biomass,
     f_road,
-    standard_pressure_hpa,
 )
-from soilmoist_ros.sensing.corrections.settings import BiomassCorrection, CorrectionSettings
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.sensing.corrections.settings import BiomassCorrection
 from soilmoist_ros.sensing.survey.correction import correct_record
 
 

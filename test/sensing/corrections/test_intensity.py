@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.corrections.factors import Corrections
+from soilmoist_ros.sensing import Corrections, NeutronMonitor
 from soilmoist_ros.sensing.corrections.intensity import (
     MONITORS,
     CosmicPlace,
-    NeutronMonitor,
     cosmic_place,
     cutoff_rigidity_gv,
     intensity_scale,

@@ -4,8 +4,7 @@ import sys
 
 import pytest
 
-from soilmoist_ros.foundation.configuration import config_folder
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError, config_folder
 from soilmoist_ros.sensing.formats.logger_format import LOGGERS, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.logger_reader import detect_format, read_log
 

@@ -7,9 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from soilmoist_ros.sensing.formats.logger_format import load_logger_format
-from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, read_log
-from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing import Kind, LogFile, detect_format, load_logger_format, read_log
 
 
 def write(tmp_path: Path, data: bytes) -> Path:

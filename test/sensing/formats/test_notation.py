@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
-from soilmoist_ros.sensing.formats.logger_reader import LogFile, RecordParser, read_log
-from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing import Kind, LogFile, LoggerFormat, read_log
+from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 
 FINAPP = "Datetime,neutrons,integration_time(s),temperature_ext(C),ur(%),pressure(hPa)"
 ROVER = """\

@@ -12,10 +12,9 @@ from crnpy import crnpy
 from hypothesis import given
 from hypothesis import strategies as st
 
+from soilmoist_ros.sensing import CalibrationCurve, LoggerRecord, Site, UniversalCurve
 from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
-from soilmoist_ros.sensing.moisture.curve import MAX_HUMIDITY_GM3, PARAMETER_SETS, CalibrationCurve, UniversalCurve
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.sensing.moisture.curve import MAX_HUMIDITY_GM3, PARAMETER_SETS
 from soilmoist_ros.sensing.survey.correction import correct_record
 
 CURVE = CalibrationCurve(n0_cps=6.0, bulk_density_gcm3=1.4, lattice_water=0.03, organic_water=0.01)

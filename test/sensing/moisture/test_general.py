@@ -16,11 +16,10 @@ from hypothesis import strategies as st
 from scipy.stats import norm, t
 
 from soilmoist_ros.mapping import make_bands
+from soilmoist_ros.sensing import CalibrationCurve, Site, Soil, SurveyAir, general_calibration
 from soilmoist_ros.sensing.corrections.intensity import cosmic_place
 from soilmoist_ros.sensing.moisture import general
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.general import SurveyAir, general_calibration, location_factor
-from soilmoist_ros.sensing.moisture.site import Site, Soil
+from soilmoist_ros.sensing.moisture.general import location_factor
 
 TABLE = Path(__file__).parents[2] / "data" / "general_calibration.csv"
 DRY_DIPPOLDISWALDE = SurveyAir(51.0, 13.7, 970.0, 15.0)

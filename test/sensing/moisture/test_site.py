@@ -9,8 +9,7 @@ import pytest
 from crnpy import crnpy
 from pydantic import ValidationError
 
-from soilmoist_ros.foundation.configuration import config_folder, resource_names
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError, config_folder, resource_names
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 from soilmoist_ros.sensing.moisture.site import (
     Calibration,

@@ -3,8 +3,7 @@
 
 import pytest
 
-from soilmoist_ros.sensing.moisture.site import Soil
-from soilmoist_ros.sensing.moisture.texture import TEXTURES
+from soilmoist_ros.sensing import TEXTURES, Soil
 
 
 def saxton_rawls(sand, clay, matter=2.5):

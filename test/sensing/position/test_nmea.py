@@ -9,11 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing import CovarianceKind, Fix, FixStatus, Kind, parse_nmea, read_positions
 from soilmoist_ros.sensing.formats.log_values import nmea_checksum
-from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, NoPlace
-from soilmoist_ros.sensing.position.nmea import NmeaParser, parse_nmea
-from soilmoist_ros.sensing.position.track_file import read_positions
-from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.gnss import NoPlace
+from soilmoist_ros.sensing.position.nmea import NmeaParser
 
 # The two sentences that every description of NMEA 0183 shows, with checksums as published.
 GGA = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47"

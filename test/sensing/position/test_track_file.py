@@ -7,8 +7,7 @@ import math
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.position.track_file import read_positions
-from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing import Kind, read_positions
 
 T0 = 1_778_749_200.0  # 2026-05-14 09:00 UTC
 FILES = {

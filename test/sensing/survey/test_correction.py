@@ -10,9 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
+from soilmoist_ros.sensing import CountRecord, Kind, LoggerRecord, Position, Site
 from soilmoist_ros.sensing.survey.correction import (
     UnusableRecordError,
     WeatherSeries,

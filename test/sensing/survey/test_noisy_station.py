@@ -9,9 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soilmoist_ros.sensing import CalibrationCurve, Site, process_logs, read_log
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
-from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing import CalibrationCurve, Kind, LoggerFormat, Site, process_logs, read_log
 
 DATA = Path(__file__).parents[2] / "data" / "noisy_station.csv"
 LOGGER = LoggerFormat.model_validate(

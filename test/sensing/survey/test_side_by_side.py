@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.sensing import LoggerRecord, Site, read_log
-from soilmoist_ros.sensing.survey.side_by_side import compare_side_by_side
+from soilmoist_ros.sensing import LoggerRecord, Site, compare_side_by_side, read_log
 
 KANSAS = Path(__file__).parents[3] / "examples" / "station_kansas_2021-10.dat"
 SITE = Site()

@@ -8,20 +8,16 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping import Variogram, load_field
 from soilmoist_ros.sensing.moisture.site import Irrigation, load_site
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.surrogate_field import (
-    CORES_SD,
-    GridExtent,
-    RateGrid,
-    kriged_grid,
+from soilmoist_ros.simulation import (
     simulated_site,
+    surrogate_field,
     write_field_file,
     write_site_file,
     write_truth_file,
 )
+from soilmoist_ros.simulation.fields.surrogate_field import CORES_SD, GridExtent, RateGrid, kriged_grid
 
 NO_GO = """
 name: "Holes: 'and' \\u00e4 \\"quotes\\""

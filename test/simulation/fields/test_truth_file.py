@@ -8,13 +8,10 @@ import re
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.configuration import resource, resource_names
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame, resource, resource_names
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.truth_file import load_surrogate
+from soilmoist_ros.simulation import load_surrogate, surrogate_field
 
 FRAME = LocalFrame(53.27, -0.52)
 FIELD = "datum: {latitude_deg: 53.27, longitude_deg: -0.52}\npolygon: [[0,0],[40,0],[40,30],[0,30]]\ncell_m: 2\n"

@@ -10,9 +10,8 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.outputs import write_mission
+from soilmoist_ros.simulation import MissionSettings, simulate_mission
 from soilmoist_ros.simulation.mission import channel
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 QUICK = MissionSettings(
     hours=0.25, cell_m=4.0, map_from="records", fit="reml", model="matern32", seed=3, preset="paper"

@@ -8,11 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping import PoissonKriging, Variogram
-from soilmoist_ros.mapping.variogram.model import Amplitude
-from soilmoist_ros.simulation.mission.efficiency import CLOSE, least_variance, mission_efficiency
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import simulate_mission
+from soilmoist_ros.mapping import Amplitude, PoissonKriging, Variogram
+from soilmoist_ros.simulation import MissionSettings, mission_efficiency, simulate_mission
+from soilmoist_ros.simulation.mission.efficiency import CLOSE, least_variance
 
 
 def mission(**changes):

@@ -13,10 +13,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from rehearsal.cases import GRAPHS, OUTLINES, random_ground
-from soilmoist_ros.exploration import STRATEGIES
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.topological_map import make_topological_map
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.exploration import STRATEGIES, Stop, TravelGraph, make_topological_map
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 

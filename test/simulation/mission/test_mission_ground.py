@@ -17,8 +17,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map, start_stops, travel_and_stops
 from soilmoist_ros.simulation.mission.settings import MissionSettings

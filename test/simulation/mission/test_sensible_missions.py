@@ -10,9 +10,7 @@ import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import simulate_mission
+from soilmoist_ros.simulation import MissionSettings, SurrogateField, simulate_mission
 
 
 def field(side_m, rate_cps, cell_m=None):

@@ -14,9 +14,7 @@ from soilmoist_ros.exploration.planning.dwell import FixedInterval
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.lab.campaign_file import Choices
-from soilmoist_ros.simulation import MissionSettings, PropertySettings, surrogate_field
-from soilmoist_ros.simulation.mission.settings import SETTINGS
-from soilmoist_ros.simulation.mission.simulator import simulate_mission
+from soilmoist_ros.simulation import SETTINGS, MissionSettings, PropertySettings, simulate_mission, surrogate_field
 
 NAMES = [item.name for item in dataclasses.fields(MissionSettings)]
 

@@ -14,17 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.mission.events import GoTo
-from soilmoist_ros.exploration.strategies.registry import STRATEGIES
-from soilmoist_ros.exploration.travel.topological_map import make_topological_map
-from soilmoist_ros.exploration.travel.travel import polyline_length_m
-from soilmoist_ros.exploration.travel.travel_graph import open_lattice
+from soilmoist_ros.exploration import STRATEGIES, GoTo, make_topological_map, open_lattice, polyline_length_m
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field_map import FieldMap
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation import MissionSettings, simulate_mission, surrogate_field
 from soilmoist_ros.simulation.mission import simulator
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
+from soilmoist_ros.simulation.mission.simulator import _Simulation
 
 SHORT = MissionSettings(hours=1.0, dwell="fmi:120", fit="reml", model="matern32", cell_m=2.0, preset="paper")
 

@@ -7,10 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.mission.mission_result import achieved
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import simulate_mission
+from soilmoist_ros.simulation import MissionSettings, achieved, simulate_mission, surrogate_field
 
 UNIFORM = replace(surrogate_field("smooth"), name="uniform", truth=lambda xy: np.full(len(xy), 8.0))
 

@@ -9,19 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.foundation.configuration import resource_names
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import simulate_mission
-from soilmoist_ros.simulation.robot.scenario import (
-    RAIN_S,
-    Occasion,
-    RateChange,
-    RateDrift,
-    Scenario,
-    load_scenario,
-)
+from soilmoist_ros.foundation import InputError, resource_names
+from soilmoist_ros.simulation import MissionSettings, load_scenario, simulate_mission, surrogate_field
+from soilmoist_ros.simulation.robot.scenario import RAIN_S, Occasion, RateChange, RateDrift, Scenario
 from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
 
 

@@ -12,19 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing import FORMAT_NAME, TUBES, Kind, LoggerRecord, format_record
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
-from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME, TUBES, format_record
-from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.simulation import LineServer, Reachable, Sent, write_ports_file
 from soilmoist_ros.simulation.robot import simulated_links as line_server
 from soilmoist_ros.simulation.robot.scenario import LinkFaults
-from soilmoist_ros.simulation.robot.simulated_links import (
-    FaultyLink,
-    LineServer,
-    Reachable,
-    Sent,
-    write_ports_file,
-)
+from soilmoist_ros.simulation.robot.simulated_links import FaultyLink
 
 PERIOD_S = 10.0
 

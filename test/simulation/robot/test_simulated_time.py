@@ -9,22 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
+from soilmoist_ros.exploration import GoalClient, GoalLimits, Phase, Stop, WayPoint
 from soilmoist_ros.exploration.navigation.navigator import Outcome
-from soilmoist_ros.exploration.travel.stop import Stop, WayPoint
 from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.simulation.robot.simulated_time import (
-    LIMITS_S,
-    SHORT_S,
-    Awaited,
-    RobotProgress,
-    SimulatedTime,
-    WaitingClock,
-    awaited,
-    end_to_react_to,
-    read_start_time,
-)
+from soilmoist_ros.simulation import RobotProgress, SimulatedTime, WaitingClock, end_to_react_to, read_start_time
+from soilmoist_ros.simulation.robot.simulated_time import LIMITS_S, SHORT_S, Awaited, awaited
 
 
 def test_simulated_time_follows_the_wall_clock_at_its_speed():

@@ -12,13 +12,10 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.sensing.corrections.factors import Corrections, effective_exposure
+from soilmoist_ros.sensing import FORMAT_NAME, Corrections, FixStatus, LoggerRecord, Position, Site, parse_nmea
+from soilmoist_ros.sensing.corrections.factors import effective_exposure
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
-from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
-from soilmoist_ros.sensing.gnss import FixStatus
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.nmea import NmeaParser, parse_nmea
-from soilmoist_ros.sensing.records import LoggerRecord, Position
+from soilmoist_ros.sensing.position.nmea import NmeaParser
 from soilmoist_ros.sensing.survey.survey import Survey
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field, surrogate_field
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
