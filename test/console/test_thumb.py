@@ -178,7 +178,8 @@ def test_the_end_leads_to_the_report_and_nothing_is_red(browser, served, tmp_pat
 
 CUT = """() => [...document.querySelectorAll("body :not(h1)")].filter((one) => {
     const box = one.getBoundingClientRect(), text = one.children.length === 0 && one.tagName !== "CANVAS";
-    return box.width && (box.right > innerWidth + 1 || text && one.scrollWidth > one.clientWidth + 1);
+    const slid = one.matches(".slide label") && one.scrollHeight > one.clientHeight + 1;
+    return box.width && (slid || box.right > innerWidth + 1 || text && one.scrollWidth > one.clientWidth + 1);
 }).map((one) => one.outerHTML)"""
 UNTRANSLATED = """async (texts) => {
     const { said } = await import("./page/texts.js");
