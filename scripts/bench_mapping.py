@@ -21,8 +21,10 @@ of 10 s every 6 m. The model is Matern 3/2 with a range of 30 m; maps of up to 2
 range for all directions, with the search for a direction, with the test of a variance that differs from place to
 place, and the published soft-L1 fit of the binned semivariogram.
 
-usage: .venv/bin/python scripts/bench_mapping.py [growth | fits] [--quick] [--repeats N] [--packages NAME ...]
-       [--save]
+``outputs``: time of writing all files of a run with and without an irrigation dose, one after the other in turn.
+
+usage: .venv/bin/python scripts/bench_mapping.py [growth | fits | outputs] [--quick] [--repeats N]
+       [--packages NAME ...] [--save]
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ import os
 import resource
 import statistics
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -430,9 +433,37 @@ def fits(sizes: Sequence[int], repeats: int, save: bool) -> None:
     results.publish("variogram", ("places", *kinds), rows, settings, save)
 
 
+def outputs(repeats: int, save: bool) -> None:
+    """Seconds of writing the files of a mission with and without a dose."""
+    from soilmoist_ros.mapping.kriging.poisson_kriging import _prior_covariance
+    from soilmoist_ros.reporting import mission_run, write_outputs
+    from soilmoist_ros.sensing import Irrigation
+    from soilmoist_ros.simulation import MissionSettings, simulate_mission
+
+    result = simulate_mission(MissionSettings(field="validation", hours=1.0))
+    dose = Irrigation(texture="loam", root_depth_mm=400, width_m=6)
+    seconds: dict[str, list[float]] = {"without": [], "with": []}
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in range(repeats + 1):  # the first one imports
+            for name, limits in (("without", Irrigation()), ("with", dose)):
+                run = mission_run(result, irrigation=limits)
+                _prior_covariance.cache_clear()  # as for the only run of a command
+                start = time.process_time()
+                write_outputs(Path(folder), run)
+                seconds[name].append(time.process_time() - start)
+    kinds = {"minimum": min, "median": statistics.median}
+    found = [[of(seconds[name][1:]) for name in seconds] for of in kinds.values()]
+    rows = [
+        (kind, f"{old:.3f}", f"{new:.3f}", f"{new / old:.2f}")
+        for kind, (old, new) in zip(kinds, found, strict=True)
+    ]
+    columns = ("of the runs", "without dose [s]", "with dose [s]", "ratio")
+    results.publish("outputs", columns, rows, f"validation field, processor time, {repeats} runs in turn", save)
+
+
 def main() -> int:
     parser = results.parser(__doc__)
-    parser.add_argument("part", nargs="?", choices=("growth", "fits"), help="instead of the comparison")
+    parser.add_argument("part", nargs="?", choices=("growth", "fits", "outputs"), help="instead of the comparison")
     parser.add_argument("--quick", action="store_true", help="a tenth of the cells, up to 300 samples, once each")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each; the median counts (default 3)")
     parser.add_argument("--models", nargs="+", default=["gaussian", "exponential", "spherical", "matern32"])
@@ -448,6 +479,9 @@ def main() -> int:
         return 0
     if arguments.part == "fits":
         fits(sizes, repeats, arguments.save)
+        return 0
+    if arguments.part == "outputs":
+        outputs(max(repeats, 25), arguments.save)
         return 0
     if importlib.util.find_spec("threadpoolctl") is not None:
         from threadpoolctl import threadpool_limits

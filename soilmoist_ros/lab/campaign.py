@@ -20,18 +20,9 @@ from soilmoist_ros.mapping import require_covariates
 from soilmoist_ros.simulation import surrogate_field
 
 __all__ = [
-    "Campaign",
-    "CampaignInterrupted",
-    "CampaignMission",
-    "CampaignOutcome",
-    "CampaignProgress",
-    "Failure",
-    "load_campaign",
-    "mission_key",
-    "missions",
-    "run_campaign",
-    "stored_rows",
-]
+    "Campaign", "CampaignInterrupted", "CampaignMission", "CampaignOutcome", "CampaignProgress", "Failure",
+    "load_campaign", "mission_key", "missions", "run_campaign", "stored_rows",
+]  # fmt: skip
 
 RUNS = "runs"
 """Folder of the finished missions inside the output folder."""

@@ -89,10 +89,9 @@ if TYPE_CHECKING:
         """Values of mission settings; each key takes one value or a list. ``runs`` defines the seeds."""
 else:
     Choices = create_model(
-        "Choices",
-        __base__=Section,
+        "Choices", __base__=Section,
         **{name: _key(setting) for name, setting in SETTINGS.items() if name != "seed"},
-    )
+    )  # fmt: skip
 
 
 class Experiment(Choices):
@@ -113,11 +112,9 @@ class Campaign(Section):
     description: str = ""
     """First paragraph of the report."""
     runs: Annotated[
-        tuple[Annotated[int, Setting(ge=0)], ...],
-        BeforeValidator(_seeds),
-        AfterValidator(_distinct),
+        tuple[Annotated[int, Setting(ge=0)], ...], BeforeValidator(_seeds), AfterValidator(_distinct),
         Setting(min_length=1),
-    ]
+    ]  # fmt: skip
     """Number of runs per combination, or their seeds."""
     table_every_s: Positive = 300.0
     """Time between the rows of the results table [s]."""

@@ -82,15 +82,10 @@ def pack(result: MissionResult, key: str) -> bytes:
     """Serialise a finished mission."""
     soil_map, plan = result.soil_map, mission_efficiency(result)
     about = {
-        "schema": SCHEMA,
-        "key": key,
-        "version": code_version(),
-        "settings": result.settings.as_dict(),
-        "field_title": result.field_title,
-        "ended": result.ended,
-        "efficiency": None if plan is None else plan.reached,
-        "visits": [asdict(visit) for visit in result.visits],
-    }
+        "schema": SCHEMA, "key": key, "version": code_version(), "settings": result.settings.as_dict(),
+        "field_title": result.field_title, "ended": result.ended,
+        "efficiency": None if plan is None else plan.reached, "visits": [asdict(visit) for visit in result.visits],
+    }  # fmt: skip
     empty: Array = np.empty(0)
     shown: Sequence[Array] = (
         (empty, empty, empty, empty, empty)

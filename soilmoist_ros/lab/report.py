@@ -77,32 +77,21 @@ def _experiments(data: CampaignData) -> Iterator[Row]:
     for experiment in data.campaign.experiments:
         mine = [mission.settings for mission in everything if experiment.name in mission.experiments]
         yield Row(
-            title=experiment.title or experiment.name,
-            description=experiment.description,
+            title=experiment.title or experiment.name, description=experiment.description,
             fields=", ".join(str(titles.get(name, name)) for name in dict.fromkeys(s.field for s in mine)),
             strategies=", ".join(strategy_text(name) for name in dict.fromkeys(str(s.strategy) for s in mine)),
             dwells=", ".join(dwell_text(name) for name in dict.fromkeys(str(s.dwell) for s in mine)),
             hours=", ".join(f"{value:g}" for value in dict.fromkeys(s.hours for s in mine)),
-            runs=str(len(data.campaign.runs)),
-            missions=len(mine),
-        )
+            runs=str(len(data.campaign.runs)), missions=len(mine),
+        )  # fmt: skip
 
 
 def _common_settings(data: CampaignData) -> list[tuple[str, str]]:
     """Common settings of all missions."""
     names = (
-        "model",
-        "fit",
-        "noise",
-        "local",
-        "drift_model",
-        "preset",
-        "travel",
-        "cell_m",
-        "footprint_m",
-        "position_sd_m",
-        "weather",
-    )
+        "model", "fit", "noise", "local", "drift_model", "preset", "travel", "cell_m", "footprint_m",
+        "position_sd_m", "weather",
+    )  # fmt: skip
     table = data.missions
     shared = [(name, table[name].iloc[0]) for name in names if table[name].nunique(dropna=False) == 1]
     return [(name, _setting(value)) for name, value in shared]
@@ -174,15 +163,12 @@ def _finals(data: CampaignData) -> Iterator[Row]:
         groups = data.groups(case)
         for position, (strategy, dwell, rows) in enumerate(groups):
             values = (
-                mean_sd_text(rows["mse"]),
-                mean_sd_text(100 * rows["mse"]),
-                mean_sd_text(100 * rows["vwc_rmse"]),
+                mean_sd_text(rows["mse"]), mean_sd_text(100 * rows["mse"]), mean_sd_text(100 * rows["vwc_rmse"]),
                 mean_sd_text(100 * rows["coverage95"], max_decimals=0),
-                mean_sd_text(rows["distance_m"], max_decimals=0),
-                mean_sd_text(rows["samples"], max_decimals=1),
+                mean_sd_text(rows["distance_m"], max_decimals=0), mean_sd_text(rows["samples"], max_decimals=1),
                 mean_sd_text(100 * rows["counting_share"], max_decimals=0),
                 mean_sd_text(100 * rows["efficiency"], max_decimals=0),
-            )
+            )  # fmt: skip
             first = len(groups) if position == 0 else 0
             last = position == len(groups) - 1
             yield Row(

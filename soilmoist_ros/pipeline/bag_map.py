@@ -456,18 +456,15 @@ def _no_map(
     mistake = _mistake(first, troubles, bag, error)
     return NoMapError(
         replace(
-            run,
-            why=" ".join(filter(None, [_sentence(mistake.message), _end(run.mission)])),
+            run, why=" ".join(filter(None, [_sentence(mistake.message), _end(run.mission)])),
             todo=[*filter(None, [_sentence(mistake.remedy)]), _REPLAY],
-            track=sorted(first.records, key=lambda record: record.stamp_s),
-            site=survey.site.name,
+            track=sorted(first.records, key=lambda record: record.stamp_s), site=survey.site.name,
             field_name=survey.field.name,
             inputs=[*run.inputs, *(input_file(path, role) for role, path in survey.files)],
-            losses=[*lost, *loss_rows_of(survey.map.snapshot())],
-            troubles=troubles,
+            losses=[*lost, *loss_rows_of(survey.map.snapshot())], troubles=troubles,
             simulated=run.simulated or survey.simulated,
         )
-    )
+    )  # fmt: skip
 
 
 def _mistake(

@@ -128,6 +128,8 @@ class FieldSurvey:
         site = self.calibrated(state).model_dump(
             mode="json", exclude_defaults=True, exclude={"calibration": {"parts"}}
         )
+        if math.isfinite(self.site.shield_radius_m):  # given, even if it is the default
+            site["footprint_radius_m"] = self.site.footprint_radius_m
         return {"site": site, "air": state.medians[:2], "simulated": self.simulated, "earlier": bool(self.earlier)}
 
     @property
@@ -196,9 +198,8 @@ def open_survey(
     site_path = resource("sites", site) if site else None
     # Nothing says that counts without a site file are those of a neutron sensor over soil.
     the_field, the_site = (
-        load_field(field_path),
-        sensing.load_site(site_path) if site_path else sensing.Site(calibration=None),
-    )
+        load_field(field_path), sensing.load_site(site_path) if site_path else sensing.Site(calibration=None),
+    )  # fmt: skip
     files = [("field", field_path), *([("site", site_path)] if site_path else [])]
     radius_m = the_site.footprint_radius_m
     grid = the_field.grid(values["cell_m"] or None, radius_m)
@@ -340,7 +341,7 @@ def make_run(
     return MapRun(
         soil_map=soil_map, frame=frame, created_utc=datetime.now(UTC), track=track,
         title=title or ("Soil moisture map" if site.curve else "Neutron count rate map"), site=site.name,
-        corrections=rows, version=__version__, footprint_radius_m=site.footprint_radius_m,
+        corrections=rows, version=__version__, **_footprint(track, site, bool(about.get("simulated"))),
         quarantined=[record for record in records if record.quarantine], **site_facts(site),
         time_zone=site.time_zone or "", sensed=_sensed_soil(soil_map, track, site), earlier=earlier,
         change=run_change(soil_map, stamp_s, earlier), **about,
@@ -387,28 +388,36 @@ def _correction_rows(records: Sequence[sensing.CountRecord], site: sensing.Site)
         found.append(CorrectionRow("plants", "1 / (1 - b B)", plants, *_range([settings.f_biomass]), "constant"))
     if settings.road is not None:
         road = {
-            "width [m]": settings.road.width_m,
-            "distance [m]": settings.road.distance_m,
-            "road [m3/m3]": settings.road.vwc,
-            "field [m3/m3]": settings.typical_vwc,
-        }
+            "width [m]": settings.road.width_m, "distance [m]": settings.road.distance_m,
+            "road [m3/m3]": settings.road.vwc, "field [m3/m3]": settings.typical_vwc,
+        }  # fmt: skip
         found.append(CorrectionRow("road", "1 / (1 + F1 F2 F3)", road, *_range([settings.f_road]), "constant"))
     return found
+
+
+def _mean_air(track: Sequence[sensing.CountRecord], site: sensing.Site) -> tuple[float, float]:
+    """Absolute humidity [g/m^3] and air pressure [hPa] of a survey, by the mean factors of its records."""
+    used = site.corrections_parameters
+    factors = (float(np.mean([getattr(one, name) for one in track])) for name in ("f_humidity", "f_pressure"))
+    return used.humidity_gm3(next(factors)), used.pressure_hpa(next(factors))
+
+
+def _footprint(track: Sequence[sensing.CountRecord], site: sensing.Site, simulated: bool) -> dict[str, Any]:
+    """Radius that the site file gives; else the default of a bare probe with its range."""
+    if simulated or math.isfinite(site.shield_radius_m) or not track:
+        return {"footprint_radius_m": site.footprint_radius_m}
+    low, usual, high = sensing.bare_radius_m(*_mean_air(track, site), site.vegetation_height_m)
+    return {"footprint_radius_m": usual, "footprint_range_m": (low, high)}
 
 
 def _sensed_soil(
     soil_map: SoilMap, track: Sequence[sensing.CountRecord], site: sensing.Site
 ) -> sensing.SensedSoil | None:
     """Depth and radius that the counts of a moisture map come from, in the mean air of the survey."""
-    curve, used = soil_map.curve, site.corrections_parameters
+    curve = soil_map.curve
     if curve is None or not track:
         return None
-    f_pressure = float(np.mean([record.f_pressure for record in track]))
-    f_humidity = float(np.mean([record.f_humidity for record in track]))
-    air = sensing.Footprint(
-        0.0, used.humidity_gm3(f_humidity), used.pressure_hpa(f_pressure), site.vegetation_height_m,
-        site.footprint_radius_m,
-    )  # fmt: skip
+    air = sensing.Footprint(0.0, *_mean_air(track, site), site.vegetation_height_m, site.shield_radius_m)
     vwc = soil_map.vwc[soil_map.grid.mask]
     return sensing.sensed_soil(vwc, curve.bulk_density_gcm3, curve.lattice_water + curve.organic_water, air)
 
@@ -458,11 +467,13 @@ def _calibration(site: sensing.Site) -> CalibrationInfo | None:
     if site.calibration is None or site.soil is None:
         return None
     source = ", ".join(filter(None, [site.calibration.date, site.calibration.note]))
+    told, of_soil = {part.name for part in site.calibration.parts}, sensing.soil_of(site)[1]
     return CalibrationInfo(
         n0_cps=site.calibration.n0_cps, bulk_density_gcm3=site.soil.bulk_density_gcm3,
         n0_sd_cps=site.calibration.n0_sd_cps, lattice_water=site.soil.lattice_water,
         organic_water=site.soil.organic_water, source=source, illustrative=site.calibration.illustrative,
-        method=site.calibration.method, parts=tuple(site.calibration.parts),
+        method=site.calibration.method,
+        parts=(*site.calibration.parts, *(part for part in of_soil if part.name not in told)),
     )  # fmt: skip
 
 

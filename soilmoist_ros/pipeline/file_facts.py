@@ -49,11 +49,9 @@ WEAK_TUBE = 0.2  # share of the mean count of the tubes below which a tube count
 _MAX_N0_SD = 0.3  # standard deviation of N0 beyond which it is in another unit, as a share of N0
 _DRY, _WET = 0.05, 0.40  # moisture of dry and wet soil, for examples [m^3/m^3]
 _NOTED = (
-    sensing.Kind.ASSUMED_TIME,
-    sensing.Kind.CHOSEN_POSITIONS,
-    sensing.Kind.DOUBTFUL_POSITIONS,
+    sensing.Kind.ASSUMED_TIME, sensing.Kind.CHOSEN_POSITIONS, sensing.Kind.DOUBTFUL_POSITIONS,
     sensing.Kind.CHECKSUM,
-)
+)  # fmt: skip
 
 
 class FileFinding(NamedTuple):
@@ -169,7 +167,9 @@ def site_findings(site: sensing.Site) -> Iterator[FileFinding]:
     :raises InputError: if the neutron-monitor file of the site cannot be used
     """
     side = "" if site.longitude == "signed" else f"; longitudes without a sign are {site.longitude}"
-    yield FileFinding("site", f"{site.name}; footprint {site.footprint_radius_m:g} m{side}")
+    given = math.isfinite(site.shield_radius_m)
+    footprint = f"{site.footprint_radius_m:g} m" if given else "not given, reports state that of a bare probe"
+    yield FileFinding("site", f"{site.name}; footprint {footprint}{side}")
     used, settings = site.corrections_parameters, site.corrections
     place = settings.place or site.location
     if place is not None:
@@ -352,12 +352,11 @@ def record_text(record: sensing.LoggerRecord) -> str:
     counts = ", ".join("none" if math.isnan(count) else f"{count:.0f}" for count in record.tube_counts)
     live_s = max((live for live in record.tube_live_s if live > 0), default=math.nan)
     parts = [
-        f"{datetime.fromtimestamp(record.stamp_s, UTC):%Y-%m-%d %H:%M:%S} UTC",
-        f"{counts} counts in {live_s:g} s",
+        f"{datetime.fromtimestamp(record.stamp_s, UTC):%Y-%m-%d %H:%M:%S} UTC", f"{counts} counts in {live_s:g} s",
         *([f"{record.pressure_hpa:.1f} hPa"] if math.isfinite(record.pressure_hpa) else ["no pressure"]),
         *([f"{record.temperature_degc:.1f} degC"] if math.isfinite(record.temperature_degc) else []),
         *([f"{record.relative_humidity:.0%}"] if math.isfinite(record.relative_humidity) else []),
-    ]
+    ]  # fmt: skip
     if record.position is not None:
         parts.append(f"{record.position.latitude_deg:.5f}, {record.position.longitude_deg:.5f}")
     return f"line {record.line}: {'; '.join(parts)}"

@@ -177,10 +177,7 @@ def map_logs(
     begin_s, end_s = settings.times_s
     unsigned = any(log.logger.position is not None and not log.logger.position.longitude_signed for log in logs)
     run = make_run(
-        soil_map,
-        sorted([*field_map.track, *survey.quarantined], key=attrgetter("stamp_s")),
-        site,
-        survey.frame,
+        soil_map, sorted([*field_map.track, *survey.quarantined], key=attrgetter("stamp_s")), site, survey.frame,
         field_name=field.name if field else "surroundings of the track",
         settings={
             **settings_of(field_map, soil_map, radius_m),
@@ -194,14 +191,11 @@ def map_logs(
             **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),
         },
         title=settings.title or ("Soil moisture over time" if site.curve and len(soil_map.samples) == 1 else None),
-        inputs=_inputs(read, settings),
-        logger_format=logs[0].logger.title,
+        inputs=_inputs(read, settings), logger_format=logs[0].logger.title,
         losses=[*loss_rows([*survey.problems, *read.track_problems]), *loss_rows_of(field_map.snapshot())],
-        simulated=simulated,
-        earlier=earlier,
-        covariates=field_map.knowledge.covariates,
+        simulated=simulated, earlier=earlier, covariates=field_map.knowledge.covariates,
         notes=_notes(read, survey),
-    )
+    )  # fmt: skip
     return run if reference is None else with_reference(run, reference)
 
 
@@ -335,11 +329,10 @@ def _inputs(read: _Logs, settings: MapSettings) -> list[InputFile]:
     files = [
         *(("neutron log", file, len(log.records)) for log in read.logs for file in message_files(log.path)),
         *(("GNSS log", file, None) for path in settings.nmea for file in message_files(path)),
-        ("site", read.site_file, None),
-        ("field", read.field_file, None),
+        ("site", read.site_file, None), ("field", read.field_file, None),
         ("reference sensor", settings.reference, None),
         *(("covariate", path, None) for path in dict.fromkeys(one.path for one in read.covariates)),
-    ]
+    ]  # fmt: skip
     return [input_file(path, role, count) for role, path, count in files if path is not None]
 
 
@@ -374,11 +367,9 @@ def loss_rows(problems: Sequence[Problem]) -> list[LossRow]:
     order = sorted(counts, key=lambda key: (ranks.index(key[1]), -counts[key], str(key[0])))
     return [
         LossRow(
-            kind=kind.text,
-            count=counts[kind, consequence],
-            example=str(replace(examples[kind, consequence], remedy="")),
-            consequence=consequence,
+            kind=kind.text, count=counts[kind, consequence],
+            example=str(replace(examples[kind, consequence], remedy="")), consequence=consequence,
             remedy=examples[kind, consequence].remedy,
         )
         for kind, consequence in order
-    ]
+    ]  # fmt: skip

@@ -220,19 +220,15 @@ def replay_mission(
     titles = [survey.field.name, *(one.name if one.truth is None else one.truth.title for one in others)]
     settings = _settings(configuration, robots[0].planner, course[-1][1], others)
     return MissionResult(
-        settings=replace(settings, robots=len(robots)),
-        series=rows,
-        visits=[visit for _, visit in visits],
+        settings=replace(settings, robots=len(robots)), series=rows, visits=[visit for _, visit in visits],
         tracks=tuple(track_xy(robot.records) for robot in robots),
         properties=[
             MappedProperty(one.name, title, one.records, None, truth, one.weight)
             for one, title, truth in zip(properties, titles, rasters, strict=True)
         ],
-        frame=survey.field.frame,
-        ended="; ".join(ends),
-        log=mission_log(robots, later_s),
+        frame=survey.field.frame, ended="; ".join(ends), log=mission_log(robots, later_s),
         forecasts=tuple(_forecasts([(time_s, status.forecast_data) for _, status, time_s in course])),
-    )
+    )  # fmt: skip
 
 
 def _forecasts(course: Sequence[tuple[float, str]]) -> Iterator[TimedForecast]:

@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 
 REMEDY = "restore the file, or make the run again"
 CURVES: Mapping[str, type[CalibrationCurve | UniversalCurve]] = {
-    "desilets": CalibrationCurve,
-    "universal": UniversalCurve,
-}
+    "desilets": CalibrationCurve, "universal": UniversalCurve,
+}  # fmt: skip
 """Calibration curves by the names in their parameters."""
 Number = Annotated[float, Field(ge=-1e300, le=1e300)]
 Positive = Annotated[float, Field(gt=0, le=1e300)]

@@ -191,6 +191,7 @@ class NoteCode(StrEnum):
     OTHER_TIME_OF_N0 = "other_time_of_n0"
     UNKNOWN_CALIBRATION = "unknown_calibration"
     ONE_PLACE = "one_place"
+    WIDE_FOOTPRINT = "wide_footprint"
     FEW_SAMPLES = "few_samples"
     NO_BETTER_THAN_MEAN = "no_better_than_mean"
     PRIOR_MATTERED = "prior_mattered"
@@ -277,6 +278,7 @@ class MapRun(SurveyTimes):
     :param simulated: the counts come from a simulation; every output says so
     :param truth_rate: true corrected rate on the map's grid [counts/s], shape (ny, nx), if known
     :param footprint_radius_m: radius of the soil seen by the sensor [m], 0 for a point, ``None`` if unknown
+    :param footprint_range_m: least and largest radius where this one is a default, that of a bare probe [m]
     :param name: name of the property for files: letters, digits and _
     :param label: name of the property for readers
     :param others: maps of the other properties of this run; they have no mission and no others
@@ -308,6 +310,7 @@ class MapRun(SurveyTimes):
     settings: Mapping[str, object] = field(default_factory=dict)
     truth_rate: NDArray[np.float64] | None = None
     footprint_radius_m: float | None = None
+    footprint_range_m: tuple[float, float] | None = None
     mission: MissionResult | None = None
     name: str = ""
     label: str = ""
@@ -363,7 +366,25 @@ class MapRun(SurveyTimes):
             return f"each place: the footprint of {self.soil_map.deconvolved_m:g} m is de-convolved"
         if known_m is None:
             return "mean over the footprint of the sensor around each place"
-        return f"mean over {known_m:g} m around each place" if known_m > 0 else "each place"
+        text = f"mean over {known_m:g} m around each place" if known_m > 0 else "each place"
+        if self.footprint_range_m is None or not known_m:
+            return text
+        low, high = self.footprint_range_m
+        return f"{text} (default of a bare probe, {low:g} to {high:g} m; footprint_radius_m is not given)"
+
+    @property
+    def blurred(self) -> str:
+        """What a footprint that is larger than the field means, as a sentence; empty if it is not."""
+        area_m2 = float(np.count_nonzero(self.soil_map.grid.mask)) * self.soil_map.grid.cell_m**2
+        radius_m = 0.0 if self.soil_map.deconvolved_m or self.simulated else self.footprint_radius_m or 0.0
+        if math.pi * radius_m**2 <= area_m2:
+            return ""
+        default = " (default of a bare probe)" if self.footprint_range_m else ""
+        return (
+            f"The sensor sees {radius_m:g} m around it{default}, more than this field: neighbouring places share "
+            "most of their counts, and the ground around the field counts too. The pattern is blurred, its zones "
+            "are hints, and one dose for the whole field is what the counts support."
+        )
 
     @property
     def calibrated(self) -> bool:

@@ -178,32 +178,39 @@ def zones_of_dose(
     :param xy: places of the dose, shape (n, 2) [m]
     :raises InputError: if the machine is wider than the field
     """
-    from scipy.spatial import cKDTree
+    from scipy.ndimage import distance_transform_edt
     from shapely import get_coordinates, point_on_surface
 
     smallest_m2 = SHARE_OF_FIELD * boundary.area if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
     along, across, size = swaths(boundary, settings, cell_m)
-    block, lines = _blocks(xy, along, across, size, cell_m, boundary)
-    faces = divided(lines, boundary)
+    blocks = _Blocks.over(xy, along, across, size, cell_m)
     steps = np.concatenate([[0.0], settings.doses_mm])
 
-    def step(chosen: NDArray[Any]) -> int:
-        """Number of the step that the mean need of some places asks for."""
-        away = np.abs(steps - dose.net_mm[chosen].mean() / settings.efficiency)
-        return int(np.argmin(away)) if dose.needed[chosen].mean() >= 0.5 else 0
+    def step(net_mm: Array, needed: Array) -> NDArray[np.intp]:
+        """Numbers of the steps that mean needs ask for."""
+        nearest = np.abs(steps - np.asarray(net_mm)[:, None] / settings.efficiency).argmin(axis=1)
+        return np.where(np.asarray(needed) >= 0.5, nearest, 0)
 
-    order = np.argsort(block, kind="stable")
-    of_block = np.array([step(some) for some in np.split(order, np.cumsum(np.bincount(block))[:-1])])
-    number = of_block[block[cKDTree(xy).query(get_coordinates(point_on_surface(faces)))[1]]]
+    block, every = blocks.index(xy), int(blocks.count.prod())
+    count = np.bincount(block, minlength=every)
+    means = (np.bincount(block, figure, every) / np.maximum(count, 1) for figure in (dose.net_mm, dose.needed))
+    # A block without a place is that of the nearest one that has some.
+    empty = (count == 0).reshape(blocks.count)
+    row, column = distance_transform_edt(empty, return_distances=False, return_indices=True)
+    of_block = step(*means)[(row * blocks.count[1] + column).ravel()]
+    faces = divided(blocks.borders(of_block, boundary), boundary)
+    number = of_block[blocks.index(get_coordinates(point_on_surface(faces)))]
     shapes, _ = workable(*dissolved(faces, number), smallest_m2, TOLERANCE_M, alike=True)
     # What has joined counts in the dose of its zone.
-    shapes, number = dissolved(shapes, np.array([step(_places(shape, xy)) for shape in shapes]))
+    places = [_places(shape, xy) for shape in shapes]
+    of_shapes = ([figure[own].mean() for own in places] for figure in (dose.net_mm, dose.needed))
+    shapes, number = dissolved(shapes, step(*map(np.array, of_shapes)))
     used, zones = sorted(set(number.tolist())), []
     for shape, index in zip(shapes, number.tolist(), strict=True):
         own = _places(shape, xy)
-        means = [float(figure[own].mean()) for figure in (dose.net_mm, dose.p05_mm, dose.p95_mm, dose.needed)]
-        means.append(float(dose.right(float(steps[index]), own).mean()))
-        zones.append(DoseZone(shape, used.index(index) + 1, float(steps[index]), *means))
+        figures = [float(figure[own].mean()) for figure in (dose.net_mm, dose.p05_mm, dose.p95_mm, dose.needed)]
+        figures.append(float(dose.right(float(steps[index]), own).mean()))
+        zones.append(DoseZone(shape, used.index(index) + 1, float(steps[index]), *figures))
     return sorted(zones, key=lambda zone: (zone.number, -zone.area_m2))
 
 
@@ -256,27 +263,46 @@ def swaths(boundary: BaseGeometry, settings: DoseSettings, cell_m: float) -> tup
     return along, across, min(settings.width_m * math.ceil(finest / settings.width_m - 1e-6), wide)
 
 
-def _blocks(
-    xy: Array, along: Array, across: Array, size_m: float, cell_m: float, boundary: BaseGeometry
-) -> tuple[NDArray[np.intp], list[BaseGeometry]]:
-    """Number of the block of each place, from 0, and the lines between blocks, over the whole field.
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """Blocks over a field, rows along the driving direction of the machine and columns across it.
 
     The last block along and across takes the remainder, so that no block is narrower than the machine.
     """
-    from shapely import LineString, get_coordinates
 
-    axes = np.column_stack([along, across])
-    corners, places = get_coordinates(boundary) @ axes, xy @ axes
-    start = places.min(axis=0) - cell_m / 2
-    count = np.maximum(((places.max(axis=0) + cell_m / 2 - start) / size_m + 1e-6).astype(int), 1)
-    index = np.minimum(((places - start) / size_m).astype(int), count - 1)
-    low, high = corners.min(axis=0) - 1, corners.max(axis=0) + 1
-    lines = [
-        LineString([at * axes[:, axis] + end * axes[:, 1 - axis] for end in (low[1 - axis], high[1 - axis])])
-        for axis in (0, 1)
-        for at in start[axis] + size_m * np.arange(1, count[axis])
-    ]
-    return np.unique(index @ [count[1], 1], return_inverse=True)[1].reshape(-1), lines
+    axes: Array
+    start: Array
+    count: NDArray[np.intp]
+    size_m: float
+
+    @classmethod
+    def over(cls, xy: Array, along: Array, across: Array, size_m: float, cell_m: float) -> _Blocks:
+        """Blocks over places."""
+        axes = np.column_stack([along, across])
+        places = xy @ axes
+        start = places.min(axis=0) - cell_m / 2
+        count = ((places.max(axis=0) + cell_m / 2 - start) / size_m + 1e-6).astype(int)
+        return cls(axes, start, np.maximum(count, 1), size_m)
+
+    def index(self, xy: Array) -> NDArray[np.intp]:
+        """Number of the block of each place, shape (n,)."""
+        at = np.clip(((xy @ self.axes - self.start) / self.size_m).astype(int), 0, self.count - 1)
+        return np.asarray(at @ [self.count[1], 1], np.intp)
+
+    def borders(self, of_block: NDArray[np.intp], boundary: BaseGeometry) -> list[BaseGeometry]:
+        """Lines between blocks of different classes; those at the edge reach over the field."""
+        from shapely import get_coordinates, linestrings
+
+        corners, classes = get_coordinates(boundary) @ self.axes, of_block.reshape(self.count)
+        found = []
+        for axis in (0, 1):
+            edges = self.start[1 - axis] + self.size_m * np.arange(self.count[1 - axis] + 1.0)
+            edges[[0, -1]] = corners[:, 1 - axis].min() - 1, corners[:, 1 - axis].max() + 1
+            before, along = np.nonzero(np.diff(classes if axis == 0 else classes.T, axis=0))
+            at = (self.start[axis] + self.size_m * (before + 1.0))[:, None, None] * self.axes[:, axis]
+            ends = np.stack([edges[along], edges[along + 1]], axis=1)[:, :, None] * self.axes[:, 1 - axis]
+            found += list(linestrings(at + ends))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,11 +311,13 @@ class DosePlan:
 
     :param zones: from the lowest to the highest dose; together they are the field
     :param sure: share of the area where it is certain whether plants lack water now [0..1]
+    :param blurred: what a footprint larger than the field means, as a sentence; empty if it is not
     """
 
     settings: DoseSettings
     zones: Sequence[DoseZone]
     sure: float
+    blurred: str
 
     @property
     def irrigated(self) -> list[DoseZone]:
@@ -316,11 +344,11 @@ class DosePlan:
     @property
     def certain(self) -> bool:
         """True if 80 % or more of the area that gets water can be expected to need it; without a dose, if 80 % or
-        more of the field can be expected not to.
+        more of the field can be expected not to. Never if the pattern is blurred.
         """
         zones = self.irrigated or self.zones
         right = sum((z.needed if z.gross_mm else 1 - z.needed) * z.area_m2 for z in zones)
-        return right >= CERTAIN * sum(zone.area_m2 for zone in zones)
+        return not self.blurred and right >= CERTAIN * sum(zone.area_m2 for zone in zones)
 
     @property
     def capped(self) -> tuple[float, float]:

@@ -167,10 +167,9 @@ def _map_tags(soil_map: SoilMap, frame: LocalFrame) -> dict[str, str]:
     curve, limits = soil_map.curve, soil_map.limits
     parameters = {
         "datum": {"latitude_deg": frame.latitude_deg, "longitude_deg": frame.longitude_deg},
-        "map_cell_m": float(soil_map.grid.cell_m),
-        "n_samples": len(soil_map.samples.xy),
+        "map_cell_m": float(soil_map.grid.cell_m), "n_samples": len(soil_map.samples.xy),
         "calibration": None if curve is None else curve.parameters,
-    }
+    }  # fmt: skip
     tags = {
         "AREA_OR_POINT": "Area", "TIFFTAG_SOFTWARE": f"soilmoist_ros {__version__}",
         "TIFFTAG_IMAGEDESCRIPTION": "Soil moisture map from cosmic-ray neutron counts, by Poisson kriging",

@@ -267,8 +267,7 @@ def mission_run(
     others = [
         replace(
             run, soil_map=other.soil_map, track=other.records, truth_rate=other.known_truth, losses=(),
-            mission=None, field_name=other.title, name=other.name, label=other.title,
-            covariates=other.covariates,
+            mission=None, field_name=other.title, name=other.name, label=other.title, covariates=other.covariates,
             earlier=[*simulated_runs(other, other.soil_map), *earlier.get(other.name, ())],
         )
         for other in result.properties[1:]

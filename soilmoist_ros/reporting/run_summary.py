@@ -95,8 +95,7 @@ def failed_summary(failed: FailedRun, outputs: Sequence[str] = ()) -> dict[str, 
         "exposure_s": float(sum(record.exposure_s for record in failed.good)), "distance_m": failed.travelled_m,
         "map": None, "mission": None if failed.mission is None else mission_summary(failed.mission),
         "failure": {
-            "why": failed.why,
-            "what_to_do": list(failed.todo),
+            "why": failed.why, "what_to_do": list(failed.todo),
             "troubles": [asdict(trouble) for trouble in failed.troubles],
         },
         "warnings": [failed.why], "warning_codes": [NoteCode.NO_MAP], "settings": dict(failed.settings),
@@ -147,8 +146,7 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
         "prior_share": dict(zip(names, fit.prior_share, strict=True)),
         "local": fit.local
         and {
-            "used": amplitude is not None,
-            "log_bayes_factor": fit.local.evidence,
+            "used": amplitude is not None, "log_bayes_factor": fit.local.evidence,
             "amplitude": amplitude and amplitude.spread,
             "text": f"The standard deviation of the rate: {fit.local_text}.",
         },
@@ -163,10 +161,9 @@ def _within_survey(soil_map: SoilMap) -> dict[str, Any]:
         shares = {"change": drift.change, "change_sd": drift.change_sd}
         shares |= {f"{name}_cps": soil_map.mean_rate * share for name, share in shares.items()}
     return {
-        "text": change.text,
-        "drift": drift and {**shares, **asdict(drift)},
+        "text": change.text, "drift": drift and {**shares, **asdict(drift)},
         "jump": asdict(jump) if jump is not None and jump.is_certain else None,
-    }
+    }  # fmt: skip
 
 
 def _map(run: MapRun) -> dict[str, Any]:
@@ -204,13 +201,11 @@ def _moisture(soil_map: SoilMap) -> dict[str, Any]:
         "mean_vwc": mean and {"value": mean.value, "p05": mean.p05, "p95": mean.p95},
         "uncertainty_vwc": limits
         and {
-            "everywhere_sd": common,
-            "between_places_sd": band_statistics(soil_map.vwc_sd).p50,
+            "everywhere_sd": common, "between_places_sd": band_statistics(soil_map.vwc_sd).p50,
             "quantiles_include_calibration": common is not None,
         },
-        "limits_vwc": limits and limits._asdict(),
-        "beyond_limits_share": statistics.beyond_limits_share(soil_map),
-    }
+        "limits_vwc": limits and limits._asdict(), "beyond_limits_share": statistics.beyond_limits_share(soil_map),
+    }  # fmt: skip
 
 
 def _earlier(one: EarlierRun, related: Mapping[str, float]) -> dict[str, Any]:

@@ -135,10 +135,9 @@ def write_stack(path: Path, season: Season) -> Path:
     grid = season.grid
     kind = "simulation" if season.simulated else "surface observation"
     about = {
-        "title": season.title,
-        "calibration": _calibration(season),
+        "title": season.title, "calibration": _calibration(season),
         "source": f"{kind}: cosmic-ray neutron counts, joint Poisson kriging by soilmoist_ros {__version__}",
-    }
+    }  # fmt: skip
     across, up = np.meshgrid(grid.x_m, grid.y_m)
     places = season.frame.to_geographic(np.column_stack([across.ravel(), up.ravel()]))
     stamps = np.array([survey.run.survey.stamp_s for survey in season.surveys])

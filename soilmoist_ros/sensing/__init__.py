@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.combined import DISAGREEMENT_SD as DISAGREEMENT_SD, PROFILE_DENSITY_SD_GCM3 as PROFILE_DENSITY_SD_GCM3, PROFILE_SD as PROFILE_SD, CombinedN0 as CombinedN0, N0Source as N0Source, combine_n0 as combine_n0, combined_calibration as combined_calibration, difference_sd as difference_sd, earlier_source as earlier_source, level_vwc_sd as level_vwc_sd
     from soilmoist_ros.sensing.moisture.cores import SoilCore as SoilCore, possible_days as possible_days, profiles_of as profiles_of, read_soil_cores as read_soil_cores
     from soilmoist_ros.sensing.moisture.curve import CalibrationCurve as CalibrationCurve, MoistureCurve as MoistureCurve, SoilLimits as SoilLimits, UniversalCurve as UniversalCurve, soil_limits as soil_limits
-    from soilmoist_ros.sensing.moisture.footprint import CoreMean as CoreMean, Footprint as Footprint, SensedSoil as SensedSoil, Weighting as Weighting, mean_of_cores as mean_of_cores, sensed_soil as sensed_soil
-    from soilmoist_ros.sensing.moisture.general import DAY_SD as DAY_SD, DENSITY_ERROR as DENSITY_ERROR, GENERAL_SD as GENERAL_SD, GIVEN_SD as GIVEN_SD, SCALING_SD as SCALING_SD, SENSITIVITIES as SENSITIVITIES, SurveyAir as SurveyAir, general_calibration as general_calibration, named_sensor as named_sensor, sensitivity_of as sensitivity_of, unknown_sensor as unknown_sensor, why_no_soil as why_no_soil
+    from soilmoist_ros.sensing.moisture.footprint import CoreMean as CoreMean, Footprint as Footprint, SensedSoil as SensedSoil, Weighting as Weighting, bare_radius_m as bare_radius_m, mean_of_cores as mean_of_cores, sensed_soil as sensed_soil
+    from soilmoist_ros.sensing.moisture.general import DAY_SD as DAY_SD, DENSITY_ERROR as DENSITY_ERROR, GENERAL_SD as GENERAL_SD, GIVEN_SD as GIVEN_SD, SCALING_SD as SCALING_SD, SENSITIVITIES as SENSITIVITIES, SurveyAir as SurveyAir, general_calibration as general_calibration, named_sensor as named_sensor, sensitivity_of as sensitivity_of, soil_of as soil_of, unknown_sensor as unknown_sensor, why_no_soil as why_no_soil
     from soilmoist_ros.sensing.moisture.site import UNKNOWN_SENSOR as UNKNOWN_SENSOR, Calibration as Calibration, Irrigation as Irrigation, N0Estimate as N0Estimate, SensorModel as SensorModel, Site as Site, Soil as Soil, UncertaintyPart as UncertaintyPart, estimate_n0 as estimate_n0, load_site as load_site, n0_in_other_time as n0_in_other_time, unusual_n0 as unusual_n0, write_calibration as write_calibration, write_site_values as write_site_values
     from soilmoist_ros.sensing.moisture.texture import TEXTURES as TEXTURES, SoilTexture as SoilTexture
     from soilmoist_ros.sensing.position.nmea import nmea_sentences as nmea_sentences, parse_nmea as parse_nmea, sentences_without_fix as sentences_without_fix
@@ -77,8 +77,8 @@ __getattr__, __dir__, __all__ = open_door(
         "moisture.combined": "DISAGREEMENT_SD PROFILE_DENSITY_SD_GCM3 PROFILE_SD CombinedN0 N0Source combine_n0 combined_calibration difference_sd earlier_source level_vwc_sd",
         "moisture.cores": "SoilCore possible_days profiles_of read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
-        "moisture.footprint": "CoreMean Footprint SensedSoil Weighting mean_of_cores sensed_soil",
-        "moisture.general": "DAY_SD DENSITY_ERROR GENERAL_SD GIVEN_SD SCALING_SD SENSITIVITIES SurveyAir general_calibration named_sensor sensitivity_of unknown_sensor why_no_soil",
+        "moisture.footprint": "CoreMean Footprint SensedSoil Weighting bare_radius_m mean_of_cores sensed_soil",
+        "moisture.general": "DAY_SD DENSITY_ERROR GENERAL_SD GIVEN_SD SCALING_SD SENSITIVITIES SurveyAir general_calibration named_sensor sensitivity_of soil_of unknown_sensor why_no_soil",
         "moisture.site": "UNKNOWN_SENSOR Calibration Irrigation N0Estimate SensorModel Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration write_site_values",
         "moisture.texture": "SoilTexture TEXTURES",
         "position.nmea": "nmea_sentences parse_nmea sentences_without_fix",

@@ -33,11 +33,9 @@ from soilmoist_ros.sensing.lines import (
 )
 
 EXAMPLES = {
-    "tcp": "tcp://192.168.1.20:5000",
-    "udp": "udp://0.0.0.0:5000",
-    "serial": "serial:///dev/ttyUSB0?baud=115200",
+    "tcp": "tcp://192.168.1.20:5000", "udp": "udp://0.0.0.0:5000", "serial": "serial:///dev/ttyUSB0?baud=115200",
     "file": "file:///home/robot/survey.log?speed=10",
-}
+}  # fmt: skip
 """An example of each kind of address."""
 _OPTIONS = {"tcp": ("interface",), "udp": ("from", "interface"), "serial": ("baud",), "file": ("speed",)}
 DEFAULT_BAUD = 115_200

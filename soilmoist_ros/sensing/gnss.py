@@ -29,10 +29,9 @@ MAX_ZONE_H = 14.0
 MAX_REASONS = 50  # number of reasons that are counted apart: a live receiver may send any number
 ROLLED_OVER = "exactly 1024 weeks earlier: the receiver's date has rolled over"
 _OTHER_TIMES = {
-    ROLLOVER_S: ROLLED_OVER,
-    2 * ROLLOVER_S: ROLLED_OVER.replace("1024", "2048"),
+    ROLLOVER_S: ROLLED_OVER, 2 * ROLLOVER_S: ROLLED_OVER.replace("1024", "2048"),
     SINCE_1980_S: "seconds of GPS time, which begins in 1980",
-}
+}  # fmt: skip
 """Times that receivers are wrong by [s], and their meaning."""
 SIMULATED = "simulated time, or the time since the device was switched on"
 
@@ -64,26 +63,21 @@ class NoPlace(enum.StrEnum):
     """Reason code of an epoch without a position, with a text and a remedy."""
 
     NO_FIX = (
-        "no_fix",
-        "no fix",
+        "no_fix", "no fix",
         "begin the survey when the receiver has a fix; check the antenna and its view of the sky",
-    )
+    )  # fmt: skip
     STATUS_UNKNOWN = (
-        "status_unknown",
-        "unknown whether there is a fix",
+        "status_unknown", "unknown whether there is a fix",
         "set the driver that published the positions up to say so, or give the receiver's sentences with --nmea",
-    )
+    )  # fmt: skip
     QUALITY_UNKNOWN = (
-        "quality_unknown",
-        "a quality of unknown meaning",
+        "quality_unknown", "a quality of unknown meaning",
         "look the number up in the manual of the receiver; known as a fix are 1 to 6, 8 and 9",
-    )
+    )  # fmt: skip
     TYPED_IN = "typed_in", "typed in by hand", "switch the receiver from manual input to its own fix"
     NO_COORDINATES = (
-        "no_coordinates",
-        "no possible latitude and longitude",
-        "check the receiver: it says that it has a fix",
-    )
+        "no_coordinates", "no possible latitude and longitude", "check the receiver: it says that it has a fix",
+    )  # fmt: skip
 
     text: str
     remedy: str

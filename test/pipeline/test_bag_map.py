@@ -39,13 +39,10 @@ from virtual_survey import write_survey
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden"
 CASES = {
-    "one_stop": {"replay": {}},
-    "drive_and_stop": {"replay": {}},
-    "no_position_gap": {"replay": {}},
-    "was_reset": {"replay": {}},
-    "raw_lines": {"counts": {}, "raw": {"source": "raw"}},
+    "one_stop": {"replay": {}}, "drive_and_stop": {"replay": {}}, "no_position_gap": {"replay": {}},
+    "was_reset": {"replay": {}}, "raw_lines": {"counts": {}, "raw": {"source": "raw"}},
     "two_robots": {"robot1": {"counts_topic": "/robot1/counts"}, "robot2": {"counts_topic": "/robot2/counts"}},
-}
+}  # fmt: skip
 REPLAYS = [(case, name) for case, replays in CASES.items() for name in replays]
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TEXT = "std_msgs/msg/String"

@@ -11,7 +11,7 @@ import pytest
 
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, Skip, Variogram, make_soil_map
-from soilmoist_ros.pipeline.field_survey import make_run, open_survey
+from soilmoist_ros.pipeline.field_survey import _footprint, make_run, open_survey
 from soilmoist_ros.recording.stored_records import read_earlier
 from soilmoist_ros.reporting import summary, write_outputs
 from soilmoist_ros.sensing import CalibrationCurve, CountRecord, Footprint, Site
@@ -70,6 +70,16 @@ def test_without_a_site_there_is_a_rate_map():
     run = survey.run(survey.map.snapshot())
     assert run.title == "Neutron count rate map"
     assert np.isnan(run.soil_map.vwc).all()
+
+
+def test_a_footprint_that_is_not_given_is_that_of_a_bare_probe_with_its_range():
+    # Koehli et al. (2015): 130 m in wet to 240 m in dry soil and air
+    record = CountRecord(1.7e9, 0.0, 0.0, 0.0, 500, 60.0, 60.0, 1.0, 1.0, 1.0)
+    found = _footprint([record], Site(), False)
+    low, high = found["footprint_range_m"]
+    assert 110 <= low < found["footprint_radius_m"] < high <= 240
+    assert _footprint([record], Site(footprint_radius_m=10.0), False) == {"footprint_radius_m": 10.0}
+    assert _footprint([record], Site(), True) == {"footprint_radius_m": 10.0}, "a simulated sensor"
 
 
 def test_a_known_footprint_is_deconvolved_unless_the_site_says_no(tmp_path):

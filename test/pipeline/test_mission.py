@@ -32,13 +32,10 @@ def test_the_log_says_who_did_what_when():
     start, pause = ("start by Ada: started", 1000.0), ("pause by Bo: paused by Bo", 1020.0)
     again = (pause[0], 1050.0)
     statuses = [
-        status(0.0, "planning", "started", *start),
-        status(5.0, "travelling", "going to n1", *start),
-        status(6.0, "travelling", "going to n1", *start),
-        status(20.0, "paused", "paused by Bo", *pause),
-        status(40.0, "travelling", "resumed", *pause),
-        status(50.0, "paused", "paused by Bo", *again),
-    ]
+        status(0.0, "planning", "started", *start), status(5.0, "travelling", "going to n1", *start),
+        status(6.0, "travelling", "going to n1", *start), status(20.0, "paused", "paused by Bo", *pause),
+        status(40.0, "travelling", "resumed", *pause), status(50.0, "paused", "paused by Bo", *again),
+    ]  # fmt: skip
     one, other = (RobotMission(number, {}, statuses[:count], (), ()) for number, count in ((1, 6), (2, 2)))
     assert mission_log([one], [0.0]) == [
         "       0 s  start by Ada: started", "       0 s  planning: started",
@@ -103,11 +100,10 @@ def record(stamp_s, raw_counts):
 def test_a_record_that_arrives_after_the_last_status_is_counted():
     """The status at 22 s is newer than the end of the record, but was published before the record arrived."""
     statuses = [
-        visit_status(1.0, "travelling", reason="going to n1: largest variance"),
-        visit_status(12.0, "counting"),
+        visit_status(1.0, "travelling", reason="going to n1: largest variance"), visit_status(12.0, "counting"),
         visit_status(22.5, "counting", 10.5, counting_s=10.5),
         visit_status(22.8, "planning", samples=1, counting_s=10.8),
-    ]
+    ]  # fmt: skip
     (visit,) = estimate_visits(statuses, [record(11.0, 40), record(22.0, 27), record(33.0, 50)])
     assert (visit.name, visit.raw_counts, visit.reason) == ("n1", 27, "largest variance")
     assert (visit.arrived_s, visit.dwell_s) == (12.0, 10.8)
@@ -115,14 +111,13 @@ def test_a_record_that_arrives_after_the_last_status_is_counted():
 
 def test_the_records_of_a_pause_are_not_counted():
     statuses = [
-        visit_status(1.0, "travelling", reason="going to n1"),
-        visit_status(10.0, "counting"),
+        visit_status(1.0, "travelling", reason="going to n1"), visit_status(10.0, "counting"),
         visit_status(21.0, "counting", 11.0, 20, counting_s=11.0),
         visit_status(22.0, "paused", 12.0, 20, counting_s=12.0),
         visit_status(40.0, "counting", 12.0, 20, counting_s=12.0),
         visit_status(51.0, "counting", 23.0, 43, counting_s=23.0),
         visit_status(61.0, "planning", samples=1, counting_s=33.0),
-    ]
+    ]  # fmt: skip
     at_stop = [record(20.0, 20), record(30.0, 21), record(39.0, 22), record(50.0, 23), record(60.0, 24)]
     (visit,) = estimate_visits(statuses, at_stop)
     assert visit.raw_counts == 20 + 23 + 24
@@ -130,10 +125,8 @@ def test_the_records_of_a_pause_are_not_counted():
 
 def test_published_visits_of_this_mission_are_taken_as_they_are():
     statuses = [
-        visit_status(1.0, "travelling"),
-        visit_status(12.0, "counting"),
-        visit_status(22.8, "planning", samples=1),
-    ]
+        visit_status(1.0, "travelling"), visit_status(12.0, "counting"), visit_status(22.8, "planning", samples=1),
+    ]  # fmt: skip
     earlier = Visit("n0", 1.0, 1.0, 500.0, 60.0, 99, "", arrival_stamp_s=-500.0)
     own = Visit("n1", 5.1, 6.1, 12.0, 10.8, 27, "largest variance", arrival_stamp_s=12.0)
     records = [record(22.0, 40)]
@@ -153,10 +146,7 @@ def test_a_clock_that_is_set_takes_no_visit_out_of_its_mission_and_brings_none_i
     for step_s in (-3600.0, -3.0, 3600.0):
         set_s = began_s + step_s
         statuses = [
-            counting(10.0, began_s),
-            counting(90.0, began_s),
-            counting(91.0, set_s),
-            counting(200.0, set_s),
-        ]
+            counting(10.0, began_s), counting(90.0, began_s), counting(91.0, set_s), counting(200.0, set_s),
+        ]  # fmt: skip
         own = [visit(5.0, began_s), visit(95.0, set_s)]
         assert mission_visits(statuses, [visit(5.0, 0.0), visit(500.0, 5400.0), *own], []) == own

@@ -157,19 +157,14 @@ def sentences(types):
 
 KINDS = {
     "fix": lambda types: lambda n: types.fix(n, T0 + n),
-    "GPSFix": lambda types: lambda n: types.gps_fix(n, T0 + n),
-    "Sentence": sentences,
+    "GPSFix": lambda types: lambda n: types.gps_fix(n, T0 + n), "Sentence": sentences,
     "NMEA text": lambda types: lambda n: types.make(TEXT, f"{gga(n)}\n{rmc(n)}\n"),
-}
+}  # fmt: skip
 NO_INDEX = {"use_chunking": False, "index_types": IndexType.NONE, "use_statistics": False}
 FILES = {
-    "a.mcap": (2, {}),
-    "lz4.mcap": (2, {"compression": CompressionType.LZ4}),
-    "noindex.mcap": (2, NO_INDEX),
-    "ros1.mcap": (1, {}),
-    "a.bag": (1, {}),
-    "folder": (2, {}),
-}
+    "a.mcap": (2, {}), "lz4.mcap": (2, {"compression": CompressionType.LZ4}), "noindex.mcap": (2, NO_INDEX),
+    "ros1.mcap": (1, {}), "a.bag": (1, {}), "folder": (2, {}),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("file", FILES)

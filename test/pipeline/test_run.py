@@ -22,10 +22,9 @@ from soilmoist_ros.sensing.records import NAN, CountRecord
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 RECORD = CountRecord(1.77e9, 1.0, 2.0, NAN, 40, 10.0, 9.0)
 TRACK = [
-    RECORD,
-    replace(RECORD, stamp_s=1.77e9 + 10, x_m=NAN, raw_counts=30),
+    RECORD, replace(RECORD, stamp_s=1.77e9 + 10, x_m=NAN, raw_counts=30),
     replace(RECORD, stamp_s=1.77e9 + 20, quarantine="noisy_tube", raw_counts=9000),
-]
+]  # fmt: skip
 FAILED = FailedRun(
     why="All 2 records lie 70 km west of the field 'north <1>'.", todo=("Correct the sign.", "Map again."),
     created_utc=NOW, track=TRACK, field_name="north <1>",
@@ -78,13 +77,10 @@ def test_the_page_says_why_first_and_escapes_names():
 # Results ---------------------------------------------------------------------------------------------------------
 
 GOOD = {
-    "datum": {"latitude_deg": 52.0, "longitude_deg": 5},
-    "survey_start_utc": "2026-05-01T08:00:00Z",
-    "first_stamp_s": 0.0,
-    "properties": [{"name": "moisture", "label": None}],
-    "calibration": None,
+    "datum": {"latitude_deg": 52.0, "longitude_deg": 5}, "survey_start_utc": "2026-05-01T08:00:00Z",
+    "first_stamp_s": 0.0, "properties": [{"name": "moisture", "label": None}], "calibration": None,
     "a key of another version": [1],
-}
+}  # fmt: skip
 
 
 def test_a_summary_comes_back_as_it_was_written(tmp_path):

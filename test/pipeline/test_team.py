@@ -95,13 +95,11 @@ def test_a_replay_has_the_records_of_another_robot_that_its_mapper_got_later(tmp
         added = {
             name: writer.add_connection(name, kept[of].msgtype, typestore=reader.typestore)
             for name, of in (
-                ("/robot_1/counts", "/counts"),
-                ("/robot_2/counts", "/counts"),
-                ("/robot_2/missed_counts", "/counts"),
-                ("/robot_1/samples", "/samples"),
+                ("/robot_1/counts", "/counts"), ("/robot_2/counts", "/counts"),
+                ("/robot_2/missed_counts", "/counts"), ("/robot_1/samples", "/samples"),
                 ("/robot_1/soil_map", "/soil_map"),
             )
-        }
+        }  # fmt: skip
         found = list(reader.messages([kept["/counts"]]))
         end_ns = found[-1][1]
         later = []

@@ -82,16 +82,8 @@ def test_a_damaged_table_is_refused_with_the_line(tmp_path, change, message):
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 POINT_FIELDS = (
-    "x",
-    "y",
-    "z",
-    "raw_counts",
-    "exposure_s",
-    "effective_exposure_s",
-    "f_pressure",
-    "f_humidity",
-    "f_intensity",
-)
+    "x", "y", "z", "raw_counts", "exposure_s", "effective_exposure_s", "f_pressure", "f_humidity", "f_intensity",
+)  # fmt: skip
 
 
 def earlier(n=8):

@@ -52,13 +52,9 @@ def make_run(the_map: SoilMap) -> Callable[..., MapRun]:
     def make(**changes: Any) -> MapRun:
         soil = changes.pop("soil_map", the_map)
         values: dict[str, Any] = {
-            "soil_map": soil,
-            "frame": LocalFrame(53.27, -0.52),
-            "created_utc": datetime.fromisoformat("2026-05-03T14:00:00+02:00"),
-            "track": track(soil),
-            "site": "Riseholme",
-            "field_name": "West",
-            "inputs": [InputFile("run.KSU", 13, 2048, "ab" * 32)],
+            "soil_map": soil, "frame": LocalFrame(53.27, -0.52),
+            "created_utc": datetime.fromisoformat("2026-05-03T14:00:00+02:00"), "track": track(soil),
+            "site": "Riseholme", "field_name": "West", "inputs": [InputFile("run.KSU", 13, 2048, "ab" * 32)],
             "logger_format": "hydroinnova_rover",
             "corrections": [CorrectionRow("air pressure", "f = exp(b (P - P0))", {"P0 [hPa]": 1013.25}, 1.01)],
             "losses": [
@@ -67,10 +63,9 @@ def make_run(the_map: SoilMap) -> Callable[..., MapRun]:
             ],
             "notes": [Note(NoteCode.NOT_MAPPED, "salt is not mapped")],
             "calibration": CalibrationInfo(CURVE.n0_cps, CURVE.bulk_density_gcm3, 0.1, 0.02, source="6 cores"),
-            "version": "0.1.0",
-            "sensed": SensedSoil((19.2, 16.1, 24.3), (10.0, 10.0, 10.0)),
+            "version": "0.1.0", "sensed": SensedSoil((19.2, 16.1, 24.3), (10.0, 10.0, 10.0)),
             "settings": {"merge_radius_m": 2.0, "nothing": None, "bad": float("nan")},
-        }
+        }  # fmt: skip
         return MapRun(**{**values, **changes})
 
     return make

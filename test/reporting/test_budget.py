@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
+from soilmoist_ros.pipeline import site_facts
 from soilmoist_ros.pipeline.run import CalibrationInfo, CorrectionRow
 from soilmoist_ros.reporting import make_budget, summary
 from soilmoist_ros.reporting.budget import (
@@ -31,7 +32,7 @@ from soilmoist_ros.reporting.budget import (
 )
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.statistics import band_statistics
-from soilmoist_ros.sensing import CalibrationCurve, UncertaintyPart, UniversalCurve
+from soilmoist_ros.sensing import CalibrationCurve, Site, UncertaintyPart, UniversalCurve
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = get_args(UncertaintyPart.model_fields["name"].annotation)
@@ -129,6 +130,24 @@ def test_parts_are_told_with_their_origin(make_run, the_map):
     assert "2306 ± 127 counts/h, literature, normal" in page
     assert found.text in page
     assert page.count('id="budget"') == 1
+
+
+@pytest.mark.parametrize(
+    ("soil", "origins"),
+    [
+        ({"texture": "loam"}, ["default range", "default range"]),
+        ({"texture": "loam", "bulk_density_gcm3": 1.3, "bulk_density_sd_gcm3": 0.05}, ["given", "default range"]),
+        ({"bulk_density_gcm3": 1.4, "bulk_density_sd_gcm3": 0.05, "clay": 0.2, "bound_water_sd": 0.01},
+         ["given", "given"]),
+    ],
+    ids=["class", "own density", "own soil"],
+)  # fmt: skip
+def test_no_default_of_a_texture_class_is_called_given(make_run, the_map, soil, origins):
+    site = Site(soil=soil, calibration={"n0_cps": 7.0, "n0_sd_cps": 0.1})
+    site = Site(**site.model_dump())  # as soilmoist calibrate writes it: with all values
+    soil_map = replace(the_map, curve=site.curve)
+    found = make_budget(make_run(soil_map=soil_map, calibration=site_facts(site)["calibration"]))
+    assert [part.origin for part in found.parts if part.name in ("bulk density", WATER)] == origins
 
 
 def test_every_part_has_a_remedy():
@@ -261,7 +280,7 @@ def test_intervals_are_honest_in_simulation():
     """Sites drawn from the default ranges: 90 % intervals of level, mean and places cover 85 to 95 %."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(ROOT / "scripts"))
-        bench = importlib.import_module("budget_coverage")
+        bench = importlib.import_module("dose_comparison")
     found = bench.coverage("general, default ranges", 200)
     for share in (found.level, found.mean, found.places):
         assert 0.85 <= share <= 0.95

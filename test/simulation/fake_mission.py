@@ -15,11 +15,9 @@ from soilmoist_ros.sensing import CalibrationCurve, CountRecord
 from soilmoist_ros.simulation.mission.mission_result import MapErrors, MappedProperty, MissionResult, SeriesRow
 
 TITLES = {
-    "synthetic-high": "Synthetic airfield, high gradient",
-    "synthetic-low": "Synthetic airfield, low gradient",
-    "airfield-simulated": "Simulated airfield",
-    "validation": "Validation field",
-}
+    "synthetic-high": "Synthetic airfield, high gradient", "synthetic-low": "Synthetic airfield, low gradient",
+    "airfield-simulated": "Simulated airfield", "validation": "Validation field",
+}  # fmt: skip
 EFFORT = {"greedy": (1.0, 1.0), "monte_carlo": (0.85, 1.05), "adaptive_sampling": (0.45, 1.15),
           "random": (0.9, 1.5), "lattice": (0.35, 0.9)}  # fmt: skip
 

@@ -48,12 +48,9 @@ def fixes(outputs):
 @pytest.mark.slow
 def test_counts_equal_those_of_a_mission_without_ros():
     choices = {
-        "dwell": "fmi:90",
-        "hours": 0.5,
-        "strategy": "random",
-        "footprint_m": 10.0,
+        "dwell": "fmi:90", "hours": 0.5, "strategy": "random", "footprint_m": 10.0,
         "properties": ("rough", "smooth"),
-    }
+    }  # fmt: skip
     settings = replace(SETTINGS, **choices)
     mission = simulate_mission(settings)
     goals = [

@@ -77,6 +77,7 @@ class Plan(DosePlan):
             "missing [mm]": Units.of("mm").missing(self.missing_mm), "need sure on": f"{100 * self.sure:.0f} %",
             "water": f"{self.volume_m3:.0f} m3",
             **({"typical soil": self.settings.texture} if self.settings.texture else {}),
+            **({"zones": "hints, wide footprint"} if self.blurred else {}),
             **({} if self.certain else {"best estimate": "not certain"}),
             **({"capped at": f"{top:g} mm, {left:.0f} mm remain"} if left else {}),
         }  # fmt: skip
@@ -93,7 +94,7 @@ def irrigation_plan(source: RunSource, settings: ExportSettings) -> Plan:
     if "dose" in about:
         zones = saved_zones(about, source.run.folder)
         used, sure = DoseSettings(**about["dose"]["settings"]), float(about["dose"]["sure_share"])
-        plan = Plan(used, zones, sure, one, date)
+        plan = Plan(used, zones, sure, about["dose"].get("blurred", ""), one, date)
     else:
         plan = _plan_of_map(source, one, date)
     depth_mm = plan.settings.root_depth_mm
@@ -118,7 +119,7 @@ def _plan_of_map(source: RunSource, one: ExportedProperty, date: str) -> Plan:
         if missing is None:
             source.notes.append("the run has no dose: this one is made from its map and its site file")
             zones = zones_of_dose(dose, xy, one.cell_m, source.boundary, zone)
-            return Plan(zone, zones, sure, one, date)
+            return Plan(zone, zones, sure, "", one, date)
     why = f"; {source.no_site}" if zone is None and source.no_site else ""
     assert missing is not None
     raise InputError(f"there is no dose: {missing.missing}{why}", missing.remedy, source.run.folder)
@@ -131,8 +132,7 @@ def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer
     """
     zones, name = plan.zones, settings.rate_column
     columns: dict[str, NDArray[Any]] = {
-        "UNIT": texts([settings.rate_unit] * len(zones)),
-        "NET_MM": np.round([zone.net_mm for zone in zones], 1),
+        "UNIT": texts([settings.rate_unit] * len(zones)), "NET_MM": np.round([zone.net_mm for zone in zones], 1),
         "NET_P05": np.round([zone.p05_mm for zone in zones], 1),
         "NET_P95": np.round([zone.p95_mm for zone in zones], 1),
         "NEED_PCT": np.round([100 * zone.needed for zone in zones], 1),
@@ -141,7 +141,7 @@ def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer
         "VOLUME_M3": np.round([zone.volume_m3 for zone in zones], 1),
         "LEFT_MM": np.round([plan.capped[1] * (zone.gross_mm >= plan.capped[0]) for zone in zones], 1),
         **origin(source, plan.one, len(zones)),
-    }
+    }  # fmt: skip
     taken = {"ZONE", "DATE", *columns}
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,9}", name) or name.upper() in taken:
         raise InputError(

@@ -214,11 +214,10 @@ def records_layers(one: ExportedProperty) -> list[Layer]:
     reason = texts(columns.pop("quarantine").tolist())
     shapes = _points(columns.pop("x_m"), columns.pop("y_m"))
     columns = {
-        "time_utc": times(_dated(columns["stamp_s"])),
-        **columns,
+        "time_utc": times(_dated(columns["stamp_s"])), **columns,
         "raw_counts": columns["raw_counts"].astype(np.int32),
         "rate_cps": columns["raw_counts"] / columns["effective_exposure_s"],
-    }
+    }  # fmt: skip
     layers, good = [], reason == ""
     for name, own, more, about in (
         ("records", good, {}, "Corrected records in order of time"),
@@ -238,10 +237,9 @@ def contours_layer(source: RunSource, one: ExportedProperty, settings: ExportSet
     lines, values = contour_lines(one, source.boundary, settings.step)
     unit = "%" if one.quantity is MOISTURE else one.quantity.unit
     columns = {
-        one.quantity.column: values,
-        "LABEL": texts([f"{value:g} {unit}" for value in values]),
+        one.quantity.column: values, "LABEL": texts([f"{value:g} {unit}" for value in values]),
         **origin(source, one, len(lines)),
-    }
+    }  # fmt: skip
     return Layer(f"contours{one.suffix}", "LineString", lines, columns, f"Contours: {one.title}")
 
 

@@ -74,14 +74,13 @@ def map_look(one: ExportedProperty, sd: bool = False) -> dict[str, Any]:
     values = np.linspace(low, high, RAMP_ITEMS).tolist()
     colours = hex_ramp(UNCERTAIN if sd else quantity.colours, RAMP_ITEMS)
     return {
-        "band": 1 + list(one.bands).index(f"{quantity.band}_sd" if sd else quantity.band),
-        "low": repr(low),
+        "band": 1 + list(one.bands).index(f"{quantity.band}_sd" if sd else quantity.band), "low": repr(low),
         "high": repr(high),
         "items": [
             (repr(value), colour, f"{value * quantity.scale:.3g} {one.unit}")
             for value, colour in zip(values, colours, strict=True)
         ],
-    }
+    }  # fmt: skip
 
 
 def layer_look(layer: Layer) -> dict[str, Any]:

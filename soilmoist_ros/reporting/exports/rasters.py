@@ -93,13 +93,12 @@ def _about_file(source: RunSource, one: ExportedProperty) -> dict[str, str]:
     interval = one.tags.get("SOILMOIST_INTERVAL")
     return {
         "title": f"{one.quantity.title} of {source.title}" + (f": {one.label}" if one.name else "") + guessed,
-        "calibration": one.calibration,
-        "institution": str(about.get("site") or "unknown"),
+        "calibration": one.calibration, "institution": str(about.get("site") or "unknown"),
         "source": f"{kind}: cosmic-ray neutron counts, Poisson kriging by soilmoist_ros {__version__}",
         "history": f"{about.get('created_utc', '')} soilmoist_ros {about.get('version', '')}: map made".strip(),
         "references": "Monestiez et al. 2006, Ecological Modelling 193:615-628",
         **({"comment": interval} if interval else {}),
-    }
+    }  # fmt: skip
 
 
 def _variables(source: RunSource, one: ExportedProperty) -> Iterator[tuple[str, Variable]]:
@@ -123,10 +122,9 @@ def _variables(source: RunSource, one: ExportedProperty) -> Iterator[tuple[str, 
         if name.startswith(MOISTURE.band):
             meaning += guess_text(one.calibration)
         related = {
-            "standard_name": NAMES.get(name, ""),
-            "coordinates": "" if geographic else "lat lon",
+            "standard_name": NAMES.get(name, ""), "coordinates": "" if geographic else "lat lon",
             "ancillary_variables": " ".join(other for other in one.bands if other.startswith(f"{name}_")),
-        }
+        }  # fmt: skip
         given = {key: text for key, text in related.items() if text}
         yield name, raster(np.asarray(values, float), dimensions, UNITS.get(unit, unit), meaning, **given)
 

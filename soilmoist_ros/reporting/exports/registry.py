@@ -44,8 +44,7 @@ class Export:
 
 BUILT_IN = {
     "qgis": Export(
-        write_qgis, "QGIS project",
-        "everything in one project with styles; double-click soilmoist.qgz", ".qgz",
+        write_qgis, "QGIS project", "everything in one project with styles; double-click soilmoist.qgz", ".qgz",
     ),
     "gpkg": Export(
         write_geopackage, "GeoPackage",
@@ -72,16 +71,13 @@ BUILT_IN = {
         "one page to print: where to irrigate how much, and how sure that is", ".pdf",
     ),
     "contours": Export(
-        write_contours, "contour lines",
-        "lines of equal moisture at round values (zipped shapefile)", ".zip",
+        write_contours, "contour lines", "lines of equal moisture at round values (zipped shapefile)", ".zip",
     ),
     "kmz": Export(
-        write_kmz, "KMZ",
-        "map and samples for Google Earth on a phone, without network", ".kmz",
+        write_kmz, "KMZ", "map and samples for Google Earth on a phone, without network", ".kmz",
     ),
     "netcdf": Export(
-        write_netcdf, "NetCDF",
-        "maps by the CF conventions, for models and archives", ".nc",
+        write_netcdf, "NetCDF", "maps by the CF conventions, for models and archives", ".nc",
     ),
 }  # fmt: skip
 

@@ -50,7 +50,7 @@ def write_sheet(source: RunSource, folder: Path, settings: ExportSettings) -> li
 def headline(plan: Plan, units: Units) -> str:
     """Advice in one sentence.
 
-    >>> headline(Plan(DoseSettings(), [], 1.0, None, ""), Units.of("mm"))
+    >>> headline(Plan(DoseSettings(), [], 1.0, "", None, ""), Units.of("mm"))
     'No irrigation'
     """
     zones, before = plan.irrigated, "" if plan.certain else "Best estimate, not certain: "
@@ -73,6 +73,8 @@ def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     facts = "   ".join(f"{name}: {value}" for name, value in known.items() if value and name not in _IN_HEADLINE)
     figure.text(MARGIN, 0.896, facts, size=9.5, color=INK)
     alerts = ["Simulated counts: this is an example, not a field."] if source.simulated else []
+    if plan.blurred:
+        alerts += textwrap.wrap(plan.blurred, 112)
     if left:
         largest = plan.largest_text(lambda dose: f"{units.dose(dose)} {units.depth}")
         rest = f"{left * units.per_mm:.{units.decimals}f} {units.depth}"

@@ -284,8 +284,7 @@ def factor_chart(track: Sequence[CountRecord]) -> Chart:
     return Chart(
         "factors", "Correction factors over time", "Correction factors over time",
         [
-            Line(time, product, "ink", "product", width_px=2.5),
-            Line(time, pressure, "line", "pressure"),
+            Line(time, product, "ink", "product", width_px=2.5), Line(time, pressure, "line", "pressure"),
             Line(time, humidity, "green", "humidity"),
             Line(time, intensity, "purple", "incoming neutrons", dashed=True),
         ],

@@ -94,7 +94,7 @@ class FieldDose(DosePlan):
         return {
             "missing": None, "settings": self.settings.model_dump(), "target_vwc": self.settings.full,
             "needed_below_vwc": self.settings.stress, "area_m2": self.area_m2, "volume_m3": self.volume_m3,
-            "sure_share": self.sure, "certain": self.certain, "below": self.below,
+            "sure_share": self.sure, "certain": self.certain, "blurred": self.blurred, "below": self.below,
             "remedies": [one._asdict() for one in self.remedies],
             "zones": [{name: getattr(zone, name) for name in columns} for zone in self.zones],
         }  # fmt: skip
@@ -162,7 +162,9 @@ def field_dose(run: MapRun) -> FieldDose | NoDose:
         return NoDose(mistake.message, mistake.remedy)
     method = "cores" if run.calibration is None else run.calibration.method
     sure = sure_share(dose)
-    return useless(method, sure) or FieldDose(settings, zones, sure, dose, text, remedies(run, settings, dose))
+    return useless(method, sure) or FieldDose(
+        settings, zones, sure, run.blurred, dose, text, remedies(run, settings, dose)
+    )
 
 
 def useless(method: str, sure: float) -> NoDose | None:

@@ -480,8 +480,7 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
             f"There {net:.0f} mm ({low:.0f} to {high:.0f} mm) are missing to {volume(settings.full)} % in the "
             f"upper {settings.root_depth_mm:g} mm{loss}."
         )
-    if found.below:
-        yield found.below
+    yield from filter(None, (found.below, found.blurred))
 
 
 def _surer(run: MapRun, found: FieldDose) -> str:

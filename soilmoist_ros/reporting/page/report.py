@@ -152,11 +152,10 @@ def _model_rows(run: MapRun) -> list[tuple[str, str, str]]:
         ("total sill", number(variogram.sill), "(counts/s)²"),
         ("range parameter", number(variogram.range_m) + range_factor, "m"),
         ("practical range (95 % of the sill)", number(variogram.practical_range_m), "m"),
-        ("mean rate", number(soil_map.mean_rate, 4), "counts/s"),
-        ("samples", str(len(soil_map.samples.xy)), ""),
+        ("mean rate", number(soil_map.mean_rate, 4), "counts/s"), ("samples", str(len(soil_map.samples.xy)), ""),
         ("cells inside the field", str(np.count_nonzero(soil_map.grid.mask)), ""),
         ("cell size", number(soil_map.grid.cell_m), "m"),
-    ]
+    ]  # fmt: skip
     if fit is not None and any(fit.prior_share):
         shares = ", ".join(percent(share) for share in fit.prior_share)
         rows.insert(2, ("influence of the prior on sill, range, nugget", shares, ""))
@@ -194,10 +193,9 @@ def failed_facts(failed: FailedRun) -> list[Fact]:
         found.append(Fact(str(failed.quarantined.total()), "", "records quarantined"))
     if good:
         found += [
-            Fact(str(placed), "", "records with a place"),
-            Fact(str(counts), "", f"counts in {duration(seconds)}"),
+            Fact(str(placed), "", "records with a place"), Fact(str(counts), "", f"counts in {duration(seconds)}"),
             Fact(number(counts / seconds) if seconds > 0 else "–", "counts/s", "mean raw rate"),
-        ]
+        ]  # fmt: skip
     if failed.mission is not None:
         found.append(Fact(str(len(failed.mission.visits)), "", "stops finished"))
         if failed.mission.series:
@@ -401,8 +399,7 @@ def course_charts(mission: MissionResult) -> Iterator[Chart]:
             "course-coverage", "Coverage", "Coverage of the 95 % intervals against mission time",
             [Line(x, (95, 95), "orange", "95 %, as stated", dashed=True), Line(hours, coverage, name="reached")],
             x, (min(50.0, float(np.nanmin(coverage, initial=100.0)) - 5), 102.0), "Mission time [h]",
-            "Coverage [%]",
-            "Share of the field whose true rate lies in the 95 % interval of the map.",
+            "Coverage [%]", "Share of the field whose true rate lies in the 95 % interval of the map.",
         )  # fmt: skip
     distance, finished = columns["distance_m"], hours[1:][np.diff(columns["samples"]) > 0]
     yield Chart(

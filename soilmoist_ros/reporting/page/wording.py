@@ -91,9 +91,8 @@ def facts(run: MapRun) -> list[Fact]:
         _fact_of_mean(run),
         Fact(low if low == high else f"{low} to {high}", unit, f"{order} (5 % to 95 % of the area)"),
         Fact(f"± {text(spread.p50)}", unit, "typical uncertainty at one place"),
-        Fact(percent(unsure), "", f"of the area less sure than ± {limit}"),
-        *of_field,
-    ]
+        Fact(percent(unsure), "", f"of the area less sure than ± {limit}"), *of_field,
+    ]  # fmt: skip
 
 
 def _fact_of_mean(run: MapRun) -> Fact:
@@ -126,9 +125,8 @@ def _facts_of_place(run: MapRun) -> list[Fact]:
     return [
         Fact(volume(float(mean.vwc)), "% vol.", "mean soil water content"),
         Fact(_interval(mean), "% vol.", "90 % interval of the mean"),
-        Fact(f"{low} to {high}", "% vol.", f"lowest to highest of {duration(series.step_s)}"),
-        *counting,
-    ]
+        Fact(f"{low} to {high}", "% vol.", f"lowest to highest of {duration(series.step_s)}"), *counting,
+    ]  # fmt: skip
 
 
 def _rate(rate_cps: float | None) -> str:
@@ -179,9 +177,8 @@ def headline(run: MapRun) -> list[str]:
     sentences = [
         f"On average, 100 litres of soil hold {volume(_mean(run))} litres of water in the {mapped} mapped.",
         f"The driest twentieth of the area is below {volume(wet.p05)} %, the wettest above {volume(wet.p95)} %.",
-        found.text if (found := make_budget(run)) else "",
-        _support(run),
-    ]
+        found.text if (found := make_budget(run)) else "", _support(run),
+    ]  # fmt: skip
     if undefined > 0:
         sentences.append(
             f"On {percent(undefined)} of the area the rate lies below the calibration curve: the map shows "
@@ -406,6 +403,8 @@ def _on_model(run: MapRun) -> Iterator[Note]:
             "what was measured.",
         )
         return
+    if run.blurred:
+        yield Note(NoteCode.WIDE_FOOTPRINT, run.blurred)
     if accuracy is not None and accuracy.rate_error > MAX_RATE_ERROR:
         yield Note(
             NoteCode.TILE_ERROR,

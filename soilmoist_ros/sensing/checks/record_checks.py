@@ -359,9 +359,8 @@ class WeatherChecks:
                 wrong[name] = message, remedy_of_unit(quantity, value, low, high, _REMEDY)
         if "pressure_hpa" not in wrong and (jump_hpa := self._jump_hpa(record, altitude_m)):
             wrong["pressure_hpa"] = (
-                f"the pressure {record.pressure_hpa:.1f} hPa is a jump of {jump_hpa:+.1f} hPa",
-                _REMEDY,
-            )
+                f"the pressure {record.pressure_hpa:.1f} hPa is a jump of {jump_hpa:+.1f} hPa", _REMEDY,
+            )  # fmt: skip
         if wrong:
             record = replace(record, **dict.fromkeys(wrong, NAN))  # type: ignore[arg-type]
         return record, [Finding(Kind.IMPOSSIBLE_WEATHER, *each) for each in wrong.values()]

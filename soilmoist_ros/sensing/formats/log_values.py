@@ -55,9 +55,8 @@ Quantity = Literal["pressure", "temperature", "humidity"]
 DURATIONS = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0}
 _SCALES: dict[Quantity, dict[str, float]] = {
     "pressure": {"hPa": 1.0, "mb": 1.0, "mbar": 1.0, "Pa": 0.01, "kPa": 10.0, "mmHg": 1.33322, "inHg": 33.8639},
-    "temperature": {"degC": 1.0, "degF": 1.0, "K": 1.0},
-    "humidity": {"percent": 0.01, "fraction": 1.0},
-}
+    "temperature": {"degC": 1.0, "degF": 1.0, "K": 1.0}, "humidity": {"percent": 0.01, "fraction": 1.0},
+}  # fmt: skip
 _SPELLINGS = {
     spelling: unit
     for unit, spellings in {

@@ -393,12 +393,10 @@ def _plug_in_path(plug_in: Any) -> Path:
 
 
 LOGGERS: Registry[Path] = Registry(
-    "soilmoist_ros.loggers",
-    "logger",
-    lambda: {name: resource("loggers", name) for name in resource_names("loggers")},
-    _plug_in_path,
+    "soilmoist_ros.loggers", "logger",
+    lambda: {name: resource("loggers", name) for name in resource_names("loggers")}, _plug_in_path,
     "give the path of a YAML file or",
-)
+)  # fmt: skip
 """Files of the logger formats, from this package and from entry points of other packages."""
 
 

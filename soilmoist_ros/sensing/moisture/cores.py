@@ -33,12 +33,11 @@ _LIMITS = {
 }
 """Columns of numbers, with their limits and their meaning for messages."""
 _OTHER_UNITS = {
-    "vwc_percent": ("vwc", 0.01),
-    "gravimetric_percent": ("gravimetric_water", 0.01),
+    "vwc_percent": ("vwc", 0.01), "gravimetric_percent": ("gravimetric_water", 0.01),
     "bulk_density_kgm3": ("bulk_density_gcm3", 0.001),
     **{f"{end}_mm": (f"{end}_cm", 0.1) for end in ("depth", "top", "bottom")},
     **{f"{end}_m": (f"{end}_cm", 100.0) for end in ("depth", "top", "bottom")},
-}
+}  # fmt: skip
 """Columns in another unit: the column that they stand for, and the factor to its unit."""
 _NAMES = (*_LIMITS, "profile", "date")
 _DATE = re.compile(r"(\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.](\d\d){1,2})(?!\d)")

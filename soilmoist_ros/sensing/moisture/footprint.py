@@ -194,6 +194,16 @@ class SensedSoil:
     radius_m: tuple[float, float, float]
 
 
+BARE_WATER = (0.40, 0.20, 0.05)
+"""All water of wet, typical and dry soil: the least, usual and largest footprint of a bare probe [m^3/m^3]."""
+
+
+def bare_radius_m(humidity_gm3: float, pressure_hpa: float, vegetation_m: float = 0.0) -> tuple[float, ...]:
+    """Least, usual and largest radius R86 of a bare probe by the water of the soil, rounded to 10 m [m]."""
+    air = Footprint(0.0, humidity_gm3, pressure_hpa, vegetation_m)
+    return tuple(10.0 * round(replace(air, water=water).radius_m / 10) for water in BARE_WATER)
+
+
 def sensed_soil(vwc: ArrayLike, bulk_density_gcm3: float, bound_water: float, air: Footprint) -> SensedSoil | None:
     """Depth and radius over the cells of a map; ``None`` if no cell has a moisture.
 

@@ -200,8 +200,13 @@ def why_no_soil(site: Site) -> str:
 def soil_of(site: Site) -> tuple[Soil, list[UncertaintyPart]]:
     """Soil of a site with a range for what its file leaves out, and the two parts of the uncertainty."""
     soil = site.soil or Soil(bulk_density_gcm3=DENSITY_GCM3, bulk_density_sd_gcm3=DENSITY_SD_GCM3)
-    by_class = soil.texture is not None and soil == Soil.model_validate({"texture": soil.texture})
-    given: Origin = "default range" if site.soil is None or by_class else "given"
+    typical = Soil.model_validate({"texture": soil.texture}) if soil.texture else None
+
+    def origin(*names: str) -> Origin:
+        # By value: a site file that soilmoist calibrate wrote holds all values.
+        of_class = typical and all(getattr(soil, name) == getattr(typical, name) for name in names)
+        return "default range" if site.soil is None or of_class else "given"
+
     density_sd = soil.bulk_density_sd_gcm3
     if density_sd is None:
         density_sd = DENSITY_ERROR * soil.bulk_density_gcm3
@@ -214,10 +219,10 @@ def soil_of(site: Site) -> tuple[Soil, list[UncertaintyPart]]:
     full = soil.model_copy(update=changed)
     water = full.lattice_water + full.organic_water
     return full, [
-        _part("bulk density", full.bulk_density_gcm3, "g/cm3", density_sd, given),
+        _part("bulk density", full.bulk_density_gcm3, "g/cm3", density_sd, origin("bulk_density_gcm3")),
         _part(
             "lattice and organic water", round(water, 5), "g/g", full.bound_water_sd or 0.0,
-            given if known else "default range",
+            origin("lattice_water", "organic_water") if known else "default range",
         ),
     ]  # fmt: skip
 
@@ -238,9 +243,8 @@ def general_calibration(site: Site, air: SurveyAir) -> tuple[Calibration, Soil] 
     parts = [
         _part("general N0", GENERAL_N0_CPS, "counts/s", GENERAL_SD * GENERAL_N0_CPS, "literature", GENERAL_SD),
         _part("sensitivity", sensitivity.value, "of the reference", sensitivity.sd, sensitivity.origin, share),
-        *scale.parts,
-        *_changing_parts(site, air),
-    ]
+        *scale.parts, *_changing_parts(site, air),
+    ]  # fmt: skip
     soil, of_soil = soil_of(site)
     factor = scale.factor * _humidity(site) * _intensity(site, air)[0] * _plants(site)
     n0_cps = GENERAL_N0_CPS * sensitivity.value * factor

@@ -14,7 +14,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation import InputError, Section, load_model, read_yaml, resource
@@ -53,6 +53,17 @@ LATTICE_WATER_SD = 0.01
 """Standard deviation of the lattice water of soils of equal clay [g/g]."""
 MIN_EFFICIENCY = 0.3
 """Lowest efficiency of an irrigation that is no mistake."""
+_LENGTHS = {"m": 1000.0, "cm": 10.0, "inches": 25.4}
+_FRACTION = (0.01, 1.0, {"per cent": 0.01})
+_USUAL: dict[str, tuple[float, float, dict[str, float]]] = {
+    "root_depth_mm": (50.0, 3000.0, _LENGTHS), "steps_mm": (0.5, 100.0, _LENGTHS),
+    "min_dose_mm": (0.5, 500.0, _LENGTHS), "max_dose_mm": (2.0, 500.0, _LENGTHS),
+    "width_m": (0.3, 2000.0, {"cm": 0.01, "mm": 0.001}), "min_zone_ha": (1e-4, 100.0, {"m2": 1e-4}),
+    **dict.fromkeys(("wilting_point", "field_capacity", "dry_below", "moist_above", "target"), _FRACTION),
+    **dict.fromkeys(("depletion", "target_share"), _FRACTION),
+    **dict.fromkeys(("wilting_point_sd", "field_capacity_sd"), (0.0, 0.2, {"per cent": 0.01})),
+}  # fmt: skip
+"""Least and largest usual values of irrigation keys, and what other units are in theirs."""
 _LIMITS_OF_SOIL = {"texture", "wilting_point", "field_capacity", "dry_below", "moist_above"}
 OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}  # times per which other programs give N0 [s]
 
@@ -228,6 +239,17 @@ class Irrigation(Section):
         names = "wilting_point", "field_capacity", "wilting_point_sd", "field_capacity_sd"
         return {**{name: getattr(found, name) for name in names}, **values}
 
+    @field_validator("*", mode="before")
+    @classmethod
+    def _usual(cls, value: Any, about: ValidationInfo) -> Any:
+        low, high, units = _USUAL.get(about.field_name or "", (-math.inf, math.inf, {}))
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0 or low <= value <= high:
+            return value
+        meant = [f"{value * by:g} if it is in {unit}" for unit, by in units.items() if low <= value * by <= high]
+        if not meant:
+            return value
+        raise ValueError(f"{value:g} is not usual ({low:g} to {high:g}): write {' or '.join(meant)}")
+
     @model_validator(mode="after")
     def _in_pairs(self) -> Irrigation:
         for low, high in (("wilting_point", "field_capacity"), ("dry_below", "moist_above")):
@@ -304,7 +326,8 @@ class Site(Section):
     location: Location | None = None
     """Position of a probe that does not log positions (a stationary probe)."""
     footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0
-    """Radius around the sensor that dominates its counts [m]; about 10 with the robot's shield."""
+    """Radius around the sensor that dominates its counts [m]; about 10 with the robot's shield. Left out, reports
+    state that of a bare probe."""
     deconvolve_footprint: bool | None = None
     """Map of the rate at each place if true, of its mean over the footprint around it if false. Each place if
     left out, where the radius is given and the counts do not object."""
@@ -400,6 +423,11 @@ class Site(Section):
     def reference_humidity_gm3(self) -> float:
         """Absolute humidity to which counts are corrected [g/m^3]."""
         return (self.corrections.humidity or HumidityCorrection()).reference_gm3
+
+    @property
+    def shield_radius_m(self) -> float:
+        """Radius of the footprint if the file gives it [m]; else that of a bare probe, which has no limit."""
+        return self.footprint_radius_m if "footprint_radius_m" in self.model_fields_set else math.inf
 
     @property
     def known_footprint_m(self) -> float:

@@ -491,9 +491,8 @@ def nmea_sentences(stamp_s: float, position: Position, speed_mps: float = NAN, r
     gga = (clock, *place, quality, *seen, altitude, "M", geoid, "M", "", "")
     return [
         str(pynmea2.RMC("GN", "RMC", (clock, "A", *place, speed, "", date, "", "", mode))),
-        str(pynmea2.GGA("GN", "GGA", gga)),
-        str(pynmea2.GST("GN", "GST", (clock, sd, sd, sd, "0.0", sd, sd, up))),
-    ]
+        str(pynmea2.GGA("GN", "GGA", gga)), str(pynmea2.GST("GN", "GST", (clock, sd, sd, sd, "0.0", sd, sd, up))),
+    ]  # fmt: skip
 
 
 def sentences_without_fix(stamp_s: float) -> list[str]:

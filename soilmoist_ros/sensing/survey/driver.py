@@ -363,12 +363,10 @@ def fix_health(stream: SensorStream, now_s: float) -> Health:
         return Health("GNSS", Level.WARN if came else Level.STALE, f"no fix yet{came}", values)
     age_s = now_s - fix.stamp_s
     values |= {
-        "status": fix.status.name.lower(),
-        "satellites": str(fix.satellites) if fix.satellites >= 0 else "unknown",
-        "hdop": _number(fix.hdop, 1),
-        "standard deviation [m]": _number(fix.position.horizontal_sd_m, 3),
+        "status": fix.status.name.lower(), "satellites": str(fix.satellites) if fix.satellites >= 0 else "unknown",
+        "hdop": _number(fix.hdop, 1), "standard deviation [m]": _number(fix.position.horizontal_sd_m, 3),
         "age [s]": _number(age_s, 1),
-    }
+    }  # fmt: skip
     if fix.status is FixStatus.NO_FIX:
         said = f" ({fix.said})" if fix.said else ""
         why = fix.no_place.text if fix.no_place else "no fix"

@@ -263,21 +263,15 @@ def calibration_counts(
         if math.isfinite(record.temperature_degc + record.relative_humidity)
     ]
     return CalibrationCounts(
-        sum(record.raw_counts for record in good),
-        math.fsum(record.effective_exposure_s for record in good),
-        len(good),
-        len(raw) - len(good),
-        _mean(pressures),
-        _mean(humidities),
-        raw[0].stamp_s,
-        raw[-1].stamp_s,
+        sum(record.raw_counts for record in good), math.fsum(record.effective_exposure_s for record in good),
+        len(good), len(raw) - len(good), _mean(pressures), _mean(humidities), raw[0].stamp_s, raw[-1].stamp_s,
         {
             name: (min(values), max(values))
             for name in ("f_pressure", "f_humidity", "f_intensity")
             if (values := [getattr(record, name) for record in good])
         },
         next((one.message for one in _reasons(problems)), ""),
-    )
+    )  # fmt: skip
 
 
 def stationary_records(logs: Sequence[LogFile], site: Site) -> list[CountRecord]:

@@ -66,10 +66,8 @@ def foreign(request, tmp_path):
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
     writer = Writer(tmp_path / "foreign", version=9, storage_plugin=plugin)
     modes = {
-        "compressed": CompressionMode.STORAGE,
-        "file": CompressionMode.FILE,
-        "message": CompressionMode.MESSAGE,
-    }
+        "compressed": CompressionMode.STORAGE, "file": CompressionMode.FILE, "message": CompressionMode.MESSAGE,
+    }  # fmt: skip
     if mode:
         writer.set_compression(modes[mode], CompressionFormat.ZSTD)
     with writer:

@@ -36,16 +36,10 @@ def irrigated(doses=(0.0, 10.0, 15.0), latitude=53.27, longitude=-0.52, cell_m=2
     used = sorted(set(doses))
     zones = [
         DoseZone(
-            outline.intersection(part),
-            used.index(gross) + 1,
-            gross,
-            0.8 * gross,
-            0.5 * gross,
-            1.2 * gross,
-            0.9 if gross else 0.1,
-            0.7,
+            outline.intersection(part), used.index(gross) + 1, gross, 0.8 * gross, 0.5 * gross, 1.2 * gross,
+            0.9 if gross else 0.1, 0.7,
         )
         for part, gross in zip(PARTS, doses, strict=True)
-    ]
+    ]  # fmt: skip
     settings = DoseSettings(wilting_point=0.1, field_capacity=0.3, max_dose_mm=100)
-    return source, Plan(settings, zones, 0.55, one, "2026-05-03")
+    return source, Plan(settings, zones, 0.55, "", one, "2026-05-03")

@@ -220,7 +220,7 @@ def test_sheet_task_and_report_tell_of_the_same_ground(make_run):
     run = make_run(irrigation=Irrigation(wilting_point=0.08, field_capacity=0.3, width_m=8))
     found, (source, _) = field_dose(run), irrigated()
     assert found.area_m2 < 0.9 * source.boundary.area
-    plan = irrigation.Plan(found.settings, found.zones, found.sure, source.properties[0], "2026-05-03")
+    plan = irrigation.Plan(found.settings, found.zones, found.sure, "", source.properties[0], "2026-05-03")
     net, low, high = found.missing_mm
     assert plan.facts["missing [mm]"] == f"{net:.0f} ({low:.0f} to {high:.0f})"
     assert plan.facts["need sure on"] == f"{100 * found.sure:.0f} %"

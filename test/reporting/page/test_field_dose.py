@@ -149,6 +149,24 @@ def test_the_lead_says_what_the_largest_dose_leaves(make_run):
     assert "largest dose" not in irrigation(make_run(irrigation=LIMITS, sensed=DEEP)).steps[0]
 
 
+def test_a_footprint_larger_than_the_field_makes_zones_hints(make_run):
+    wide = {"footprint_radius_m": 170.0, "footprint_range_m": (120.0, 220.0)}
+    run = make_run(irrigation=LIMITS, sensed=DEEP, **wide)
+    default = "default of a bare probe, 120 to 220 m; footprint_radius_m is not given"
+    told = f"mean over 170 m around each place ({default})"
+    about = summary(run)
+    assert about["map"]["support"] == told
+    assert about["map"]["resolution_m"] == 170.0
+    assert "wide_footprint" in about["warning_codes"]
+    assert any(one["name"] == "footprint" and told in one["remark"] for one in about["budget"]["beyond"])
+    assert not about["dose"]["certain"]
+    assert "one dose for the whole field" in about["dose"]["blurred"]
+    assert about["dose"]["blurred"] in irrigation(run).steps
+    near = summary(make_run(irrigation=LIMITS, sensed=DEEP, footprint_radius_m=10.0))
+    assert "wide_footprint" not in near["warning_codes"]
+    assert not near["dose"]["blurred"]
+
+
 def test_soil_below_the_sensed_depth_is_an_assumption_without_earlier_surveys(make_run):
     shallow = SensedSoil((15.0, 12.0, 18.0), (10.0, 9.0, 11.0))
     found, deep = (field_dose(make_run(irrigation=LIMITS, sensed=sensed)) for sensed in (shallow, DEEP))

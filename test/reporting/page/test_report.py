@@ -257,9 +257,8 @@ def test_no_folder_of_this_computer_is_in_report_and_summary(make_run, tmp_path)
     example = f"{log}:17: no fix"
     run = make_run(
         inputs=[input_file(log, "neutron log"), input_file(Path("setup.cfg"), "site")],
-        losses=[LossRow("no position", 3, example)],
-        notes=[Note(NoteCode.NOT_MAPPED, f"see {log}")],
-    )
+        losses=[LossRow("no position", 3, example)], notes=[Note(NoteCode.NOT_MAPPED, f"see {log}")],
+    )  # fmt: skip
     assert [one.name for one in run.inputs] == ["run.csv", "setup.cfg"]
     page = render_report(run)
     assert str(tmp_path) not in json.dumps(summary(run)) + page

@@ -24,9 +24,8 @@ def table(names, row, *, rows=30, separator=",", head=""):
 
 SPREADSHEET = table(
     ("Datum", "Zeit", "Neutronen", "Messzeit_min", "Luftdruck_hPa", "Temperatur_C", "Feuchte"),
-    "{day:02d}.05.2024;{hour:02d}:00:00;{count};60;985,{n};12,5;60,0",
-    separator=";",
-)
+    "{day:02d}.05.2024;{hour:02d}:00:00;{count};60;985,{n};12,5;60,0", separator=";",
+)  # fmt: skip
 CAMPBELL = table(
     (),
     '"2024-05-{day:02d} {hour:02d}:00:00",{n},13.1,{count},{count},98.5,21.5,55',

@@ -20,13 +20,10 @@ FORMAT = LoggerFormat.model_validate(
         "record_period": {"default_s": 60},
         "humidity": {"sensors": [{"column": "rh", "unit": "percent"}], "sentinels": [-99]},
         "position": {
-            "latitude": ["lat"],
-            "longitude": ["lon"],
-            "longitude_signed": False,
-            "time_of_day": ["clock"],
+            "latitude": ["lat"], "longitude": ["lon"], "longitude_signed": False, "time_of_day": ["clock"],
         },
     }
-)
+)  # fmt: skip
 NAMES = ("time", "number", "n1", "n2", "live1", "live2", "rh", "lat", "lon", "clock")
 FIELDS = {
     "time": "1714557600", "number": "7", "n1": "40", "n2": "44", "live1": "59000", "live2": "60000",

@@ -77,6 +77,15 @@ def test_limits_for_irrigation_come_in_pairs(tmp_path, text, mistake):
 @pytest.mark.parametrize(
     ("keys", "mistake"),
     [
+        ({"irrigation": {"root_depth_mm": 0.3}}, r"0.3 is not usual \(50 to 3000\): write 300 if it is in m"),
+        ({"irrigation": {"root_depth_mm": 24}}, "write 240 if it is in cm or 609.6 if it is in inches"),
+        ({"irrigation": {"steps_mm": 0.2}}, "5.08 if it is in inches"),
+        ({"irrigation": {"max_dose_mm": 0.04}}, "write 40 if it is in m"),
+        ({"irrigation": {"width_m": 6000}}, "60 if it is in cm or 6 if it is in mm"),
+        ({"irrigation": {"min_zone_ha": 500}}, "0.05 if it is in m2"),
+        ({"irrigation": {"wilting_point": 14, "field_capacity": 0.3}}, "0.14 if it is in per cent"),
+        ({"irrigation": {"texture": "loam", "field_capacity_sd": 5}}, "0.05 if it is in per cent"),
+        ({"irrigation": {"depletion": 50}}, "0.5 if it is in per cent"),
         ({"irrigation": {"efficiency": 0}}, "greater than 0"),
         ({"irrigation": {"efficiency": 1.1}}, "less than or equal to 1"),
         ({"irrigation": {"efficiency": 0.08}}, "below 0.3: most of the water would be lost"),

@@ -58,21 +58,16 @@ def one_by_one(records, fixes, site):
 
 SITES = {
     "gap in the fixes": (
-        [record(10.0 * k) for k in range(1, 12)],
-        [fix(float(s)) for s in (*range(22), *range(70, 115))],
+        [record(10.0 * k) for k in range(1, 12)], [fix(float(s)) for s in (*range(22), *range(70, 115))],
         UNCORRECTED,
     ),
     "last fix within the interval": (
-        [record(10.0 * k) for k in range(1, 4)],
-        [fix(float(s)) for s in range(22)],
-        UNCORRECTED,
+        [record(10.0 * k) for k in range(1, 4)], [fix(float(s)) for s in range(22)], UNCORRECTED,
     ),
     "no pressure for 20 minutes": (
-        [record(10.0), record(1210.0, pressure_hpa=NAN)],
-        [fix(float(s)) for s in range(0, 1300, 5)],
-        Site(),
+        [record(10.0), record(1210.0, pressure_hpa=NAN)], [fix(float(s)) for s in range(0, 1300, 5)], Site(),
     ),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", SITES)

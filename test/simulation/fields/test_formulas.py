@@ -15,18 +15,12 @@ EXTENT = GridExtent.of(SQUARE, 2.0)
 LARGE = GridExtent.of(np.array([(0, 0), (400, 0), (400, 400), (0, 400)]), 4.0)
 PLACES = np.random.default_rng(1).uniform(0, 400, (4000, 2))
 PARAMETERS = {
-    "gaussian_field": {"mean": 4.0, "sd": 0.8},
-    "exponential": {"mean": 4.0, "sd": 0.8},
-    "matern32": {"mean": 4.0, "sd": 0.8},
-    "patches": {"background": 4.0, "patch": 3.0},
-    "ridge": {"background": 3.0, "crest": 4.0},
-    "gradient": {"low": 3.0, "high": 4.0},
-    "half": {"low": 3.0, "high": 4.0},
-    "halves": {"mean": 4.0, "sd": 0.8},
-    "rough_patch": {"mean": 4.0, "sd": 0.8},
-    "strips": {"mean": 4.0, "sd": 0.8},
-    "texture": {"low": 3.0, "high": 4.0},
-}
+    "gaussian_field": {"mean": 4.0, "sd": 0.8}, "exponential": {"mean": 4.0, "sd": 0.8},
+    "matern32": {"mean": 4.0, "sd": 0.8}, "patches": {"background": 4.0, "patch": 3.0},
+    "ridge": {"background": 3.0, "crest": 4.0}, "gradient": {"low": 3.0, "high": 4.0},
+    "half": {"low": 3.0, "high": 4.0}, "halves": {"mean": 4.0, "sd": 0.8}, "rough_patch": {"mean": 4.0, "sd": 0.8},
+    "strips": {"mean": 4.0, "sd": 0.8}, "texture": {"low": 3.0, "high": 4.0},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -23,12 +23,10 @@ POND = [[30, 25], [60, 25], [60, 60], [30, 60]]
 def field_file(folder, polygon, no_go, cell_m=5.0):
     """A field file with a truth."""
     content = {
-        "datum": {"latitude_deg": 53.0, "longitude_deg": -0.5},
-        "polygon": np.asarray(polygon, float).tolist(),
-        "no_go": [np.asarray(ring, float).tolist() for ring in no_go],
-        "cell_m": cell_m,
+        "datum": {"latitude_deg": 53.0, "longitude_deg": -0.5}, "polygon": np.asarray(polygon, float).tolist(),
+        "no_go": [np.asarray(ring, float).tolist() for ring in no_go], "cell_m": cell_m,
         "truth": {"formula": {"family": "gradient", "low": 3.0, "high": 6.0, "angle_deg": 30}},
-    }
+    }  # fmt: skip
     path = folder / "field.yaml"
     path.write_text(json.dumps(content))
     return path
@@ -87,8 +85,7 @@ def test_random_fields_and_graphs(tmp_path_factory, seed, outline, graph, strate
     wanted = MissionSettings(
         field=str(field_file(folder, polygon, no_go, ground.field.cell_m)), strategy=strategy, dwell="fmi:40",
         hours=0.12, seed=seed, travel="free" if graph is None else "graph", graph=file, weather=False,
-        position_sd_m=0.0,
-        robots=robots,
+        position_sd_m=0.0, robots=robots,
     )  # fmt: skip
     try:
         result = simulate_mission(wanted)

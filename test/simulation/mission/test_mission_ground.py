@@ -50,10 +50,9 @@ def test_a_map_with_another_datum_lies_where_it_says(tmp_path, caplog):
     np.testing.assert_array_equal(mission_map(FIELD, FIELD.grid(), same).graph.xy, [(10, 10), (20, 30)])
     with pytest.raises(InputError, match="the map is not of the field 'plot'"):
         mission_map(
-            FIELD,
-            FIELD.grid(),
+            FIELD, FIELD.grid(),
             map_file(tmp_path, [(1, 1), (2, 2)], {"origin": {"latitude": -53, "longitude": 179}}),
-        )
+        )  # fmt: skip
 
 
 def test_robots_start_apart_at_different_corners():

@@ -24,8 +24,7 @@ def field(side_m, rate_cps, cell_m=None):
 
 SMALL = field(15.0, 3.0)
 CASES = {
-    "15 m": {"field": SMALL, "hours": 0.4},
-    "100 ha": {"field": field(1000.0, 3.0), "hours": 0.8},
+    "15 m": {"field": SMALL, "hours": 0.4}, "100 ha": {"field": field(1000.0, 3.0), "hours": 0.8},
     "0.05 counts/s": {"field": field(60.0, 0.05), "hours": 0.5},
     "100 counts/s": {"field": field(60.0, 100.0), "hours": 0.3},
     "long records": {"field": field(60.0, 3.0), "hours": 0.5, "cadence_s": 30.0},
@@ -34,7 +33,7 @@ CASES = {
     "ivr": {"field": SMALL, "hours": 0.3, "strategy": "ivr"},
     "random": {"field": field(60.0, 3.0), "hours": 0.3, "strategy": "random", "dwell": "ami:0.1"},
     "lattice": {"field": field(60.0, 3.0), "hours": 0.4, "strategy": "lattice", "dwell": "fmi:33"},
-}
+}  # fmt: skip
 
 
 @pytest.mark.slow

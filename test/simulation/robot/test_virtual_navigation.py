@@ -286,11 +286,10 @@ def trips(habits, count=30, seed=1):
         person.stop(seen_s)
         found.append(
             (
-                seen_s - now_s,
-                person.distance_m(seen_s) - before_m,
+                seen_s - now_s, person.distance_m(seen_s) - before_m,
                 np.hypot(*(person.at(seen_s) - np.array(stop.xy))),
             )
-        )
+        )  # fmt: skip
         now_s = seen_s
     return np.array(found)
 
