@@ -85,7 +85,8 @@ BOUND_WATER, BOUND_WATER_SD = 0.035, 0.018
 """Default range of lattice and organic water [g/g]: cropland of the table has 0.029 +- 0.011, grassland more."""
 ORGANIC_GCM3 = 0.8
 """Bulk density below which a soil is organic: its organic water is far above the default range [g/cm^3]."""
-DENSITY_ERROR, WATER_ERROR = 0.07, 0.01
+DENSITY_ERROR = 0.07
+WATER_ERROR = 0.01
 """Errors of a density (relative) and of bound water [g/g] that a user gives without one."""
 ORGANIC_ERROR = (2.5 - 1.4) / math.sqrt(12) / 2
 """Relative error of organic water, 16 %: organic matter is 1.4 to 2.5 times its carbon (Pribyl 2010, Geoderma
