@@ -77,7 +77,7 @@ class FieldSurvey:
 
     @cached_property
     def calibrated(self) -> Callable[[MapState], sensing.Site]:
-        """The site with the calibration of a state, see :meth:`_calibrated`; the last one is kept."""
+        """The site with the calibration of a state; the last one is kept."""
         return lru_cache(maxsize=1)(self._calibrated)
 
     def _calibrated(self, state: MapState) -> sensing.Site:

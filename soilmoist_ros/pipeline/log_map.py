@@ -252,7 +252,7 @@ def with_sensor(site: Site, sensor: str | float | None, site_file: Path | None) 
 
 
 def write_sensor_site(site: str, sensor: str | float, path: Path) -> None:
-    """Write the site file of a name or path, or of none, with the sensor of an option, see :func:`with_sensor`."""
+    """Write the site file of a name or path, or of none, with the sensor of an option."""
     file = resource("sites", site) if site else None
     known = with_sensor(load_site(file) if file else Site(), sensor, file)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -39,6 +39,11 @@ _OTHER_UNITS = {
     **{f"{end}_m": (f"{end}_cm", 100.0) for end in ("depth", "top", "bottom")},
 }  # fmt: skip
 """Columns in another unit: the column that they stand for, and the factor to its unit."""
+_SAME = {
+    "profile_id": "profile", "distance_to_crns_m": "distance_m", "profile_depth_cm": "depth_cm",
+    "soilmoisture_g_g": "gravimetric_water", "drybulkdensity_g_cm3": "bulk_density_gcm3",
+}  # fmt: skip
+"""Names of other programs (neptoon) for columns in the same unit."""
 _NAMES = (*_LIMITS, "profile", "date")
 _DATE = re.compile(r"(\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.](\d\d){1,2})(?!\d)")
 _SITES = ("site", "site_id", "site_name", "station", "station_id", "field", "field_id")
@@ -150,7 +155,7 @@ def _read_rows(path: Path) -> tuple[list[_Row], list[str]]:
         [cell.strip() for cell in cells]
         for cells in csv.reader([line for _, line in numbered], delimiter=delimiter, skipinitialspace=True)
     ]
-    header = [cell.lower() for cell in table[0]] if table else []
+    header = [_SAME.get(cell.lower(), cell.lower()) for cell in table[0]] if table else []
     names = [_OTHER_UNITS[name][0] if name in _OTHER_UNITS else name for name in header]
     rows = [(line, cells) for (line, _), cells in list(zip(numbered, table, strict=False))[1:] if any(cells)]
     for at, name in enumerate(names):  # the first column of dates, by its name or its cells, is that of the days

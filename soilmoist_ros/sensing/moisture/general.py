@@ -16,7 +16,6 @@ again with the corrections and scaling of this package, one weight a site (``tes
   sensitivity the authors took from the model. Errors of cores, densities and biomass are in these deviations. The
   authors' standard deviation of the *mean* N0, 15 to 18 of 2306 counts/h, is not the error of one site;
 * days of one site scatter by :data:`DAY_SD` (29 degrees of freedom), the error of their cores included.
-
 A range that nobody measured is a *default range*; no message calls it a measurement.
 """
 

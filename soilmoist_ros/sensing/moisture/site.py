@@ -44,7 +44,7 @@ Crop = Literal[
 ]
 Stage = Literal["emerged", "growing", "full"]
 UNKNOWN_SENSOR: Literal["unknown sensor"] = "unknown sensor"
-"""Method of a calibration whose N0 is only possible, see :func:`.unknown_sensor`; and name of its uncertainty."""
+"""Method of a calibration whose N0 is only possible, see ``unknown_sensor``; and name of its uncertainty."""
 USUAL_N0_CPS = (0.05, 30.0)
 """N0 of sensors from one small tube at sea level to twelve large ones in the mountains [counts/s]."""
 USUAL_CARBON, USUAL_CARBON_SD = 0.015, 0.007

@@ -37,6 +37,8 @@ def test_mean_and_standard_error_of_cores(read):
 
 
 def test_gravimetric_cores_take_a_density_from_the_core_or_the_site(read):
+    (core,) = read("Profile_ID,SoilMoisture_g_g,DryBulkDensity_g_cm3\nneptoon,0.2,1.3\n")
+    assert (core.profile, core.vwc) == ("neptoon", pytest.approx(0.26))
     text = "gravimetric_water;weight\n0.10;1\n0.20;3\n"
     assert mean_of_cores(read(text, 1.5)).vwc == pytest.approx(0.175 * 1.5)
     with pytest.raises(InputError, match="gravimetric water needs a bulk density"):
