@@ -48,11 +48,7 @@ def write_sheet(source: RunSource, folder: Path, settings: ExportSettings) -> li
 
 
 def headline(plan: Plan, units: Units) -> str:
-    """Advice in one sentence.
-
-    >>> headline(Plan(DoseSettings(), [], 1.0, "", None, ""), Units.of("mm"))
-    'No irrigation'
-    """
+    """Advice in one sentence, such as ``No irrigation``."""
     zones, before = plan.irrigated, "" if plan.certain else "Best estimate, not certain: "
     if not zones:
         return f"{before}No irrigation"
