@@ -201,6 +201,8 @@ def site_findings(site: sensing.Site) -> Iterator[FileFinding]:
     yield from _on_monitor(settings)
     for key, why in site.unused_keys():
         yield FileFinding("not used", f"{key}: {why}")
+    if "irrigation" in site.model_fields_set:
+        yield from _on_irrigation(site.irrigation)
     curve, calibration = site.curve, site.calibration
     if curve is None:
         missing = " and ".join(name for name in ("soil", "calibration") if getattr(site, name) is None)
@@ -227,6 +229,31 @@ def site_findings(site: sensing.Site) -> Iterator[FileFinding]:
             "the calibration has no date, note or n0_sd_cps: give one, or write 'illustrative: true' if N0 is not "
             "from cores around this probe"
         )
+
+
+def _on_irrigation(known: sensing.Irrigation) -> Iterator[FileFinding]:
+    """Root zone, its water, and the doses, each with its origin."""
+
+    def of(name: str) -> str:
+        return "given" if name in known.model_fields_set else "default"
+
+    low, high = known.wilting_point, known.field_capacity
+    texts = [f"roots to {known.root_depth_mm:g} mm ({of('root_depth_mm')})"]
+    if low is None or high is None:
+        texts.append("no wilting point and field capacity, so no dose")
+    else:
+        origin = "given" if known.texture is None else f"typical of {known.texture}"
+        texts.append(f"wilting point {low:g}, field capacity {high:g} ({origin})")
+        target = "target given" if known.target is not None else f"target_share {of('target_share')}"
+        net_mm, held_mm = ((end - low) * known.root_depth_mm for end in (known.full, high))
+        texts.append(f"{held_mm:.0f} mm of available water, filled to {known.full:.2f} ({target})")
+        gross_mm, efficiency = net_mm / known.efficiency, f"efficiency {known.efficiency:g} {of('efficiency')}"
+        most_mm = min(gross_mm, known.max_dose_mm)
+        limit = efficiency if gross_mm <= known.max_dose_mm else f"max_dose_mm {of('max_dose_mm')}"
+        texts.append(f"largest dose {most_mm:.0f} mm ({limit})")
+    yield FileFinding("irrigation", "; ".join(texts))
+    if known.doubt:
+        yield _doubt(known.doubt)
 
 
 def _on_monitor(settings: sensing.CorrectionSettings) -> Iterator[FileFinding]:

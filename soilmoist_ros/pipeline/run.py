@@ -187,6 +187,7 @@ class NoteCode(StrEnum):
     NEGATIVE_MOISTURE = "negative_moisture"
     BEYOND_LIMITS = "beyond_limits"
     FAR_REFERENCE_PRESSURE = "far_reference_pressure"
+    SHALLOW_ROOTS = "shallow_roots"
     UNUSUAL_FACTOR = "unusual_factor"
     OTHER_TIME_OF_N0 = "other_time_of_n0"
     UNKNOWN_CALIBRATION = "unknown_calibration"

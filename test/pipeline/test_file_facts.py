@@ -106,6 +106,23 @@ def test_a_site_has_the_moisture_of_its_calibration():
     ]
 
 
+def test_a_site_shows_what_follows_from_its_irrigation():
+    limits = {"wilting_point": 0.13, "field_capacity": 0.31, "root_depth_mm": 60, "efficiency": 0.8}
+    found = list(site_findings(Site(irrigation=limits)))
+    assert texts(found, "irrigation") == [
+        "roots to 60 mm (given); wilting point 0.13, field capacity 0.31 (given); 11 mm of available water, "
+        "filled to 0.31 (target_share default); largest dose 13 mm (efficiency 0.8 given)"
+    ]
+    assert texts(found, "doubt") == [Site(irrigation=limits).irrigation.doubt]
+    assert "write 600 if it is in cm" in texts(found, "doubt")[0]
+    found = list(site_findings(Site(soil={"texture": "loam"}, irrigation={"root_depth_mm": 900})))
+    assert "(typical of loam)" in texts(found, "irrigation")[0]
+    assert texts(found, "irrigation")[0].endswith("largest dose 60 mm (max_dose_mm default)")
+    assert not texts(found, "doubt")
+    assert "so no dose" in texts(site_findings(Site(irrigation={"root_depth_mm": 900})), "irrigation")[0]
+    assert not texts(site_findings(Site()), "irrigation")
+
+
 def test_a_logger_format_has_tubes_quantities_and_clock():
     found = list(logger_findings(load_logger_format("hydroinnova_rover")))
     assert texts(found, "quantities") == [

@@ -75,7 +75,7 @@ def test_what_is_missing_on_average_is_more_than_what_the_mean_lacks():
 
 def test_a_target_above_the_pore_volume_is_refused():
     with pytest.raises(InputError, match=r"above the pore volume of 0\.47 m3/m3"):
-        find_dose(np.array([4.0]), np.array([0.1]), CURVE, changed(target=0.5))
+        find_dose(np.array([4.0]), np.array([0.1]), CURVE, changed(target=0.5, field_capacity=0.5))
 
 
 FIELD = Polygon([(0, 0), (60, 0), (60, 30), (20, 40), (0, 40)], [[(25, 10), (35, 10), (35, 18), (25, 18)]])

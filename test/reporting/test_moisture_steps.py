@@ -13,7 +13,7 @@ import pytest
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.pipeline import MapRun, MapSettings, NoteCode, map_logs
 from soilmoist_ros.reporting import at_one_place, moisture_of_all, moisture_series, notes, write_outputs
-from soilmoist_ros.sensing import CountRecord, Site, process_logs, read_log
+from soilmoist_ros.sensing import CountRecord, Irrigation, Site, process_logs, read_log
 
 STATION = Path(__file__).parents[2] / "examples" / "station_kansas_2021-10.dat"
 HOUR = 3600.0
@@ -78,6 +78,8 @@ def test_a_reference_far_from_the_pressure_of_the_place_is_noted(run) -> None:
     far = replace(run, corrections=[row])
     (note,) = [note for note in notes(far) if note.code is NoteCode.FAR_REFERENCE_PRESSURE]
     assert "48 hPa below the reference of 1013 hPa" in note.message
+    shallow = notes(replace(run, irrigation=Irrigation(root_depth_mm=60)))
+    assert any(note.code is NoteCode.SHALLOW_ROOTS and "600 if it is in cm" in note.message for note in shallow)
 
 
 def record(end_s: float, counts: int, exposure_s: float = 900.0) -> CountRecord:

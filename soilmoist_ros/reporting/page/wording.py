@@ -375,7 +375,7 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
 
 
 def _on_knowledge(run: MapRun) -> Iterator[Note]:
-    """Notes on covariates that much of the field lacks, and on doubtful earlier surveys."""
+    """Notes on covariates that much of the field lacks, on shallow roots, and on doubtful earlier surveys."""
     shares = {} if run.covariates is None else run.covariates.coverage(run.soil_map.grid)
     gaps = [f"{name} ({percent(share)})" for name, share in shares.items() if share < MIN_COVERAGE]
     if gaps:
@@ -384,6 +384,8 @@ def _on_knowledge(run: MapRun) -> Iterator[Note]:
             f"Some covariates cover a part of the field only: {', '.join(gaps)}. Elsewhere they count as average; "
             "check that their files reach over the field.",
         )
+    if doubt := run.irrigation.doubt:
+        yield Note(NoteCode.SHALLOW_ROOTS, f"{doubt[0].upper()}{doubt[1:]}.")
     rate = mean_rate(run.soil_map.samples)
     for one in run.earlier:
         for doubt in earlier_doubts(one, rate, run.created_utc, run.survey_end_utc):

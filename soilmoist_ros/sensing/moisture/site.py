@@ -53,6 +53,8 @@ LATTICE_WATER_SD = 0.01
 """Standard deviation of the lattice water of soils of equal clay [g/g]."""
 MIN_EFFICIENCY = 0.3
 """Lowest efficiency of an irrigation that is no mistake."""
+SHALLOW_ROOTS_MM = 150.0
+"""Depth of roots of few crops, seedlings left aside, below which another unit is likely [mm]."""
 _LENGTHS = {"m": 1000.0, "cm": 10.0, "inches": 25.4}
 _FRACTION = (0.01, 1.0, {"per cent": 0.01})
 _USUAL: dict[str, tuple[float, float, dict[str, float]]] = {
@@ -277,11 +279,23 @@ class Irrigation(Section):
             )
         if self.target is not None and self.target_share != 1:
             raise ValueError("give 'target' or 'target_share', not both")
+        if self.target is not None and self.field_capacity is not None and self.target > self.field_capacity:
+            what = f"'target' {self.target:g} is above 'field_capacity' {self.field_capacity:g}"
+            raise ValueError(f"{what}: the soil does not hold more against gravity, so it would drain")
         if self.full <= self.stress:
             key = "target_share" if self.target is None else "target"
             what = f"'{key}' {getattr(self, key):g}"
             raise ValueError(f"{what} is not above {self.stress:.3g}, where plants lack water")
         return self
+
+    @property
+    def doubt(self) -> str:
+        """Doubt about the depth of the roots; empty for a usual one."""
+        depth = self.root_depth_mm
+        if depth >= SHALLOW_ROOTS_MM:
+            return ""
+        meant = f"write {10 * depth:g} if it is in cm; doses are small and often needed with so little soil"
+        return f"root_depth_mm of {depth:g} is shallow for the roots of crops: {meant}"
 
     def left(self, share: float) -> tuple[float, float]:
         """Moisture when a share of the water between wilting point and field capacity is left, and its standard

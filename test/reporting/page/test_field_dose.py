@@ -55,7 +55,10 @@ def test_recursive_filter_is_the_weighted_mean_of_wagner(days, time, seed):
         ({"calibration": CalibrationInfo(7.0, 1.4, illustrative=True)}, "a guess"),
         ({"irrigation": Irrigation()}, "texture, or wilting_point and field_capacity, are not in"),
         ({"irrigation": LIMITS.model_copy(update={"width_m": 90})}, "wider than the field"),
-        ({"irrigation": LIMITS.model_copy(update={"target": 0.5})}, "above the pore volume"),
+        (
+            {"irrigation": LIMITS.model_copy(update={"target": 0.5, "field_capacity": 0.5})},
+            "above the pore volume",
+        ),
     ],
 )
 def test_a_run_without_a_dose_says_what_is_missing(make_run, changes, missing):

@@ -97,6 +97,7 @@ def test_limits_for_irrigation_come_in_pairs(tmp_path, text, mistake):
         ({"irrigation": {"texture": "loam", "wilting_point": 0.1, "field_capacity": 0.3}}, "not both"),
         ({"irrigation": {"texture": "loam", "target": 0.2}}, "not above 0.21, where plants lack water"),
         ({"irrigation": {"texture": "loam", "target_share": 0.5}}, "'target_share' 0.5 is not above 0.21"),
+        ({"irrigation": {"wilting_point": 0.1, "field_capacity": 0.31, "target": 0.4}}, "0.4 is above 'field_cap"),
         ({"irrigation": {"target": 0.25, "target_share": 0.9}}, "'target' or 'target_share', not both"),
         ({"irrigation": {"target": 0.5}, "soil": {"bulk_density_gcm3": 1.6}}, "above the pore volume 0.40"),
         (
