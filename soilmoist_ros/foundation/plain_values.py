@@ -100,13 +100,14 @@ def text_of_csv(cell: str) -> str:
 
 
 def printable(text: str) -> str:
-    r"""The text with what cannot be printed as escapes; line feeds and tabs stay.
+    r"""The text with what cannot be printed as escapes; line feeds and tabs stay, no-break spaces become plain.
 
     >>> printable("north\x1b]0;title\x07 \u202e5 m\u00b3")
     'north\\x1b]0;title\\x07 \\u202e5 m³'
     """
     if text.isprintable():
         return text
+    text = text.replace("\u202f", " ").replace("\u00a0", " ")
     return "".join(
         one if one.isprintable() or one in "\n\t" else one.encode("unicode_escape").decode() for one in text
     )
@@ -133,7 +134,12 @@ def number(value: float | None, digits: int = 3) -> str:
     if value != 0 and not 1e-4 <= abs(value) < 1e7:
         return f"{value:.{digits - 1}e}"
     decimals = max(digits - 1 - (math.floor(math.log10(abs(value))) if value else 0), 0)
-    return f"{value:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
+    return thousands(value, decimals).replace("-", "−")
+
+
+def thousands(value: float, decimals: int = 0) -> str:
+    """A number with narrow no-break spaces between its thousands; :func:`printable` makes them plain ones."""
+    return f"{value:,.{decimals}f}".replace(",", "\u202f")
 
 
 def area(area_m2: float) -> tuple[str, str]:

@@ -139,6 +139,7 @@ class DoseZone:
     :param net_mm: mean of the water missing to the target [mm], and its mean quantiles
     :param needed: mean probability that plants lack water now [0..1]
     :param sure: mean probability that the dose is the right one of the steps [0..1]
+    :param need_sure: share of its places that certainly need water now [0..1]
     """
 
     shape: BaseGeometry
@@ -149,6 +150,7 @@ class DoseZone:
     p95_mm: float
     needed: float
     sure: float
+    need_sure: float
 
     @property
     def area_m2(self) -> float:
@@ -210,6 +212,7 @@ def zones_of_dose(
         own = _places(shape, xy)
         figures = [float(figure[own].mean()) for figure in (dose.net_mm, dose.p05_mm, dose.p95_mm, dose.needed)]
         figures.append(float(dose.right(float(steps[index]), own).mean()))
+        figures.append(float((dose.needed[own] >= CERTAIN).mean()))
         zones.append(DoseZone(shape, used.index(index) + 1, float(steps[index]), *figures))
     return sorted(zones, key=lambda zone: (zone.number, -zone.area_m2))
 
@@ -335,6 +338,11 @@ class DosePlan:
         return sum(zone.volume_m3 for zone in self.zones)
 
     @property
+    def need_sure(self) -> float:
+        """Share of the irrigated area that certainly needs water [0..1]; NaN without one, or of an old run."""
+        return zones_mean(self.irrigated, "need_sure") if self.irrigated else math.nan
+
+    @property
     def missing_mm(self) -> tuple[float, float, float]:
         """Water missing where it is applied, without a dose in the whole field: mean, and mean of the quantiles
         0.05 and 0.95 of a place [mm].
@@ -381,7 +389,7 @@ def saved_zones(summary: Any, where: Path | None = None) -> list[DoseZone]:
         raise InputError(f"there is no dose: {what}", about.get("remedy") or "make the run again", where)
     columns = [field.name for field in fields(DoseZone)[1:]]
     return [
-        DoseZone(Polygon(zone["rings_m"][0], zone["rings_m"][1:]), *(zone[name] for name in columns))
+        DoseZone(Polygon(zone["rings_m"][0], zone["rings_m"][1:]), *(zone.get(name, math.nan) for name in columns))
         for zone in about["zones"]
     ]
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
@@ -14,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.pipeline import calibration_method
 from soilmoist_ros.reporting.dose import DosePlan, DoseSettings, find_dose, saved_zones, sure_share, zones_of_dose
 from soilmoist_ros.reporting.exports.layers import Layer, origin, texts, write_layers, write_shapefile
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
 from soilmoist_ros.reporting.page.field_dose import lacking, useless
+from soilmoist_ros.reporting.page.frame import percent
 
 RATE_UNITS: dict[str, Fraction] = {
     "mm": Fraction(1),
@@ -74,7 +75,8 @@ class Plan(DosePlan):
         top, left = self.capped
         return {
             "calibration": self.one.calibration, "survey": self.date or "no date",
-            "missing [mm]": Units.of("mm").missing(self.missing_mm), "need sure on": f"{100 * self.sure:.0f} %",
+            "missing [mm]": Units.of("mm").missing(self.missing_mm), "decision sure on": percent(self.sure),
+            **({} if math.isnan(self.need_sure) else {"need sure on": f"{percent(self.need_sure)} of it"}),
             "water": f"{self.volume_m3:.0f} m3",
             **({"typical soil": self.settings.texture} if self.settings.texture else {}),
             **({"zones": "hints, wide footprint"} if self.blurred else {}),
@@ -97,6 +99,8 @@ def irrigation_plan(source: RunSource, settings: ExportSettings) -> Plan:
         plan = Plan(used, zones, sure, about["dose"].get("blurred", ""), one, date)
     else:
         plan = _plan_of_map(source, one, date)
+    if (missing := useless(plan.sure)) is not None:  # a run of a release that gave it
+        raise InputError(f"there is no dose: {missing.missing}", missing.remedy, source.run.folder)
     depth_mm = plan.settings.root_depth_mm
     if settings.root_depth_mm not in (None, depth_mm):
         raise InputError(
@@ -114,12 +118,9 @@ def _plan_of_map(source: RunSource, one: ExportedProperty, date: str) -> Plan:
     if missing is None and zone is not None and one.curve is not None:
         inside, xy = one.cells
         dose = find_dose(one.bands["rate"][inside], one.bands["rate_sd"][inside], one.curve, zone)
-        sure = sure_share(dose)
-        missing = useless(calibration_method(about), sure)
-        if missing is None:
-            source.notes.append("the run has no dose: this one is made from its map and its site file")
-            zones = zones_of_dose(dose, xy, one.cell_m, source.boundary, zone)
-            return Plan(zone, zones, sure, "", one, date)
+        source.notes.append("the run has no dose: this one is made from its map and its site file")
+        zones = zones_of_dose(dose, xy, one.cell_m, source.boundary, zone)
+        return Plan(zone, zones, sure_share(dose), "", one, date)
     why = f"; {source.no_site}" if zone is None and source.no_site else ""
     assert missing is not None
     raise InputError(f"there is no dose: {missing.missing}{why}", missing.remedy, source.run.folder)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd
 from soilmoist_ros.pipeline import MapRun
+from soilmoist_ros.reporting.budget import level_remedy
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, absolute, calibration_of, once_a_run
 from soilmoist_ros.reporting.dose import (
     Dose,
@@ -28,6 +29,7 @@ from soilmoist_ros.reporting.dose import (
 )
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place
+from soilmoist_ros.reporting.page.frame import percent
 from soilmoist_ros.reporting.page.statistics import is_usable
 from soilmoist_ros.sensing import UNKNOWN_SENSOR, Irrigation, MoistureCurve
 
@@ -35,11 +37,9 @@ Array = NDArray[np.float64]
 
 FEW_PLACES = 10
 USEFUL_SHARE = 0.5
-"""Share of the area whose need must be certain for a dose by a general or combined calibration."""
-_CORES_OF = {
-    "general": "take soil cores on one day and combine them with the general calibration",
-    "combined": "take more soil cores, on another day",
-}
+"""Share of the area where the decision to irrigate or not must be certain for a dose, whatever the calibration."""
+MEASURED_LIMITS = "measured field capacity and wilting point"
+MEASURED_BELOW = "a measurement of the soil below the sensed depth"
 BELOW_SD_SHARE = 0.25
 """Standard deviation of the moisture below the sensed depth about that above, as a share of the available water:
 an assumption, no measurement."""
@@ -94,7 +94,8 @@ class FieldDose(DosePlan):
         return {
             "missing": None, "settings": self.settings.model_dump(), "target_vwc": self.settings.full,
             "needed_below_vwc": self.settings.stress, "area_m2": self.area_m2, "volume_m3": self.volume_m3,
-            "sure_share": self.sure, "certain": self.certain, "blurred": self.blurred, "below": self.below,
+            "sure_share": self.sure, "need_sure_share": self.need_sure,
+            "certain": self.certain, "blurred": self.blurred, "below": self.below,
             "remedies": [one._asdict() for one in self.remedies],
             "zones": [{name: getattr(zone, name) for name in columns} for zone in self.zones],
         }  # fmt: skip
@@ -160,21 +161,24 @@ def field_dose(run: MapRun) -> FieldDose | NoDose:
     except InputError as error:
         mistake = error.mistakes[0]
         return NoDose(mistake.message, mistake.remedy)
-    method = "cores" if run.calibration is None else run.calibration.method
-    sure = sure_share(dose)
-    return useless(method, sure) or FieldDose(
-        settings, zones, sure, run.blurred, dose, text, remedies(run, settings, dose)
-    )
+    sure, found = sure_share(dose), remedies(run, settings, dose)
+    remedy = f"get {remedy_text(run, found[0])}" if found else f"get {level_remedy(run)}"
+    return useless(sure, remedy) or FieldDose(settings, zones, sure, run.blurred, dose, text, found)
 
 
-def useless(method: str, sure: float) -> NoDose | None:
-    """Reason to give no dose by a general or combined calibration; ``None`` if it is certain enough."""
-    remedy = _CORES_OF.get(method)
-    if remedy is None or sure >= USEFUL_SHARE:
+def useless(sure: float, remedy: str = "get more soil cores, or count longer") -> NoDose | None:
+    """Reason to give no dose, whatever the calibration; ``None`` if enough of the area is certain."""
+    if sure >= USEFUL_SHARE:
         return None
-    return NoDose(
-        f"by the {method} calibration the need is certain on only {100 * sure:.0f} % of the area", remedy
-    )
+    return NoDose(f"whether to irrigate is certain on only {percent(sure)} of the area", remedy)
+
+
+def remedy_text(run: MapRun, one: Remedy) -> str:
+    """What makes the decision certain on more of the area."""
+    if one.what == "counting":
+        return f"{one.minutes} more minutes of counting{f' in the {one.part}' if one.part else ''}"
+    others = {"calibration": level_remedy(run), "limits": MEASURED_LIMITS, "below": MEASURED_BELOW}
+    return f"{others[one.what]}, not more counting"
 
 
 def _lacking(run: MapRun) -> NoDose | None:

@@ -14,6 +14,7 @@ from soilmoist_ros.foundation import HECTARE_M2, InputError, area_unit
 from soilmoist_ros.foundation import area as area
 from soilmoist_ros.foundation import duration as duration
 from soilmoist_ros.foundation import number as number
+from soilmoist_ros.foundation import thousands as thousands
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -124,7 +125,7 @@ def part_of_area(part_m2: float, whole_m2: float) -> str:
     decimals = max(digits - math.floor(math.log10(max(whole_m2, 1e-9) / size)), 0)
     if 0 < part_m2 < 0.5 * size * 10**-decimals:
         return f"< {10**-decimals:.{decimals}f} {unit}"
-    return f"{part_m2 / size:,.{decimals}f}".replace(",", "\u202f") + f" {unit}" if part_m2 > 0 else f"0 {unit}"
+    return f"{thousands(part_m2 / size, decimals)} {unit}" if part_m2 > 0 else f"0 {unit}"
 
 
 def length(metres: float) -> tuple[str, str]:

@@ -30,14 +30,17 @@ from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.field_dose import (
     FEW_PLACES,
+    MEASURED_BELOW,
+    MEASURED_LIMITS,
     FieldDose,
     NoDose,
     field_dose,
     has_level,
+    remedy_text,
     root_zone,
     to_capacity,
 )
-from soilmoist_ros.reporting.page.frame import part_of_area, percent, volume
+from soilmoist_ros.reporting.page.frame import part_of_area, percent, thousands, volume
 from soilmoist_ros.reporting.page.statistics import calibration_sd, is_usable, mean_moisture, unusable_share
 from soilmoist_ros.sensing import UNKNOWN_SENSOR
 
@@ -45,8 +48,6 @@ Array = NDArray[np.float64]
 
 COLOURS = ("#d8b365", "#a6d5cf", "#2166ac")
 """Colours of dry, medium and moist; readers with colour-blindness can distinguish them."""
-MEASURED_LIMITS = "measured field capacity and wilting point"
-MEASURED_BELOW = "a measurement of the soil below the sensed depth"
 RELATIVE = ("driest third", "middle third", "wettest third")
 BY_USER = ("dry", "medium", "moist")
 BY_PLANT = ("too dry", "enough water", "too wet")
@@ -456,7 +457,7 @@ def dose_sentence(run: MapRun) -> str:
 def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
     """The dose, how sure it is and what would make it surer; then what it rests on."""
     whole_m2 = float(field_polygon(run.soil_map).area)
-    share, area = f"need sure on {percent(found.sure)}", part_of_area(found.area_m2, whole_m2)
+    share, area = f"decision sure on {percent(found.sure)} of the area", part_of_area(found.area_m2, whole_m2)
     doses = [zone.gross_mm for zone in found.irrigated]
     if not doses:
         what = f"No irrigation needed now on all {part_of_area(whole_m2, whole_m2)}"
@@ -466,7 +467,8 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
     else:
         amount = " to ".join(f"{dose:g}" for dose in sorted({min(doses), max(doses)})) + " mm"
         of = f" of {part_of_area(whole_m2, whole_m2)}" if found.area_m2 < 0.999 * whole_m2 else ""
-        what = f"Irrigate {amount} on {area.rsplit(' ', 1)[0] if of else area}{of} ({found.volume_m3:,.0f} m³)"
+        what = f"Irrigate {amount} on {area.rsplit(' ', 1)[0] if of else area}{of}"
+        what += f" ({thousands(found.volume_m3)} m³), need sure on {percent(found.need_sure)} of that"
     before: tuple[str, ...] = ("simulated",) if run.simulated else ()
     before += () if found.certain else ("best estimate, not certain",)
     what, left = ": ".join([*before, what[0].lower() + what[1:]]), found.capped[1]
@@ -488,12 +490,8 @@ def _surer(run: MapRun, found: FieldDose) -> str:
     if not found.remedies:
         return ""
     best = found.remedies[0]
-    if best.what == "counting":
-        where = f" in the {best.part}" if best.part else ""
-        return f"; {best.minutes} more minutes of counting{where} would make it {percent(best.share)}"
-    others = {"calibration": level_remedy(run), "limits": MEASURED_LIMITS, "below": MEASURED_BELOW}
-    what = others[best.what]
-    return f"; {what}, not more counting, could make it up to {percent(best.share)}"
+    would = " would make it" if best.what == "counting" else ", could make it up to"
+    return f"; {remedy_text(run, best)}{would} {percent(best.share)}"
 
 
 def dose_rows(run: MapRun, found: FieldDose) -> list[SimpleNamespace]:
@@ -503,7 +501,7 @@ def dose_rows(run: MapRun, found: FieldDose) -> list[SimpleNamespace]:
         size, (net, low, high) = sum(zone.area_m2 for zone in zones), missing_mm(zones)
         rows.append(SimpleNamespace(
             dose=f"{gross:g} mm" if gross else "none", area=part_of_area(size, whole_m2),
-            volume=f"{gross / 1000 * size:,.0f} m³" if gross else "–", missing=f"{net:.0f} mm",
+            volume=f"{thousands(gross / 1000 * size)} m³" if gross else "–", missing=f"{net:.0f} mm",
             interval=f"{low:.0f} to {high:.0f} mm", needed=percent(zones_mean(zones, "needed")),
             sure=percent(zones_mean(zones, "sure")),
         ))  # fmt: skip

@@ -37,7 +37,7 @@ def irrigated(doses=(0.0, 10.0, 15.0), latitude=53.27, longitude=-0.52, cell_m=2
     zones = [
         DoseZone(
             outline.intersection(part), used.index(gross) + 1, gross, 0.8 * gross, 0.5 * gross, 1.2 * gross,
-            0.9 if gross else 0.1, 0.7,
+            0.9 if gross else 0.1, 0.7, 0.9 if gross else 0.0,
         )
         for part, gross in zip(PARTS, doses, strict=True)
     ]  # fmt: skip

@@ -223,9 +223,10 @@ def test_sheet_task_and_report_tell_of_the_same_ground(make_run):
     plan = irrigation.Plan(found.settings, found.zones, found.sure, "", source.properties[0], "2026-05-03")
     net, low, high = found.missing_mm
     assert plan.facts["missing [mm]"] == f"{net:.0f} ({low:.0f} to {high:.0f})"
-    assert plan.facts["need sure on"] == f"{100 * found.sure:.0f} %"
+    assert plan.facts["decision sure on"] == f"{100 * found.sure:.0f} %"
+    assert plan.facts["need sure on"] == f"{100 * found.need_sure:.0f} % of it"
     said = " ".join(page_irrigation(run).steps)
     assert f"There {net:.0f} mm ({low:.0f} to {high:.0f} mm) are missing" in said
-    assert f"need sure on {100 * found.sure:.0f} %" in said
+    assert f"need sure on {100 * found.need_sure:.0f} % of that; decision sure on {100 * found.sure:.0f} %" in said
     xml, _ = isoxml.task_data(source, plan, ExportSettings(passes=5))
     assert f"missing [mm]: {net:.0f} ({low:.0f} to {high:.0f})".encode() in xml

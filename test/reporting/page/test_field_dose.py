@@ -88,14 +88,15 @@ def test_the_general_calibration_has_a_dose_where_it_is_sure(make_run, the_map):
     assert isinstance(field_dose(make_run(irrigation=LIMITS, calibration=general, sensed=DEEP)), FieldDose)
     wide = dataclasses.replace(the_map, curve=dataclasses.replace(the_map.curve, n0_sd_cps=1.0))
     found = field_dose(make_run(irrigation=LIMITS, calibration=general, soil_map=wide, sensed=DEEP))
-    assert "by the general calibration the need is certain on only" in found.missing
+    assert "whether to irrigate is certain on only" in found.missing
     assert "cores" in found.remedy
-    both = dataclasses.replace(general, method="combined")
-    found = field_dose(make_run(irrigation=LIMITS, calibration=both, soil_map=wide, sensed=DEEP))
-    assert "by the combined calibration the need is certain on only" in found.missing
-    assert "more soil cores" in found.remedy
+    for known in (dataclasses.replace(general, method="combined"), CalibrationInfo(7.0, 1.0)):  # one gate for all
+        own = make_run(irrigation=LIMITS, calibration=known, soil_map=wide, sensed=DEEP)
+        assert field_dose(own) == found._replace(remedy=field_dose(own).remedy)
+        assert "soil cores" in field_dose(own).remedy
+        assert not any("mm on" in step for step in irrigation(own).steps)
+    wide = dataclasses.replace(the_map, curve=dataclasses.replace(the_map.curve, n0_sd_cps=0.45))
     own = make_run(irrigation=LIMITS, soil_map=wide, sensed=DEEP)
-    assert isinstance(field_dose(own), FieldDose)
     assert "; more soil cores, on another day, not more counting, could make it up to" in irrigation(own).steps[0]
 
 
@@ -105,11 +106,14 @@ def test_the_advice_leads_with_the_dose(make_run):
     assert found is field_dose(run)
     area, volume = f"{found.area_m2 / 1e4:.2f} of 0.11 ha", f"({found.volume_m3:.0f} m³)"
     assert steps[0].startswith("Irrigate ")
-    assert f"mm on {area} {volume}; need sure on {100 * found.sure:.0f} %" in steps[0]
+    surely = sum(zone.need_sure * zone.area_m2 for zone in found.irrigated) / found.area_m2
+    assert f"mm on {area} {volume}, need sure on {100 * surely:.0f} % of that" in steps[0]
+    assert f"; decision sure on {100 * found.sure:.0f} % of the area" in steps[0]
     assert "are missing to 30.0 % in the upper 300 mm, and 20 % is lost on the way." in steps[1]
     assert not found.below
     about = json.loads(json.dumps(summary(run)["dose"]))
     assert about["certain"] is found.certain
+    assert (about["sure_share"], about["need_sure_share"]) == (found.sure, pytest.approx(surely))
     assert about["volume_m3"] == pytest.approx(found.volume_m3)
     assert sum(zone["area_m2"] for zone in about["zones"]) == pytest.approx(1106.5, rel=1e-4)
     for saved, zone in zip(saved_zones({"dose": about}), found.zones, strict=True):
@@ -143,7 +147,7 @@ def test_the_lead_says_what_the_largest_dose_leaves(make_run):
     top = [zone for zone in field_dose(run).zones if zone.gross_mm == 10]
     left = sum((zone.net_mm - 0.8 * 10) * zone.area_m2 for zone in top) / sum(zone.area_m2 for zone in top)
     assert (
-        f"; 10 mm is the largest dose of the machine, about {left:.0f} mm remain missing; need sure on"
+        f"; 10 mm is the largest dose of the machine, about {left:.0f} mm remain missing; decision sure on"
         in (irrigation(run).steps[0])
     )
     steps = LIMITS.model_copy(update={"max_dose_mm": 13})
