@@ -31,12 +31,20 @@ from soilmoist_ros.exploration import (
     property_weights,
     read_travel_map,
 )
+from soilmoist_ros.foundation import Health, Level
 from soilmoist_ros.nodes.navigators import make_navigator
 from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameters import Parameters, Value
 from soilmoist_ros.nodes.planner_inputs import PlannerFrames, PlannerInputs
 from soilmoist_ros.nodes.planner_outputs import PlannerKeepout, PlannerOutputs
-from soilmoist_ros.nodes.planner_parameters import PARAMETERS, chosen_survey, make_team, make_watch, mission_rules
+from soilmoist_ros.nodes.planner_parameters import (
+    PARAMETERS,
+    PERSON,
+    chosen_survey,
+    make_team,
+    make_watch,
+    mission_rules,
+)
 from soilmoist_ros.nodes.topics import LATCHED, NO_EVENTS, SENSOR, every, interface_class
 from soilmoist_ros.recording import StoredMission
 
@@ -46,6 +54,9 @@ MISSION_TICK_S: Final = 1.0
 TICK_S: Final = 0.2
 SHOW_S: Final = 1.0
 LOOK_S: Final = 0.5  # time between two checks whether a release of the emergency stop counts [s]
+WATCHDOG_SHOWS: Final = 15
+"""Number of looks after which a watchdog is missed: starting it takes seconds."""
+UNWATCHED: Final = "none is heard: if the planner dies, nothing stops the robot (start the node watchdog)"
 WHO: Final = "ros2 param"  # name for clients that set a parameter: ROS does not report them
 
 
@@ -53,6 +64,7 @@ class Planner(Node):
     """Explores a field: chooses stops, sends the robot to them, and lets it count."""
 
     finished = False
+    _shown = 0
 
     def __init__(self) -> None:
         super().__init__("planner")
@@ -109,6 +121,7 @@ class Planner(Node):
         elif graph != "topic":
             self._inputs.use_map(read_travel_map(Path(graph), self._field).for_robot(robot))
         self._keepout = PlannerKeepout(self, self._values)
+        self._is_person = self._values.text("navigator") == PERSON
         self._commands = PlannerCommands(self, self._control, self._values, self._stay)
         # Limits of the mission use ROS time. Messages, displays and limits of the navigation use steady time.
         self.create_timer(MISSION_TICK_S, self._control.tick)
@@ -146,7 +159,10 @@ class Planner(Node):
         self._inputs.tick()
         self._keepout.tick(self._control.fence, self._frames.robot.move)
         self._control.show()
-        self._outputs.diagnose([*self._control.health(), self._frames.health()])
+        self._shown += 1
+        unwatched = self._shown > WATCHDOG_SHOWS and not (self._control.watch.has_watchdog or self._is_person)
+        watchdog = [Health("watchdog", Level.WARN, UNWATCHED)] if unwatched else []
+        self._outputs.diagnose([*self._control.health(), self._frames.health(), *watchdog])
 
 
 # Commands of an operator to the planner: services, live parameters, and emergency stops -------------------------

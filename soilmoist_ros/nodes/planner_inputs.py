@@ -144,8 +144,11 @@ class PlannerInputs:
             self._control.battery(*battery)
 
     def _on_operator(self, message: Bool) -> None:
+        watch, now_s = self._control.watch, self._control.now_s()
         if message.data:
-            self._control.watch.heard("operator", self._control.now_s())
+            watch.heard("operator", now_s)
+        else:
+            watch.operator_absent(now_s)
 
     def _on_watchdog(self, message: DiagnosticStatus) -> None:
         watch = self._control.watch

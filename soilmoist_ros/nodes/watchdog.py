@@ -7,7 +7,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Mapping, Set
+from collections.abc import Collection, Mapping, Set
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -16,10 +16,12 @@ from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.client import Client
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
 from soilmoist_ros.exploration import ACTIVE, goal_mark
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import WATCHDOG as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
@@ -27,9 +29,8 @@ from soilmoist_ros.nodes.topics import DEFAULT, HEARTBEAT, LATCHED, NO_EVENTS, S
 
 __all__ = ["PARAMETERS", "Heartbeats", "Watchdog", "main"]
 
-TICK_S: Final = 0.05
-SHOW_S: Final = 1.0
-FIRST_S: Final = 5.0  # a planner that is there is heard this long after the start of the watchdog [s]
+TICK_S, SHOW_S = 0.05, 1.0
+FIRST_S: Final = 3.0  # who is there is heard this long after the start of the watchdog [s]
 AGAIN_S: Final = 0.3  # a goal that has not ended is cancelled again after this time [s]
 ALL_S: Final = 3.0  # where the planner's goals do not end, all of the navigation are cancelled after this time [s]
 RELEASE_S: Final = 2.0  # the watchdog lets go after this time without a fault and without a goal [s]
@@ -41,50 +42,45 @@ Goal = tuple[str, bytes]
 @dataclass
 class _Beat:
     silent_s: float
-    heard_s: float = math.nan
+    heard_s: float
     good: bool = True
+    known: bool = False
 
-    def fault(self, now_s: float) -> str:
+    def fault(self, now_s: float, first: str) -> str:
         if not self.good:
             return "says that something is wrong"
         silent_s = now_s - self.heard_s
-        return f"is silent: {silent_s:.1f} s" if silent_s > self.silent_s else ""
+        return f"is silent: {silent_s:.1f} s" if silent_s > self.silent_s else "" if self.known else first
 
 
 class Heartbeats:
     """Decides from heartbeats and goals when to cancel, at times of a steady clock.
 
     It trips when a heartbeat is missing or bad while a goal drives the robot. Then it cancels every goal of the
-    planner, until all are over and the heartbeats are good for :data:`RELEASE_S`.
-
-    :param silent_s: longest time between two heartbeats of the planner [s]
-    :param others: those of other heartbeats, by topic [s]; one that was never heard is a fault
+    planner, until all are over and the heartbeats are good for :data:`RELEASE_S`. ``silent_s`` [s] is the longest
+    time between two heartbeats of the planner, ``others`` has those of other heartbeats by topic.
     """
 
     def __init__(self, silent_s: float, others: Mapping[str, float], now_s: float) -> None:
-        self._beats = {"": _Beat(silent_s), **{topic: _Beat(limit_s) for topic, limit_s in others.items()}}
-        for beat in self._beats.values():
-            beat.heard_s = now_s + FIRST_S
+        limits = {"": silent_s, **others}
+        self._beats = {topic: _Beat(limit_s, now_s + FIRST_S) for topic, limit_s in limits.items()}
         self._tripped_s = self._quiet_since_s = self._asked_s = -math.inf
         self._ticked_s, self.tripped, self.reason, self.trips = now_s, False, "", 0
 
     def hear(self, topic: str, good: bool, now_s: float) -> None:
         """A heartbeat has come, with an empty topic for that of the planner."""
         beat = self._beats[topic]
-        beat.heard_s, beat.good = now_s, good
+        beat.heard_s, beat.good, beat.known = now_s, good, True
 
-    def fault(self, now_s: float) -> str:
-        """What is wrong, in words; empty if nothing is."""
-        for topic, beat in self._beats.items():
-            if fault := beat.fault(now_s):
+    def fault(self, now_s: float, of: Collection[str] | None = None, first: str = "") -> str:
+        """What is wrong with heartbeats, by default all; ``first`` is said of one that was never heard."""
+        for topic in self._beats if of is None else of:
+            if fault := self._beats[topic].fault(now_s, first):
                 return f"{f'the heartbeat {topic}' if topic else 'the planner'} {fault}"
         return ""
 
     def tick(self, goals: Set[Goal], now_s: float) -> Set[Goal]:
-        """Time has passed; the goals to cancel now, with :data:`ALL_GOALS` of an action if they do not end.
-
-        :param goals: the planner's goals that drive the robot, by action and identity
-        """
+        """The goals to cancel now, of the planner's goals that drive the robot; or all, if they do not end."""
         slept_s, self._ticked_s = now_s - self._ticked_s, now_s
         if slept_s > AGAIN_S:  # a busy computer: heartbeats wait to be read
             for beat in self._beats.values():
@@ -108,10 +104,7 @@ class Heartbeats:
 
 
 class Watchdog(Node):
-    """Hears the heartbeats and the states of goals, and asks the navigation to cancel.
-
-    The goals of the planner begin with its mark, whichever action they are sent to.
-    """
+    """Hears heartbeats and states of goals of any action, and cancels those that have the planner's mark."""
 
     def __init__(self) -> None:
         super().__init__("watchdog")
@@ -119,19 +112,22 @@ class Watchdog(Node):
         self._mark = goal_mark(f"{self.get_namespace().rstrip('/')}/planner")
         poses = values.text("pose_action")
         self._poses = self.resolve_service_name(poses) if poses else ""
-        others = dict.fromkeys(values.texts("heartbeats"), values.number("heartbeat_silent_s"))
-        self._beats = Heartbeats(values.number("silent_s"), others, time.monotonic())
+        self._others = dict.fromkeys(values.texts("heartbeats"), values.number("heartbeat_silent_s"))
+        self._beats = Heartbeats(values.number("silent_s"), self._others, time.monotonic())
         self._states: dict[str, dict[bytes, int]] = {}
         self._cancels: dict[str, Client] = {}
-        self._seen: set[str] = set()
-        self._said = False
+        self._seen, self._said = set[str](), False
         self._shown = self.create_publisher(DiagnosticStatus, "watchdog", LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
-        out = values.text("heartbeat_out")
-        self._out = self.create_publisher(Bool, out, DEFAULT) if out else None
+        self._out, out = None, values.text("heartbeat_out")
         self.create_subscription(Bool, HEARTBEAT, partial(self._on_beat, ""), DEFAULT)
-        for topic in others:  # best effort hears every publisher
-            self.create_subscription(Bool, topic, partial(self._on_beat, topic), SENSOR, event_callbacks=NO_EVENTS)
+        try:
+            self._out = self.create_publisher(Bool, out, DEFAULT) if out else None
+            for topic in self._others:  # best effort hears every publisher
+                take = partial(self._on_beat, topic)
+                self.create_subscription(Bool, topic, take, SENSOR, event_callbacks=NO_EVENTS)
+        except NameValidationException as error:
+            raise InputError(f"heartbeats, heartbeat_out: {error}", "names look like /safety/heartbeat") from None
         every(self, TICK_S, self._tick)
         every(self, SHOW_S, self._show)
         self._show()
@@ -172,19 +168,19 @@ class Watchdog(Node):
         if self._beats.tripped != self._said:
             self._said = self._beats.tripped
             self._show()
-            said = (
-                f"{self._beats.reason}: the planner's goals are cancelled" if self._said else "all is well again"
-            )
-            self.get_logger().error(said)
+            said = f"{self._beats.reason}: the planner's goals are cancelled"
+            self.get_logger().warning(said if self._said else "all is well again")
 
     def _show(self) -> None:
         self._look()
-        beats, fault = self._beats, self._beats.fault(time.monotonic())
-        said = f"{beats.reason}: the planner's goals are cancelled; look at the robot"
+        beats, now_s = self._beats, time.monotonic()
+        bad, fault = beats.fault(now_s, self._others), beats.fault(now_s, first="has not been heard yet")
+        level = DiagnosticStatus.WARN if fault else DiagnosticStatus.OK
+        said = f"{beats.reason}: the planner's goals are cancelled; look at the robot" if beats.tripped else bad
         status = DiagnosticStatus(
-            level=DiagnosticStatus.ERROR if beats.tripped else DiagnosticStatus.OK,
+            level=DiagnosticStatus.ERROR if said else level,
             name=f"{self.get_fully_qualified_name()}: watchdog",
-            message=said if beats.tripped else fault or "the planner is heard",
+            message=said or fault or "the planner is heard",
             values=[KeyValue(key="trips", value=str(beats.trips)), KeyValue(key="last", value=beats.reason)],
         )
         self._shown.publish(status)

@@ -96,6 +96,17 @@ def test_another_heartbeat_counts_as_much(bad):
     assert "/safety/heartbeat" in beats.reason
 
 
+def test_who_was_never_heard_is_no_good_sign():
+    beats = Heartbeats(0.8, {"/x": 2.0}, 0.0)
+    assert beats.fault(1.0) == ""
+    assert beats.fault(1.0, first="has not been heard yet") == "the planner has not been heard yet"
+    beats.hear("", True, 1.0)
+    assert beats.fault(1.1, first="is missing") == "the heartbeat /x is missing"
+    beats.hear("/x", False, 1.0)
+    assert "/x says" in beats.fault(1.1, ["/x"])
+    assert beats.fault(1.1, [""]) == ""
+
+
 def test_its_own_sleep_is_not_taken_for_silence():
     beats = Heartbeats(0.8, {}, 0.0)
     run(beats, 6.0, beat_every_s=0.2)

@@ -150,6 +150,7 @@ class MissionControl:
         self._has_place = self._resume_when_ready = False
         self._start_delay_s, self._stood = setup.start_delay_s, True
         self._announced: tuple[events.GoTo, float] | None = None
+        self._due_s = -math.inf  # end of the last warning [s]
         self._start(mission or Mission(setup.rules))
         named = (PropertyMap(name, weight) for name, weight in (setup.properties or {}).items())
         self._queue = PlanningQueue(setup.map_wait_s, (OWN, *named))
@@ -317,6 +318,8 @@ class MissionControl:
             return events.Answer(verb, False, f"not yet, waiting for {', '.join(missing)}")
         if sets_off and (refusal := self._current.use_part(self._feed.place)):
             return events.Answer(verb, False, refusal)
+        if sets_off:
+            self._stood, self._due_s = True, -math.inf
         answer = self._feed.command(command)
         if not answer.accepted:
             return answer
@@ -521,7 +524,8 @@ class MissionControl:
                 self._feed.give(event)
             self._feed.give(events.Tick(self._clock.now_s()))
         state = self._mission.state
-        self._stood |= not state.under_way or state.phase is Phase.PAUSED
+        if not state.under_way or state.phase is Phase.PAUSED:
+            self._stood, self._due_s = True, -math.inf
         if self._announced is not None and self._clock.now_s() >= self._announced[1]:
             (goal, _), self._announced = self._announced, None
             self._go(goal)
@@ -661,17 +665,13 @@ class MissionControl:
                 self._queue.ask(action, self._clock.now_s())
                 self._plan_if_due()
             case events.GoTo():
-                announce, self._stood = self._stood and self._start_delay_s > 0, False
-                if announce:
-                    self._announced = action, self._clock.now_s() + self._start_delay_s
-                else:
-                    self._go(action)
+                self._announce_or_go(action)
             case events.StartCounting():
                 self._learn()
             case events.CancelGoal():
                 self._learned.give_up()
                 if self._announced is not None and self._announced[0].goal_id == action.goal_id:
-                    self._announced = None
+                    self._announced, self._stood = None, True  # what follows waits for the rest of the delay
                     self.ended(Ended(action.goal_id, Outcome.CANCELED, "cancelled before it was sent"))
                 else:
                     self.navigator.cancel(action.goal_id)
@@ -688,6 +688,17 @@ class MissionControl:
                 self._outputs.finish(action)
             case _:
                 pass  # counting is shown by the status
+
+    def _announce_or_go(self, goal: events.GoTo) -> None:
+        """Send a goal; first warn people if the robot stood by order."""
+        now_s, delay_s = self._clock.now_s(), self._start_delay_s
+        if not (self._stood and delay_s > 0):
+            self._go(goal)
+            return
+        self._stood = False
+        if now_s >= self._due_s:
+            self._due_s = now_s + delay_s
+        self._announced = goal, self._due_s
 
     def _measured(self) -> None:
         """All records so far are mapped before the next stop is chosen."""

@@ -292,9 +292,10 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "start the watchdog again: nothing stops the robot if the planner dies",
         ),
         Cause.OPERATOR_GONE: Failsafe(
-            "an operator's page or a dead man's switch was there, and nobody has been present for the limit",
+            "nobody is present any more, by the operator's page or a dead man's switch; with a response that "
+            "stops the robot also if nobody ever was",
             Response.WARN,
-            "open the page, or hold the switch; with pause or hold the robot waits for somebody",
+            "open the page, or hold the switch",
             ("operator_gone_s",),
         ),
     }

@@ -237,6 +237,15 @@ class Watch:
         """The watchdog (``watchdog``) or a present operator (``operator``) was heard."""
         self._hear(name, now_s)
 
+    def operator_absent(self, now_s: float) -> None:
+        """A dead man's switch says that nobody is present."""
+        self._heard.setdefault("operator", (now_s, self._checks))
+
+    @property
+    def has_watchdog(self) -> bool:
+        """True if a watchdog was ever heard."""
+        return "watchdog" in self._heard
+
     def battery(self, now_s: float, charge: float, voltage_v: float) -> None:
         """The state of the battery has come."""
         if self._battery.take(now_s, charge, voltage_v):
@@ -345,10 +354,10 @@ class Watch:
             (Cause.RECORDS_OLD, "record", doing.under_way, limits.records_old_s, "no record for", fault),
             (Cause.MAP_OLD, "map", behind, limits.map_old_s, "the map has taken in no record for", ""),
             (Cause.WATCHDOG_SILENT, "watchdog", doing.under_way, limits.watchdog_silent_s, "no watchdog for", ""),
-            (Cause.OPERATOR_GONE, "operator", doing.under_way, limits.operator_gone_s, "no operator for", ""),
         ):
             silent_s = self._silent_s(name, now_s) if missed else 0.0
             self.report(cause, f"{what} {silent_s:.0f} s{why}" if silent_s > limit_s else "")
+        self.report(Cause.OPERATOR_GONE, self._operator_fault(now_s, doing))
         self.report(Cause.MOVING, self._motion_fault(now_s, doing))
         self.report(Cause.COUNTS_BAD, self._trust.fault(now_s))
         self.report(Cause.BATTERY_SILENT, self._battery_fault(now_s, doing))
@@ -399,6 +408,14 @@ class Watch:
         if not 0 < limit_s < silent_s:
             return ""
         return f"no state of the battery for {silent_s:.0f} s; the last one was {self._battery}"
+
+    def _operator_fault(self, now_s: float, doing: Doing) -> str:
+        """Absence of an operator: in a mission, and always where it keeps the robot from moving."""
+        demanded = self.responses[Cause.OPERATOR_GONE] not in (Response.IGNORE, Response.WARN)
+        if demanded and "operator" not in self._heard:
+            return "no operator is present, and none was since the planner was started"
+        silent_s = self._silent_s("operator", now_s) if demanded or doing.under_way else 0.0
+        return f"no operator for {silent_s:.0f} s" if silent_s > self.limits.operator_gone_s else ""
 
     def _navigation_fault(self, now_s: float, doing: Doing) -> str:
         limit_s = self.limits.navigation_silent_s

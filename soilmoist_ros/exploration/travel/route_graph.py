@@ -62,12 +62,15 @@ def read_route_graph(path: Path) -> tuple[TravelGraph, str, str]:
         try:
             about, shape = feature["properties"], feature["geometry"]
             unused |= {key for key in ("operations", "cost") if about.get(key)}
-            unused |= {"speed_limit"} & set(about.get("metadata") or ())
+            more = about.get("metadata") or {}
+            unused |= {str(key) for key in more if key != "name" and shape["type"] in LINES}
             if shape["type"] == "Point":
                 x_m, y_m = (finite_number(one) for one in shape["coordinates"][:2])
                 if x_m is None or y_m is None:
                     raise ValueError("has no finite place")
-                name = str((about.get("metadata") or {}).get("name") or about["id"])
+                name = str(more.get("name") or about["id"])
+                if type(about["id"]) is not int:
+                    raise ValueError(f"the id {about['id']!r} is no whole number")
                 if about["id"] in names:
                     raise ValueError(f"the id {about['id']} is that of another node")
                 names[about["id"]] = foreign_text(name)
@@ -76,7 +79,10 @@ def read_route_graph(path: Path) -> tuple[TravelGraph, str, str]:
             elif shape["type"] in LINES:
                 start, end = next(ends for ends in _ENDS if ends[0] in about)
                 edges.append((number, about[start], about[end]))
-        except (KeyError, TypeError, ValueError, StopIteration) as error:
+                parts = shape.get("coordinates") or []
+                if sum(map(len, [parts] if shape["type"] == "LineString" else parts)) > 2:
+                    unused.add("bends of lines")
+        except (AttributeError, KeyError, TypeError, ValueError, StopIteration) as error:
             what = f"lacks {error}" if isinstance(error, KeyError) else str(error) or "has no ends"
             mistakes.append(Mistake(f"feature {number}: {what}", "correct it", path))
     lost = [f"feature {number}" for number, *ends in edges if not set(ends) <= names.keys()]

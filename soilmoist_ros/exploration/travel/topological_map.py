@@ -44,6 +44,7 @@ _SAME_DATUM_M = 0.1  # distance between two spellings of a datum from which they
 KNOWN_ACTIONS = ("NavigateToPose", "NavigateThroughPoses", "DriveOnHeading", "row_traversal", "row_change")
 """Actions of edges that the topological navigation has without a map that describes them."""
 _RESTRICTIONS = ("restrictions_planning", "restrictions_runtime")
+_WORD = re.compile(r"\w+")
 NO_GO = "no_go"
 """Tag of a node, and property of nodes and edges, that robots must keep away from."""
 XY_TOLERANCE_M = 0.3  # distance at which a node of a map that is made here counts as reached [m]
@@ -66,6 +67,7 @@ class TopologicalMap:
     datum: LocalFrame | None = None  # origin of the places on the earth; ``None`` if the map names none
     frame: str = ""  # name of the frame of the graph; empty if the map names none
     closed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # nodes and edges by what closes them
+    unknown: tuple[str, ...] = ()  # properties of the robot that no restriction of the map has
 
     @property
     def name(self) -> str:
@@ -106,7 +108,9 @@ class TopologicalMap:
 
     def for_robot(self, properties: Iterable[str]) -> TopologicalMap:
         """The map for a robot with these properties, such as ``robot_short``; other edges are barred."""
-        robot, barred, free = frozenset(properties), set[tuple[str, str]](), set[tuple[str, str]]()
+        given, barred, free = frozenset(properties), set[tuple[str, str]](), set[tuple[str, str]]()
+        words = {word for *_, texts in self._restricted() for text in texts for word in _WORD.findall(text)}
+        robot = given & words  # a misspelt property would make the others of its kind false
         closed: dict[str, dict[str, None]] = {}
         for name, ends, texts in self._restricted():
             against = [text for text in texts if text == NO_GO or not permitted(text, robot)]
@@ -117,7 +121,8 @@ class TopologicalMap:
         names = np.array(self.graph.names)[self.graph.edges].tolist()
         flags = np.array([not barred.isdisjoint({(a, b), (a, ""), (b, "")}) for a, b in names], np.bool_)
         graph = replace(self.graph, barred=flags if flags.any() else None)
-        return replace(self, graph=graph, closed={text: tuple(found) for text, found in closed.items()})
+        closed_by = {text: tuple(found) for text, found in closed.items()}
+        return replace(self, graph=graph, closed=closed_by, unknown=tuple(sorted(given - words)))
 
     def restrictions(self) -> str:
         """Nodes and edges that the robot may not use, with the restriction; empty if there are none."""
@@ -126,7 +131,14 @@ class TopologicalMap:
         if set(self.closed) - {NO_GO}:
             remedy += "set robot_properties to what this robot is"
         text = f"not used, as the map restricts them: {'; '.join(of)} ({remedy.removesuffix('; ')})"
+        if self.unknown and self._has_restrictions:
+            spelling = f"the map has no robot_properties {listing(self.unknown)}: check the spelling"
+            return f"{text}; {spelling}" if self.closed else spelling
         return text if self.closed else ""
+
+    @property
+    def _has_restrictions(self) -> bool:
+        return any(text != NO_GO and not permitted(text, ()) for *_, texts in self._restricted() for text in texts)
 
     def _restricted(self) -> Iterator[tuple[str, tuple[str, str], list[str]]]:
         """Name, ends (a node has one) and restrictions of all nodes and edges."""

@@ -212,6 +212,39 @@ def test_people_are_warned_before_a_robot_moves_that_stood_by_order():
     around.control.close()
 
 
+@pytest.mark.parametrize("verb", [Verb.SKIP, Verb.RETURN])
+def test_another_order_during_the_warning_waits_for_the_rest_of_it(verb):
+    around = Around(delay_s=5.0, budget_s=3600.0, home="r5c5")
+    around.begin()
+    around.time_s += 3.0
+    around.control.tick()
+    assert around.control.command(verb).accepted
+    around.planned()
+    around.time_s += 1.9
+    around.control.tick()
+    assert (around.goals, around.control.about_to_move) == ([], True)
+    around.time_s += 0.1
+    around.control.tick()
+    assert len(around.goals) == 1
+    around.control.close()
+
+
+def test_a_resume_right_after_the_pause_is_warned_of():
+    around = Around(delay_s=5.0, budget_s=3600.0)
+    around.begin()
+    around.time_s += 5.0
+    around.control.tick()
+    ((goal_id, _),) = around.goals
+    assert around.control.command(Verb.PAUSE).accepted
+    around.control.ended(Ended(goal_id, Outcome.CANCELED, ""))
+    assert around.status.phase is Phase.PAUSED
+    assert around.control.command(Verb.RESUME).accepted  # before any tick
+    around.planned()
+    assert around.goals[-1] == (goal_id, None)
+    assert around.control.about_to_move
+    around.control.close()
+
+
 def test_closing_sends_nothing_that_was_only_announced():
     around = Around(delay_s=5.0)
     around.begin()

@@ -322,10 +322,10 @@ def test_a_dead_mapper():
 
 @pytest.mark.parametrize(
     ("name", "cause", "response"),
-    [("watchdog", "watchdog_silent", Response.WARN), ("operator", "operator_gone", Response.HOLD)],
+    [("watchdog", "watchdog_silent", Response.WARN), ("operator", "operator_gone", Response.WARN)],
 )
 def test_who_was_there_is_missed_in_a_mission_only(name, cause, response):
-    observed = Observed(doing=IDLE, responses={Cause.OPERATOR_GONE: Response.HOLD}).run(30)
+    observed = Observed(doing=IDLE).run(30)
     observed.watch.heard(name, observed.now_s)
     observed.run(30)
     assert observed.alarms == []
@@ -340,6 +340,21 @@ def test_who_was_there_is_missed_in_a_mission_only(name, cause, response):
     observed.watch.heard(name, observed.now_s)
     observed.run(3)
     assert observed.overs == [cause]
+
+
+def test_an_operator_who_is_demanded_is_missed_before_a_mission_and_if_none_ever_was():
+    observed = Observed(doing=IDLE, responses={Cause.OPERATOR_GONE: Response.HOLD}).run(3)
+    assert observed.alarms == ["operator_gone"]
+    observed.watch.heard("operator", observed.now_s)
+    observed.run(10)
+    assert observed.overs == ["operator_gone"]
+    observed.run(5)
+    assert observed.alarms == ["operator_gone"] * 2
+    unasked = Observed(doing=IDLE).run(3)
+    unasked.watch.operator_absent(unasked.now_s)
+    unasked.doing = MISSION
+    unasked.run(12)
+    assert unasked.alarms == ["operator_gone"], "a released switch is no absent one"
 
 
 def test_navigation_that_goes_away_with_a_goal():

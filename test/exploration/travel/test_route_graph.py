@@ -59,6 +59,10 @@ def test_what_is_not_used_is_named(tmp_path, caplog):
     edge = {"id": 8, "startid": 0, "endid": 1, "cost": 4.0, "metadata": {"speed_limit": 0.5}}
     read(tmp_path, document([edge, {**edge, "id": 9, "operations": {"open_door": {}}}]))
     assert "cost, operations, speed_limit of the route graph" in caplog.text
+    content = document([edge, {**edge, "metadata": {"closed": True}}])
+    content["features"][3]["geometry"]["coordinates"] = [[[10, 10], [15, -20], [30, 10]]]
+    read(tmp_path, content)
+    assert "bends of lines, closed, cost" in caplog.text
 
 
 @pytest.mark.parametrize(

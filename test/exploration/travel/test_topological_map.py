@@ -359,6 +359,16 @@ def test_restrictions_of_public_maps(text, robot, may):
         assert str(text) in found.restrictions()
 
 
+def test_a_misspelt_property_opens_nothing_and_is_named():
+    content = document()
+    content["nodes"][0]["node"]["edges"][0]["restrictions_planning"] = "~robot_tall"
+    assert parse(content).for_robot(["robot_tal"]).graph.barred is not None
+    assert "robot_tal: check the spelling" in parse(content).for_robot(["robot_tal"]).restrictions()
+    content["nodes"][1]["node"]["edges"][0]["restrictions_planning"] = "robot_short"
+    found = parse(content).for_robot(["robot_short"])
+    assert (found.graph.barred, found.restrictions()) == (None, "")
+
+
 def test_a_closed_node_closes_its_edges_and_one_of_two_edges_leaves_the_other():
     content = document()
     content["nodes"][1]["node"]["restrictions_runtime"] = "robot_tall"
