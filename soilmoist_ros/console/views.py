@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration import GUIDED, LEADS, READY, STRATEGIES, Forecast, MissionStatus, Phase
+from soilmoist_ros.exploration import EXPOSURE, GUIDED, LEADS, READY, STRATEGIES, Forecast, MissionStatus, Phase
 from soilmoist_ros.foundation import Health, read_json
 from soilmoist_ros.mapping import Field
 from soilmoist_ros.simulation import PRESETS
@@ -78,6 +78,7 @@ def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, 
         "forecast": _forecast(status.forecast),
         "last_command": values.get("last_command", ""),
         "guided": float(values.get(GUIDED, 0.0)),
+        "exposure_s": _whole(float(values.get(EXPOSURE, "nan"))),
         "leads": read_json(values.get(LEADS) or "null"),
         "settings": _settings(values.get("settings", "")),
         "home_place": _home(values.get("home_place", "")),

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.exploration.control.explorer import STREAMS_PER_ROBOT as STREAMS_PER_ROBOT, Explorer as Explorer, ExplorerSettings as ExplorerSettings, nominal_rate_cps as nominal_rate_cps, planning_grid as planning_grid, strategy_stream as strategy_stream
     from soilmoist_ros.exploration.control.field_access import PAST_M as PAST_M, AccessRules as AccessRules, FieldAccess as FieldAccess, cell_stops as cell_stops
-    from soilmoist_ros.exploration.control.mission_control import DATUM as DATUM, GUIDED as GUIDED, LEADS as LEADS, PLACE_TIME as PLACE_TIME, RECORD_STAMP as RECORD_STAMP, MissionControl as MissionControl, MissionSetup as MissionSetup
+    from soilmoist_ros.exploration.control.mission_control import DATUM as DATUM, EXPOSURE as EXPOSURE, GUIDED as GUIDED, LEADS as LEADS, PLACE_TIME as PLACE_TIME, RECORD_STAMP as RECORD_STAMP, MissionControl as MissionControl, MissionSetup as MissionSetup
     from soilmoist_ros.exploration.control.mission_feed import MissionClock as MissionClock, boot_id as boot_id
     from soilmoist_ros.exploration.control.operator_request import OperatorRequest as OperatorRequest, Reply as Reply, ReplyCode as ReplyCode
     from soilmoist_ros.exploration.control.team import PendingMeasurement as PendingMeasurement, Team as Team, keep_apart_m as keep_apart_m, pending_measurement as pending_measurement
@@ -54,7 +54,7 @@ __getattr__, __dir__, __all__ = open_door(
     {
         "control.explorer": "Explorer ExplorerSettings STREAMS_PER_ROBOT nominal_rate_cps planning_grid strategy_stream",
         "control.field_access": "AccessRules FieldAccess PAST_M cell_stops",
-        "control.mission_control": "DATUM GUIDED LEADS MissionControl MissionSetup PLACE_TIME RECORD_STAMP",
+        "control.mission_control": "DATUM EXPOSURE GUIDED LEADS MissionControl MissionSetup PLACE_TIME RECORD_STAMP",
         "control.mission_feed": "MissionClock boot_id",
         "control.operator_request": "OperatorRequest Reply ReplyCode",
         "control.team": "PendingMeasurement Team keep_apart_m pending_measurement",

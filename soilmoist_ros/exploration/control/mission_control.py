@@ -64,6 +64,8 @@ PLACE_SHOWN_S = 2.0
 DATUM = "datum"  # value of the status: latitude and longitude of the datum of its places [deg]
 GUIDED = "guided_m"
 """Value of the status for a mission by a person: distance at which one is at a stop [m]."""
+EXPOSURE = "exposure_s"
+"""Value of the status for a mission by a person: exposure of the counts at the stop [s]."""
 LEADS = "leads"
 """Value of the status for a person on the way: place to which the arrow points, and length of the way [m]."""
 RECORD_STAMP = "record_stamp_s"
@@ -531,7 +533,9 @@ class MissionControl:
             self._go(goal)
         ready = state.phase is Phase.PAUSED and state.interrupted and self.watch.places.doubt is None
         if self._resume_when_ready and ready and not (self.missing() or state.hindrance):
-            self.command(Verb.RESUME)  # a refused command would be written down five times a second
+            # A refused command would be written down five times a second.
+            if self.command(Verb.RESUME).accepted:
+                self._last_command = "continued by itself after an interruption", self._last_command[1]
         self._plan_if_due()
 
     def check(self) -> None:
@@ -611,7 +615,9 @@ class MissionControl:
             "last_command_s": repr(self._last_command[1]),
         }
         if self._mission.rules.by_person:
-            more[GUIDED] = repr(self._mission.rules.arrival_radius_m)
+            rules, counting = self._mission.current_rules, self._mission.state.counting
+            more[GUIDED] = repr(rules.arrival_radius_m if target is None else rules.reach_m(target))
+            more[EXPOSURE] = repr(counting.exposure_s if counting else 0.0)
             place, on_the_way = self._feed.place, status.phase in (Phase.TRAVELLING, Phase.RETURNING)
             if on_the_way and target is not None and place is not None and self._access is not None:
                 way = Way(np.array([place, target.xy]))

@@ -18,7 +18,7 @@ from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.sensing import PlaceLimits
 
 NEAR_M: Final = 5.0
-"""A person who stands within this distance of a stop is there [m]: small against the footprint of the sensor."""
+"""A person within this distance of a stop, or its ``reach_m`` if that is less, is there [m]: the footprint is wider."""
 SDS: Final = 2.0  # and within this many standard deviations of the fix
 STANDS_S: Final = 4.0  # standstill at a stop that counts as arrival [s]
 CHOSEN_S: Final = 20.0
@@ -80,7 +80,8 @@ class PersonNavigator:
         if self._goal is None:
             return
         goal_id, stop = self._goal
-        near_m = max(NEAR_M, SDS * sd_m) if math.isfinite(sd_m) else NEAR_M
+        noise_m = SDS * sd_m if math.isfinite(sd_m) else 0.0
+        near_m = max(min(NEAR_M, stop.reach_m), noise_m)
         at_stop = math.dist(place, stop.xy) <= near_m
         if not at_stop and self._set_off is not None and math.dist(place, self._set_off) <= near_m:
             return

@@ -79,6 +79,9 @@ def test_nothing_is_chosen_outside_and_a_cancelled_advice_ends_at_once():
     assert walk.navigator.on_the_way == "39 m to stop"
     walk.navigator.cancel(1)
     assert walk.outcomes == [(1, Outcome.CANCELED)]
+    lane = Walk().stand(3).go(2, Stop("near", 4.9, 0.0, 2.5)).stand(10)
+    assert not lane.ended, "farther than half the way between two nodes"
+    assert lane.to((3.0, 0.0)).stand(10).outcomes == [(2, Outcome.SUCCEEDED)]
     assert not walk.navigator.on_the_way
 
 
