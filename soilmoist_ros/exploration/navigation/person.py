@@ -18,7 +18,7 @@ from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.sensing import PlaceLimits
 
 NEAR_M: Final = 5.0
-"""A person this near to a stop, or within its ``reach_m`` if that is less, is there [m]: the footprint is wider."""
+"""Within this distance of a stop, or its ``reach_m`` if that is less, a person is there [m]."""
 SDS: Final = 2.0  # and within this many standard deviations of the fix
 STANDS_S: Final = 4.0  # standstill at a stop that counts as arrival [s]
 CHOSEN_S: Final = 20.0
