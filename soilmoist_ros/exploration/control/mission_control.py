@@ -532,10 +532,9 @@ class MissionControl:
             (goal, _), self._announced = self._announced, None
             self._go(goal)
         ready = state.phase is Phase.PAUSED and state.interrupted and self.watch.places.doubt is None
-        if self._resume_when_ready and ready and not (self.missing() or state.hindrance):
-            # A refused command would be written down five times a second.
-            if self.command(Verb.RESUME).accepted:
-                self._last_command = "continued by itself after an interruption", self._last_command[1]
+        resumes = self._resume_when_ready and ready and not (self.missing() or state.hindrance)
+        if resumes and self.command(Verb.RESUME).accepted:  # a refused one would be written down at each tick
+            self._last_command = "continued by itself after an interruption", self._last_command[1]
         self._plan_if_due()
 
     def check(self) -> None:
