@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 import click
 
-from soilmoist_ros import pipeline, reporting, sensing  # their names load on first use
+from soilmoist_ros import mapping, pipeline, reporting, sensing  # their names load on first use
 from soilmoist_ros.cli.answer import answering, put, say, warn, wrote
 from soilmoist_ros.cli.options import FILE, InputFileType, MomentType, Name
 from soilmoist_ros.foundation import InputError, Mistake, listing
@@ -123,6 +123,8 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
     for note in table.notes:
         warn(f"note       {note}")
     soil = _soil(known.soil, sampled, site, run is not None)
+    own = known.soil is None or soil != known.soil  # the density is that of the cores
+    of_mass = [one.by_mass and (own or math.isnan(one.bulk_density_gcm3)) for one in sampled]
     unit = known.calibration or sensing.Calibration(n0_cps=1.0)
     unit = unit.model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None, "curve": options.curve or unit.curve})
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
@@ -139,9 +141,11 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
             estimate, rate = level.estimate, level.rate_cps
             rate_sd = rate * estimate.from_counting_cps / estimate.n0_cps
             at_places = f", the map at {level.places} place{'s' * (level.places > 1)}"
+            at_cps = level.mean_rate_cps
             mean = replace(mean, vwc=level.vwc, vwc_sd=level.vwc_sd)
         else:
             rate, rate_sd, at_places, level = counted.rate_cps, counted.rate_sd_cps, "", None
+            at_cps = rate
             estimate = sensing.estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve)
     except ValueError as error:
         what, remedy = f"the calibration has no solution: {error}", "check the cores and the soil properties"
@@ -173,10 +177,12 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
         before = None  # its N0 is of another kind
     for doubt in (*counted.doubts(known), *_doubts(estimate.n0_cps, before, mean.bulk_density_gcm3, soil)):
         warn(f"doubt      {doubt}")
+    per_water, per_density = unit_curve.of_cores(mean.vwc, by_volume=1 - sum(of_mass) / len(of_mass))
     result = sensing.Calibration(
         n0_cps=round(estimate.n0_cps, 5), curve=unit.curve, parameter_set=unit.parameter_set,
         n0_sd_cps=round(estimate.n0_sd_cps, 5), date=", ".join(dates or table.days) or None,
         note=f"{mean.count} soil cores, mean VWC {mean.vwc:.3f} m3/m3, {mean.weights}",
+        n0_per_bound_water=round(per_water, 5), n0_per_density=round(per_density, 5),
     )  # fmt: skip
     if not options.cores_only:
         of_air = sensing.SurveyAir(pressure_hpa=counted.pressure_hpa)
@@ -184,10 +190,13 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
         days = tuple(table.days) or dates
         day_sd = sensing.DAY_SD if run is None else 0.0  # a map is of the day of its cores
         result = _combined(
-            result, estimate, mean, rate, day_sd, unit_curve, known, site, prior, options.earlier, days
+            result, estimate, mean, rate, at_cps, day_sd, unit_curve, known, site, prior, options.earlier, days
         )
     elif options.earlier:
         raise click.UsageError("--earlier is not used with --cores-only")
+    level_sd = mapping.level_of(result.curve_of(soil, known.reference_humidity_gm3), at_cps)[0]
+    put(level_vwc_sd=level_sd)
+    say(f"level      +- {100 * level_sd:.1f} % by volume, of N0 and soil")
     if options.dry_run:
         say(f"dry run: {site} is not changed")
         return
@@ -220,7 +229,7 @@ def _soil(known: sensing.Soil | None, cores: Sequence[sensing.SoilCore], site: P
 
 def _combined(
     alone: sensing.Calibration, cores: sensing.N0Estimate, mean: sensing.CoreMean, rate_cps: float,
-    day_sd: float, unit_curve: sensing.MoistureCurve, known: sensing.Site, site: Path,
+    at_cps: float, day_sd: float, unit_curve: sensing.MoistureCurve, known: sensing.Site, site: Path,
     general: tuple[sensing.Calibration | None, str], earlier: tuple[Path, ...], days: Sequence[str],
 ) -> sensing.Calibration:  # fmt: skip
     """The calibration by the cores together with the general and earlier ones; as it was where there is none."""
@@ -243,19 +252,18 @@ def _combined(
         scale = partial(_scale, known, site, before, one)
         sources.append(sensing.earlier_source(before, one, known, days, scale))
     result, both = sensing.combined_calibration(alone, cores, sources, prior, assumed)
-    without, curve = sensing.combine_n0(sources[1:]), replace(unit_curve, n0_cps=result.n0_cps)
-    before_sd, after_sd = (100 * sensing.level_vwc_sd(curve, rate_cps, sd) for sd in (without.sd, both.sd))
+    without, n0_cps = sensing.combine_n0(sources[1:]), result.n0_cps
+    before_sd = mapping.level_of(replace(unit_curve, n0_cps=n0_cps, n0_sd_cps=without.sd * n0_cps), at_cps)[0]
     differ = sensing.difference_sd(sources[0], sensing.N0Source("", without.n0_cps, without.sd))
     names = listing([one.name for one in sources[1:]])
     for source in sources:
         say(f"{source.name:<10} N0 {source.n0_cps:.4f} +- {source.n0_cps * source.sd:.4f} counts/s")
     say(f"together   N0 {result.n0_cps:.4f} +- {result.n0_sd_cps:.4f} counts/s")
-    worth = f"{names} alone +- {before_sd:.1f} % by volume, with the cores +- {after_sd:.1f}"
-    say(f"worth      {worth}; these weigh {100 * both.weights[0]:.0f} %; both agree within {differ:.1f} sd")
+    worth = f"{names} alone +- {100 * before_sd:.1f} % by volume"
+    say(f"worth      {worth}; the cores weigh {100 * both.weights[0]:.0f} %; both agree within {differ:.1f} sd")
     put(
         method="combined", n0_cps=result.n0_cps, n0_sd_cps=result.n0_sd_cps, n0_of_cores_cps=cores.n0_cps,
-        weight_of_cores=both.weights[0], disagreement_sd=differ, level_vwc_sd_before=before_sd / 100,
-        level_vwc_sd=after_sd / 100,
+        weight_of_cores=both.weights[0], disagreement_sd=differ, level_vwc_sd_before=before_sd,
     )  # fmt: skip
     if differ > sensing.DISAGREEMENT_SD:
         what, check = f"the cores and {names} contradict each other by {differ:.1f} sd", "density and sensitivity"

@@ -128,18 +128,33 @@ def common_rate_sd(curve: MoistureCurve, rate: Array) -> Array | None:
 
     The errors of N0, bulk density and bound water shift all places together. A curve depends on the rate in units
     of N0, so the relative error of N0 acts like that of the rate. Moisture is proportional to the bulk density;
-    lattice and organic water take ``rho_b`` times their own from it. The three errors are taken as independent.
+    lattice and organic water take ``rho_b`` times their own from it. The three errors are taken as independent; an
+    N0 from cores goes with the soil properties that it was found with, so it takes most of their effect away.
 
     :returns: same shape; ``None`` for a calibration whose standard deviations are unknown
     """
     n0 = curve.n0_sd_cps / curve.n0_cps
-    density = curve.bulk_density_sd_gcm3 / curve.bulk_density_gcm3
-    bound = curve.bound_water_sd * curve.bulk_density_gcm3
-    if density == 0 and bound == 0:
+    density = curve.bulk_density_sd_gcm3
+    if density == 0 and curve.bound_water_sd == 0:
         return rate * n0 if n0 > 0 else None
     slope = np.where(curve.valid(rate), curve.slope(rate), -np.inf)
-    of_soil = possible_moisture(curve, rate) / slope * density
-    return np.hypot(rate * n0, of_soil if bound == 0 else np.hypot(of_soil, bound / slope))
+    of_density = possible_moisture(curve, rate) / slope / curve.bulk_density_gcm3 - rate * curve.n0_per_density
+    of_water = curve.bulk_density_gcm3 / slope + rate * curve.n0_per_bound_water
+    of_soil = np.hypot(of_density * curve.bulk_density_sd_gcm3, of_water * curve.bound_water_sd)
+    return np.hypot(rate * n0, of_soil)
+
+
+def level_of(curve: MoistureCurve, rate_cps: float) -> tuple[float, float, float]:
+    """Moisture at a rate by the calibration alone: half the distance of its quantiles 0.05 and 0.95 over 1.645,
+    which is its standard deviation, and the two [m^3/m^3]; NaN if no error is known.
+    """
+    at = np.array([rate_cps])
+    common = common_rate_sd(curve, at)
+    if common is None or not common[0] > 0:
+        return math.nan, math.nan, math.nan
+    bands = make_bands(at, np.zeros(1), curve)
+    low, high = float(bands.vwc_p05[0]), float(bands.vwc_p95[0])
+    return (high - low) / (2 * SoilMap.QUANTILE_SD), low, high
 
 
 # -- Map -----------------------------------------------------------------------------------------------------

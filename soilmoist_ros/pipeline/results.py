@@ -60,6 +60,8 @@ class _Calibration(_ResultPart):
     n0_sd_cps: Number | None = None
     bulk_density_sd_gcm3: Number | None = None
     bound_water_sd: Number | None = None
+    n0_per_bound_water: Number | None = None
+    n0_per_density: Number | None = None
     humidity_gm3: Number | None = None
     parameter_set: str | None = None
 

@@ -10,7 +10,8 @@ of its share of the variance of the rate, so the squares of the contributions ad
 
 A source that is not among the parts of the calibration is never added in silence: :attr:`Budget.beyond` says
 whether it is corrected, and what may remain. N0 of soil cores was found with the same corrections, so their
-constant errors cancel; only their change since the calibration remains.
+constant errors cancel; only their change since the calibration remains. So do errors of bulk density and bound
+water at the moisture of the cores, and what remains elsewhere is in the sum.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import duration
-from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, make_bands, possible_moisture
+from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, level_of, possible_moisture
 from soilmoist_ros.pipeline import REFERENCE, MapRun
 from soilmoist_ros.reporting.certainty import absolute, calibration_of, once_a_run
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
@@ -238,12 +239,11 @@ def _kriging(soil_map: SoilMap, xy: Array) -> PoissonKriging | None:
 def level_parts(run: MapRun, curve: MoistureCurve, rate: float) -> tuple[float, float, float, list[Part]]:
     """Standard uncertainty and 90 % interval of the level at a rate, and its parts."""
     at, known = np.array([rate]), run.calibration
+    level, low, high = level_of(curve, rate)
     common = common_rate_sd(curve, at)
-    if common is None or not common[0] > 0:
+    if common is None or math.isnan(level):
         return math.nan, math.nan, math.nan, []
-    bands = make_bands(at, np.zeros(1), curve)
-    low, high = float(bands.vwc_p05[0]), float(bands.vwc_p95[0])
-    level, total = (high - low) / (2 * SoilMap.QUANTILE_SD), float(common[0])
+    total = float(common[0])
 
     def alone(name: str) -> float:
         """Effect of one standard deviation of the curve alone [counts/s]."""

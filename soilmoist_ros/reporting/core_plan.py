@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros import sensing
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.mapping import PoissonKriging, Variogram
+from soilmoist_ros.mapping import PoissonKriging, Variogram, level_of
 from soilmoist_ros.pipeline import is_illustrative
 from soilmoist_ros.reporting.exports.source import RunSource
 from soilmoist_ros.reporting.page.statistics import MAX_UNUSABLE
@@ -187,9 +187,10 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
     per_level = _per_level(curve, curve.rate_cps(vwc))
     heavier = replace(curve, bulk_density_gcm3=curve.bulk_density_gcm3 + 1e-3)
     effect = np.log(curve.rate_cps(vwc) / heavier.rate_cps(vwc)) / 1e-3
-    if is_illustrative(about):
-        notes.append("the calibration is a guess: so are the moistures, and the level is less sure than said")
     known = curve.n0_sd_cps / curve.n0_cps
+    if is_illustrative(about):
+        notes.append("the calibration is a guess: so are the moistures, and any level that the pores allow may be")
+        known = sensing.unknown_share(curve)
     if not known:
         notes.append(f"the error of N0 is not known: {100 * N0_SD:.1f} % is assumed, as between sites")
     density_sd = curve.bulk_density_sd_gcm3 or sensing.PROFILE_DENSITY_SD_GCM3
@@ -209,15 +210,29 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
         notes.append(f"the field has room for {len(chosen)} of {count} places")
     if count > 1 and np.ptp(vwc[chosen]) < 0.02:
         notes.append("the map hardly differs from place to place: the cores will not show an error of the curve")
-    mean, widest = float(per_level.mean()), limits.saturation / 2  # of any distribution in the pores
-    vwc_sd = np.minimum(per_level * np.sqrt(np.diag(covariance)), widest)
+    vwc_sd = np.minimum(per_level * np.sqrt(np.diag(covariance)), limits.saturation / 2)  # of any in the pores
+    mean_rate = float(np.nanmean(one.bands["rate"]))
+
+    def level_vwc_sd(sd: float, cores: int) -> float:
+        """Error of the level with this one of log N0, and the density and bound water as after cores by mass."""
+        weight, density = 1 - (sd / model.prior_sd) ** 2, curve.bulk_density_sd_gcm3
+        known = replace(curve, n0_sd_cps=sd * curve.n0_cps)
+        if cores:
+            vwc = min(max(float(curve.vwc(mean_rate)), DRIEST), limits.saturation)
+            per_water, per_density = curve.of_cores(vwc, weight, by_volume=0.0)
+            known = replace(known, n0_per_bound_water=per_water, n0_per_density=per_density)
+        if cores and density > 0:
+            density = (density**-2 + cores * sensing.PROFILE_DENSITY_SD_GCM3**-2) ** -0.5
+            known = replace(known, bulk_density_sd_gcm3=density)
+        return level_of(known, mean_rate)[0]
+
     at = np.round(source.frame.to_geographic(xy[chosen]), 7).tolist()
     rows = zip(xy[chosen].tolist(), at, vwc[chosen].tolist(), vwc_sd[chosen].tolist(), level_sd, strict=True)
     places = tuple(
-        CorePlace(number, (x, y), north, east, wet, sd, core_layers_cm(wet, curve), of, min(of * mean, widest))
+        CorePlace(number, (x, y), north, east, wet, sd, core_layers_cm(wet, curve), of, level_vwc_sd(of, number))
         for number, ((x, y), (north, east), wet, sd, of) in enumerate(rows, 1)
     )
-    return CorePlan(places, model.prior_sd, min(model.prior_sd * mean, widest), spacing_m, edge_m, tuple(notes))
+    return CorePlan(places, model.prior_sd, level_vwc_sd(model.prior_sd, 0), spacing_m, edge_m, tuple(notes))
 
 
 def core_layers_cm(vwc: float, curve: sensing.MoistureCurve) -> tuple[tuple[int, int], ...]:
@@ -260,6 +275,7 @@ class LevelOfPlaces:
 
     :param estimate: N0; its part from counting is that of the map's errors at the places
     :param vwc: mean moisture of the cores, weighed as in the estimate [m^3/m^3]; ``rate_cps`` that of the map
+    :param mean_rate_cps: mean rate of the whole map [counts/s], at which its level is
     :param spread: standard deviation of cores minus map relative to the expected one; above 1 it is in the error
     """
 
@@ -267,6 +283,7 @@ class LevelOfPlaces:
     vwc: float
     vwc_sd: float
     rate_cps: float
+    mean_rate_cps: float
     places: int
     spread: float
     notes: tuple[str, ...] = ()
@@ -316,7 +333,8 @@ def n0_at_places(
     mean, mean_rate = np.average([vwc, rate], axis=1, weights=weights).tolist()
     vwc_sd = of_cores * float(_per_level(unit_curve, unit_curve.rate_cps(mean)))
     estimate = sensing.N0Estimate(n0, n0 * total, n0 * of_map, n0 * of_cores)
-    return LevelOfPlaces(estimate, mean, vwc_sd, mean_rate, len(places), excess, notes)
+    everywhere = float(np.nanmean(one.bands["rate"]))
+    return LevelOfPlaces(estimate, mean, vwc_sd, mean_rate, everywhere, len(places), excess, notes)
 
 
 def fit_level(

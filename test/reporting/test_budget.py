@@ -108,6 +108,26 @@ def test_first_order_for_small_uncertainties(make_run, the_map):
     assert level[WATER] == pytest.approx(1.4 * 0.0003, rel=1e-3)
 
 
+@pytest.mark.parametrize("kind", [CalibrationCurve, UniversalCurve])
+@pytest.mark.parametrize(("sds", "weight"), [((0.0, 1e-5), 1.0), ((1e-4, 0.0), 1.0), ((0.0, 1e-5), 0.7)])
+def test_errors_of_the_soil_go_with_n0_of_cores(kind, sds, weight):
+    """The shift is that of a calibration with other soil and the same cores; at their moisture there is none."""
+    here, vwc = kind(7.0, 1.4, 0.02, 0.01), 0.3
+    other = kind(7.0, 1.4 + sds[0], 0.02 + sds[1], 0.01)
+    other = replace(other, n0_cps=7.0 * float(here.rate_cps(vwc) / other.rate_cps(vwc)) ** weight)
+    per_water, per_density = here.of_cores(vwc, weight)
+    named = {"n0_per_bound_water": per_water, "n0_per_density": per_density}
+    curve = replace(here, bulk_density_sd_gcm3=sds[0], bound_water_sd=sds[1], **named)
+    rate = here.rate_cps([0.1, 0.2, vwc])
+    shift = np.abs(other.vwc(rate) - here.vwc(rate))
+    assert common_rate_sd(curve, rate) * -here.slope(rate) == pytest.approx(shift, rel=0.01, abs=1e-9)
+    assert (shift[2] < 1e-9) == (weight == 1)
+    free = common_rate_sd(replace(curve, n0_per_bound_water=0.0, n0_per_density=0.0), rate) * -here.slope(rate)
+    assert shift[1] < 0.6 * free[1]
+    by_mass = here.of_cores(vwc, by_volume=0.0)
+    assert by_mass[1] == 0  # N0 of cores by mass does not depend on the density
+
+
 def test_parts_are_told_with_their_origin(make_run, the_map):
     curve = CalibrationCurve(7.0, 1.4, 0.02, 0.0, 7 * 0.095, 0.12, bound_water_sd=0.01)
     parts = (

@@ -18,6 +18,7 @@ from soilmoist_ros.mapping import (
     SoilMap,
     common_rate_sd,
     estimate_variogram,
+    level_of,
     moisture_terms,
     possible_moisture,
 )
@@ -264,22 +265,15 @@ def _of_places(soil_map: SoilMap) -> PoissonKriging | None:
 
 
 def calibration_sd(soil_map: SoilMap) -> float | None:
-    """Standard deviation of VWC that an uncertain calibration adds, mean over the field [m^3/m^3].
-
-    It shifts all cells together. First order in N0, ``d(vwc)/d(N0) = -d(vwc)/d(rate) * rate / N0``, and in the
-    bulk density, ``d(vwc)/d(rho_b) = vwc / rho_b``; lattice and organic water are taken ``rho_b`` times.
+    """Standard deviation of VWC that an uncertain calibration adds to all cells together, at the mean rate of the
+    map [m^3/m^3].
 
     :returns: ``None`` without a calibration, or if its standard deviations are unknown
     """
-    curve = soil_map.curve
-    if curve is None or not (curve.n0_sd_cps > 0 or curve.bulk_density_sd_gcm3 > 0 or curve.bound_water_sd > 0):
+    if soil_map.curve is None:
         return None
-    rate = soil_map.rate[curve.valid(soil_map.rate)]
-    if not rate.size:
-        return None
-    of_n0 = float(np.mean(np.abs(curve.slope(rate)) * rate)) * curve.n0_sd_cps / curve.n0_cps
-    of_density = float(np.mean(curve.vwc(rate))) * curve.bulk_density_sd_gcm3 / curve.bulk_density_gcm3
-    return math.hypot(of_n0, of_density, curve.bound_water_sd * curve.bulk_density_gcm3)
+    sd = level_of(soil_map.curve, float(np.nanmean(soil_map.rate)))[0]
+    return None if math.isnan(sd) else sd
 
 
 class MeanMoisture(NamedTuple):

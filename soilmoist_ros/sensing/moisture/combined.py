@@ -4,14 +4,14 @@
 
 The general calibration, and an earlier calibration of this sensor at *another* site, are wrong here by the same
 part: by how this site differs from others. This part is taken as common, so that they do not seem twice as sure.
-The error of the bulk density is common to all sources: the curve carries it, and it is in none of the deviations.
+Errors of bulk density and bound water are in none of the deviations: the curve carries them, with their effect on
+the N0 of the cores, which were compared by it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +19,6 @@ import numpy as np
 
 from soilmoist_ros.foundation import InputError, LocalFrame, listing
 from soilmoist_ros.sensing.corrections.settings import Location
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.general import DAY_SD, GENERAL_SD
 from soilmoist_ros.sensing.moisture.site import Calibration, N0Estimate, Site, UncertaintyPart
 
@@ -160,18 +159,14 @@ def combined_calibration(
             UncertaintyPart(name="cores", value=source.n0_cps, unit="counts/s", sd=sd, origin="given", share=share)
         )
     others = listing([source.name for source in sources[1:]])
+    names = "n0_per_bound_water", "n0_per_density"
     values = {
+        **{name: round(both.weights[0] * getattr(alone, name), 5) for name in names},
         "n0_cps": round(both.n0_cps, 5), "n0_sd_cps": round(both.sd * both.n0_cps, 5), "method": "combined",
         "note": f"{alone.note}; cores weigh {100 * both.weights[0]:.0f} %, with {others}",
         "parts": parts,
     }  # fmt: skip
     return alone.model_copy(update=values), both
-
-
-def level_vwc_sd(curve: MoistureCurve, rate_cps: float, sd: float) -> float:
-    """Error of the moisture at a rate by one of log N0: half the difference of one sd up and down [m^3/m^3]."""
-    ends = [float(replace(curve, n0_cps=curve.n0_cps * math.exp(sign * sd)).vwc(rate_cps)) for sign in (-1, 1)]
-    return (ends[1] - ends[0]) / 2
 
 
 def difference_sd(one: N0Source, other: N0Source) -> float:

@@ -65,6 +65,7 @@ class SoilCore:
     :param distance_m: distance from the probe [m], NaN if unknown
     :param top_cm: upper end of the core [cm], NaN if unknown
     :param bottom_cm: lower end of the core [cm]; the upper end for a depth without thickness
+    :param by_mass: whether the moisture is a gravimetric one times the density
     :param latitude_deg: place of the core, ``longitude_deg`` too [deg], NaN if unknown
     """
 
@@ -77,6 +78,7 @@ class SoilCore:
     bottom_cm: float = math.nan
     latitude_deg: float = math.nan
     longitude_deg: float = math.nan
+    by_mass: bool = False
 
 
 @dataclass(frozen=True)
@@ -251,7 +253,7 @@ def possible_days(day: str) -> list[date]:
 
 def _core(row: _Row, default_density: float | None) -> SoilCore:
     density, weight, distance = (_number(row, name) for name in ("bulk_density_gcm3", "weight", "distance_m"))
-    if math.isnan(vwc := _number(row, "vwc")):
+    if by_mass := math.isnan(vwc := _number(row, "vwc")):
         mass, rho = _number(row, "gravimetric_water"), density
         if math.isnan(mass):
             raise _CellError(
@@ -270,7 +272,7 @@ def _core(row: _Row, default_density: float | None) -> SoilCore:
     layer = _layer(row)
     return SoilCore(
         vwc, density, 1.0 if math.isnan(weight) else weight, row.cells.get("profile", ""), distance, *layer,
-        _number(row, "latitude_deg"), _number(row, "longitude_deg"),
+        _number(row, "latitude_deg"), _number(row, "longitude_deg"), by_mass,
     )  # fmt: skip
 
 

@@ -38,6 +38,7 @@ WATER_OF_MATTER = 0.556
 SIMULATED_DENSITY_GCM3 = 1.43
 """Dry bulk density of the soil in the simulations behind the universal solution [g/cm^3]."""
 MAX_HUMIDITY_GM3 = 60.0  # absolute humidity up to which every parameter set falls with moisture [g/m^3]
+_BY_KEYWORD = ("bound_water_sd", "n0_per_bound_water", "n0_per_density")
 _MAX_STEPS = 60
 _LAST_STEP = 1e-7  # relative size of a step after which the error is that of rounding: Newton's method squares it
 
@@ -84,6 +85,8 @@ class MoistureCurve(ABC):
     :param n0_sd_cps: standard deviation of N0 [counts/s]; 0 if unknown
     :param bulk_density_sd_gcm3: standard deviation of the bulk density [g/cm^3]; 0 if unknown
     :param bound_water_sd: standard deviation of lattice and organic water together [g/g]; 0 if unknown
+    :param n0_per_bound_water: d(log N0)/d(bound water) [1/(g/g)], ``n0_per_density`` d(log N0)/d(bulk density)
+        [1/(g/cm^3)], of an N0 from cores, see :meth:`of_cores`; 0 for an N0 that does not depend on them
     :raises ValueError: if N0 or the bulk density is not positive and finite, or another value is negative
     """
 
@@ -94,23 +97,40 @@ class MoistureCurve(ABC):
     n0_sd_cps: float = 0.0
     bulk_density_sd_gcm3: float = 0.0
     bound_water_sd: float = field(default=0.0, kw_only=True)
+    n0_per_bound_water: float = field(default=0.0, kw_only=True)
+    n0_per_density: float = field(default=0.0, kw_only=True)
     name: ClassVar[str]
     """Name of the curve in files."""
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
             positive = name in ("n0_cps", "bulk_density_gcm3")
-            if isinstance(value, str) or (np.isfinite(value) and (value > 0 if positive else value >= 0)):
+            signed = name.startswith("n0_per_")
+            inside = isinstance(value, str) or signed or (value > 0 if positive else value >= 0)
+            if isinstance(value, str) or (np.isfinite(value) and inside):
                 continue
             raise ValueError(f"{name} must be {'' if positive else 'zero or '}positive and finite, got {value}")
 
     @property
     def parameters(self) -> dict[str, str | float]:
-        """Name and parameters of the curve, for files; without ``bound_water_sd`` where it is 0."""
+        """Name and parameters of the curve, for files; without those by keyword where they are 0."""
         known = {"curve": self.name, **asdict(self)}
-        if self.bound_water_sd == 0:
-            del known["bound_water_sd"]
-        return known
+        return {name: value for name, value in known.items() if value != 0 or name not in _BY_KEYWORD}
+
+    def of_cores(self, vwc: float, weight: float = 1.0, by_volume: float = 1.0) -> tuple[float, float]:
+        """Dependence of N0 on the soil properties that it was found with: cores of a fixed moisture [m^3/m^3].
+
+        More bound water makes N0 larger, so that the curve still meets the cores: at their moisture the two errors
+        cancel. So do those of the density, but for cores by mass, whose moisture has the same density.
+
+        :param weight: weight of the cores in log N0
+        :param by_volume: share of the cores whose moisture does not depend on the density
+        :returns: ``n0_per_bound_water`` and ``n0_per_density``
+        """
+        rate = float(self.rate_cps(vwc))
+        per_vwc = -weight / (float(self.slope(rate)) * rate)
+        per_density = -by_volume * per_vwc * vwc / self.bulk_density_gcm3
+        return per_vwc * self.bulk_density_gcm3, per_density
 
     @property
     @abstractmethod

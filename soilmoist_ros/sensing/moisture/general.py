@@ -39,7 +39,7 @@ from soilmoist_ros.sensing.corrections.factors import (
     standard_pressure_hpa,
 )  # fmt: skip
 from soilmoist_ros.sensing.corrections.intensity import cosmic_place
-from soilmoist_ros.sensing.moisture.curve import soil_limits
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve, soil_limits
 from soilmoist_ros.sensing.moisture.site import (
     UNKNOWN_SENSOR,
     Calibration,
@@ -274,8 +274,7 @@ def unknown_sensor(site: Site, air: SurveyAir, rate_cps: float) -> tuple[Calibra
         return None
     soil, of_soil = soil_of(site)
     unit, pores = Calibration(n0_cps=1.0).curve_of(soil), soil_limits(soil.bulk_density_gcm3).saturation
-    dry, middle = unit.rate_cps([0.05 * pores, 0.5 * pores]).tolist()
-    n0_cps, share = rate_cps / middle, (dry / middle - 1) / NormalDist().inv_cdf(0.95)
+    n0_cps, share = rate_cps / float(unit.rate_cps(0.5 * pores)), unknown_share(unit)
     note = "unknown sensor: the level is between nearly dry soil and full pores"
     if by_model := ", ".join(_by_model(site, air, rate_cps, pores)):
         note += f"; these counts would mean {by_model}"
@@ -285,6 +284,13 @@ def unknown_sensor(site: Site, air: SurveyAir, rate_cps: float) -> tuple[Calibra
         illustrative=True, parts=[part, *of_soil], note=note,
     )  # fmt: skip
     return calibration, soil
+
+
+def unknown_share(curve: MoistureCurve) -> float:
+    """Relative standard deviation of an N0 of which nothing is known but the pores, see :func:`unknown_sensor`."""
+    pores = soil_limits(curve.bulk_density_gcm3).saturation
+    dry, middle = curve.rate_cps([0.05 * pores, 0.5 * pores]).tolist()
+    return float(dry / middle - 1) / NormalDist().inv_cdf(0.95)
 
 
 def _by_model(site: Site, air: SurveyAir, rate_cps: float, pores: float) -> Iterator[str]:

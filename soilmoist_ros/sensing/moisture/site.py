@@ -157,6 +157,10 @@ class Calibration(Section):
     method: Literal["cores", "general", "combined", "unknown sensor"] = "cores"
     """Where N0 comes from: soil cores, the general calibration, or both combined; of an unknown sensor it is only
     possible."""
+    n0_per_bound_water: float = 0.0
+    """Change of log N0 with the bound water that it was found with from cores [1/(g/g)]: the errors cancel."""
+    n0_per_density: float = 0.0
+    """Change of log N0 with the bulk density [1/(g/cm^3)]."""
     parts: list[UncertaintyPart] = Field(default_factory=list)
     """Parts of the uncertainty of N0 and soil, where they are known."""
 
@@ -173,12 +177,13 @@ class Calibration(Section):
             self.n0_cps, soil.bulk_density_gcm3, soil.lattice_water, soil.organic_water, self.n0_sd_cps or 0.0,
             soil.bulk_density_sd_gcm3 or 0.0,
         )  # fmt: skip
-        bound_water_sd = soil.bound_water_sd or 0.0
+        known = {
+            "bound_water_sd": soil.bound_water_sd or 0.0, "n0_per_bound_water": self.n0_per_bound_water,
+            "n0_per_density": self.n0_per_density,
+        }  # fmt: skip
         if self.curve == "universal":
-            return UniversalCurve(
-                *common, reference_humidity_gm3, self.parameter_set, bound_water_sd=bound_water_sd
-            )
-        return CalibrationCurve(*common, bound_water_sd=bound_water_sd)
+            return UniversalCurve(*common, reference_humidity_gm3, self.parameter_set, **known)
+        return CalibrationCurve(*common, **known)
 
 
 class Vegetation(Section):
