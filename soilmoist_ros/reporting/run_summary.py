@@ -20,6 +20,7 @@ from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, NoteCode, trac
 from soilmoist_ros.reporting.budget import make_budget
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
+from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
 from soilmoist_ros.reporting.page import statistics
 from soilmoist_ros.reporting.page.field_dose import has_level, root_zone
 from soilmoist_ros.reporting.page.irrigation import irrigation
@@ -175,7 +176,7 @@ def _map(run: MapRun) -> dict[str, Any]:
         "mean_rate_sd_cps": statistics.mean_sd(soil_map, moisture=False),
         "mean_vwc_sd": statistics.mean_sd(soil_map, moisture=True),
         "calibration_vwc_sd": calibration_sd(soil_map),
-        **_moisture(soil_map),
+        **_moisture(run),
         "sensed": run.sensed
         and {
             "depth_d86_cm": dict(zip(spread, run.sensed.depth_cm, strict=True)),
@@ -192,13 +193,18 @@ def _map(run: MapRun) -> dict[str, Any]:
     }
 
 
-def _moisture(soil_map: SoilMap) -> dict[str, Any]:
-    """Moisture of the map and its uncertainty, for the summary."""
-    mean, limits, common = statistics.mean_moisture(soil_map), soil_map.limits, calibration_sd(soil_map)
+def _moisture(run: MapRun) -> dict[str, Any]:
+    """Moisture of the map and its uncertainty, for the summary; the mean at one place is that of its records."""
+    soil_map, mean = run.soil_map, statistics.mean_moisture(run.soil_map)
+    limits, common = soil_map.limits, calibration_sd(soil_map)
+    known = mean and {"value": mean.value, "p05": mean.p05, "p95": mean.p95}
+    if at_one_place(run) and run.calibrated:
+        bands = moisture_of_all(run.track, soil_map.curve)
+        known = {"value": float(bands.vwc), "p05": float(bands.vwc_p05), "p95": float(bands.vwc_p95)}
     return {
         "vwc_p05": band_statistics(soil_map.vwc_p05)._asdict(),
         "vwc_p95": band_statistics(soil_map.vwc_p95)._asdict(),
-        "mean_vwc": mean and {"value": mean.value, "p05": mean.p05, "p95": mean.p95},
+        "mean_vwc": known,
         "uncertainty_vwc": limits
         and {
             "everywhere_sd": common, "between_places_sd": band_statistics(soil_map.vwc_sd).p50,

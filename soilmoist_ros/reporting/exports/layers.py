@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError, LocalFrame, optional_module
-from soilmoist_ros.pipeline import EARLIEST_STAMP_S
-from soilmoist_ros.reporting.certainty import NO_LEVEL
+from soilmoist_ros.pipeline import EARLIEST_STAMP_S, NoteCode
+from soilmoist_ros.reporting.certainty import NO_LEVEL, Certainty
 from soilmoist_ros.reporting.exports.source import (
     MOISTURE,
     ROOT_DEPTH_MM,
@@ -246,7 +246,8 @@ def contours_layer(source: RunSource, one: ExportedProperty, settings: ExportSet
 def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettings) -> Layer:
     """Management zones as single polygons; zone 1 has the lowest values.
 
-    Limits of the site file come before classes of equal area. A zone of the advice that has lost area, because its
+    Limits of the site file come before classes of equal area. A class of the report is as certain as there, small
+    parts of others included. A zone of the advice that has lost area, because its
     parts are too small, is named in the notes of the source.
 
     :raises InputError: if the settings are out of range
@@ -265,15 +266,17 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
     known = usable or not moist
     if not known:
         source.notes.append("the moisture is impossible on much of the area, see the report: no zone is certain")
-    of_advice = list(about.get("zones") or ()) if limits else []
-    names = [str(zone["name"]) for zone in of_advice]
-    source.notes.extend(_lost(zones, of_advice))
+    thirds = settings.zones == 3 and moist and usable and about.get("zone_limits_vwc") is None
+    of_report = list(about.get("zones") or ()) if limits or thirds else []
+    names = [str(zone["name"]) for zone in of_report] if limits else []
+    sure = _certainties(zones, of_report)
+    source.notes.extend(_lost(zones, of_report if limits else []))
     columns: dict[str, NDArray[Any]] = {
         "ZONE": np.array([zone.number for zone in zones], np.int32),
         one.quantity.column: np.round([zone.mean for zone in zones], 3),
         "SD": np.round([zone.sd for zone in zones], 3),
-        "CERTAIN": np.array([zone.certainty.certain and known for zone in zones], np.int32),
-        "SURE_PCT": np.round([100 * zone.certainty.sure * known for zone in zones], 1),
+        "CERTAIN": np.array([one.certain and known for one in sure], np.int32),
+        "SURE_PCT": np.round([100 * one.sure * known for one in sure], 1),
         "OTHER_PCT": np.round([100 * zone.other for zone in zones], 1),
         "AREA_HA": np.round([zone.area_ha for zone in zones], 4),
     }
@@ -288,6 +291,21 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
         columns["NAME"] = texts([names[zone.number - 1] for zone in zones])
     columns |= origin(source, one, len(zones))
     return Layer(f"zones{one.suffix}", "Polygon", [zone.shape for zone in zones], columns, f"Zones: {one.title}")
+
+
+def of_one_place(source: RunSource) -> bool:
+    """True for a run whose records all lie at one place: its map says nothing of the field around."""
+    return NoteCode.ONE_PLACE in (source.run.summary.get("warning_codes") or ())
+
+
+def _certainties(zones: Sequence[Zone], of_report: Sequence[Mapping[str, Any]]) -> list[Certainty]:
+    """Certainty of each zone: that of its class in the report, or its own without one."""
+    found = []
+    for zone in zones:
+        told: Mapping[str, Any] = of_report[zone.number - 1] if of_report else {}
+        expected, sure = told.get("expected_share"), told.get("certain_share")
+        found.append(zone.certainty if expected is None or sure is None else Certainty(expected, sure))
+    return found
 
 
 def _lost(zones: Sequence[Zone], of_advice: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -341,7 +359,10 @@ def write_contours(source: RunSource, folder: Path, settings: ExportSettings) ->
 def write_zones(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
     """Write ``zones.zip`` for each property: polygons with area, mean and water, WGS-84.
 
-    :raises InputError: if pyogrio is not installed, or the settings are out of range
+    :raises InputError: if pyogrio is not installed, all records are of one place, or the settings are out of range
     """
+    if of_one_place(source):
+        what = "there are no zones: all records are of one place, which says nothing of the field around it"
+        raise InputError(what, "drive the sensor over the field", source.run.folder)
     layers = [zones_layer(source, one, settings) for one in source.properties]
     return [write_shapefile(folder / f"{layer.name}.zip", layer, source.frame) for layer in layers]

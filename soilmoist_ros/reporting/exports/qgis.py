@@ -20,6 +20,7 @@ from soilmoist_ros.reporting.exports.layers import (
     contours_layer,
     field_layer,
     no_go_layer,
+    of_one_place,
     records_layers,
     samples_layer,
     texts,
@@ -116,7 +117,8 @@ def run_layers(source: RunSource, settings: ExportSettings) -> list[Layer]:
     """
     layers = [field_layer(source)]
     for one in source.properties:
-        layers += [zones_layer(source, one, settings), contours_layer(source, one, settings)]
+        layers += [] if of_one_place(source) else [zones_layer(source, one, settings)]
+        layers.append(contours_layer(source, one, settings))
     layers += [no_go_layer(source), track_layer(source)]
     for one in source.properties:
         layers += [*records_layers(one), samples_layer(source, one)]

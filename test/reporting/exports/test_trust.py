@@ -14,10 +14,12 @@ import pytest
 import rasterio
 from scipy.io import netcdf_file
 
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.pipeline.run import CalibrationInfo
 from soilmoist_ros.reporting import open_run, write_outputs
 from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run
 from soilmoist_ros.reporting.exports.source import ExportSettings
+from soilmoist_ros.reporting.moisture_steps import moisture_of_all
 from soilmoist_ros.reporting.page.field_dose import field_dose
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.sensing import Irrigation
@@ -150,6 +152,8 @@ def test_a_zone_of_the_advice_is_not_merged_away_without_a_word(make_run, tmp_pa
     (path,) = export_run(tmp_path, ["zones"], note=notes.append)
     table = columns(path)
     assert set(table["ZONE"]) == {2}
+    told = irrigation(run).zones[1].certainty
+    assert (table["CERTAIN"][0], table["SURE_PCT"][0]) == (told.certain, pytest.approx(100 * told.sure, abs=0.06))
     (note,) = notes
     assert note.startswith("zone 1 (dry): 0.00")
     assert "0 ha in the file of zones" in note
@@ -159,3 +163,15 @@ def test_a_zone_of_the_advice_is_not_merged_away_without_a_word(make_run, tmp_pa
     (path,) = export_run(tmp_path, ["zones"], settings=settings, note=notes.append)
     assert 1 in columns(path)["ZONE"]
     assert open_run(tmp_path).summary["irrigation"]["zones"][0]["name"] == "dry"
+
+
+def test_a_run_of_one_place_has_no_zones(make_run, map_of, tmp_path):
+    run = make_run(soil_map=map_of(n=1), irrigation=LIMITS)
+    write_outputs(tmp_path, run)
+    for name, reason in (("zones", "no zones: all records are of one place"), ("dose", "all records are of one")):
+        with pytest.raises(InputError, match=reason):
+            export_run(tmp_path, [name])
+    (path,) = export_run(tmp_path, ["gpkg"])
+    assert not [name for name, _ in pyogrio.list_layers(path) if name.startswith("zones")]
+    mean, told = moisture_of_all(run.track, run.soil_map.curve), open_run(tmp_path).summary["map"]["mean_vwc"]
+    assert list(told.values()) == [float(mean.vwc), float(mean.vwc_p05), float(mean.vwc_p95)]
