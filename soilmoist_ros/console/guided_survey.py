@@ -21,10 +21,12 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from soilmoist_ros.console.board import Board, RobotHistory, VisitHistory
 from soilmoist_ros.console.map_layers import MapLayers
@@ -47,7 +49,9 @@ from soilmoist_ros.exploration import (
     OperatorRequest,
     Outside,
     PersonNavigator,
+    Phase,
     Reply,
+    ReplyCode,
     Stop,
     Verb,
     Visit,
@@ -58,8 +62,19 @@ from soilmoist_ros.exploration import (
     status_health,
     warm_up,
 )
-from soilmoist_ros.foundation import Health, InputError, Level
-from soilmoist_ros.mapping import FieldGrid, MappingSettings, MapState, MapWorker, SoilMap, map_cells, map_health
+from soilmoist_ros.foundation import Health, InputError, Level, distance_text
+from soilmoist_ros.mapping import (
+    FieldGrid,
+    MappingSettings,
+    MapState,
+    MapWorker,
+    Placement,
+    PositionSource,
+    SoilMap,
+    likely_cause,
+    map_cells,
+    map_health,
+)
 from soilmoist_ros.pipeline import open_survey, planning_curve
 from soilmoist_ros.recording import (
     CLOUD,
@@ -82,15 +97,30 @@ from soilmoist_ros.recording import (
     recover_bag,
     sample_points,
 )
-from soilmoist_ros.sensing import DOUBTS, PHONE, Batch, CountRecord, Doubt, Driver, DriverSettings, PhoneReceiver
+from soilmoist_ros.sensing import (
+    DOUBTS,
+    PHONE,
+    UNKNOWN_SENSOR,
+    Batch,
+    CountRecord,
+    Doubt,
+    Driver,
+    DriverSettings,
+    PhoneReceiver,
+)
 from soilmoist_ros.simulation import MissionSettings, mission_map
 
 STEP_S: Final = 0.2
 SHOW_S: Final = 1.0
 PAGE: Final = "the page"
 LOW_DISK_BYTES: Final = 5e8
+FAR_M: Final = 5e3
+"""Distance from the field at which the field file is doubted, and nothing starts [m]."""
+LIMIT_VWC, LIMIT_SHARE = 0.005, 0.1
+"""Distance from the limits of the soil [m^3/m^3] at which a share of the cells makes the whole level doubtful."""
 _MAPPED: Final = ("model", "fit", "noise", "local", "drift_model")
 
+NO_LOGGER: Final = "the logger does not answer: check its power, its cable and the address"
 _log = logging.getLogger(__name__)
 
 
@@ -154,6 +184,8 @@ class GuidedSurvey:
         self._driver = Driver(devices, survey.site, self._plane, time.time(), self._phone)
         self._driver.refuse_taken()
         self._faults: dict[str, str] = {}
+        self._latlon: tuple[float, float] | None = None
+        self._lacks = NO_LOGGER  # why a start makes no sense yet; empty if nothing is missing
         self.stopped = False
         self.ended: Finish | None = None
         """End of the mission; ``None`` while it is not over."""
@@ -253,6 +285,8 @@ class GuidedSurvey:
         return self
 
     def __exit__(self, *_error: object) -> None:
+        if self.stopped:
+            time.sleep(SHOW_S)  # the page hears of the end
         self._server.close()
 
     # The loop ------------------------------------------------------------------------------------------------
@@ -266,6 +300,7 @@ class GuidedSurvey:
                 self._wake.clear()
                 self._step()
         finally:
+            self.board.put("over", self.stopped)
             self._driver.stop()
             self._control.close()
             self._worker.close()
@@ -309,18 +344,35 @@ class GuidedSurvey:
         control.check()
         for doubt in control.doubts():
             self._doubt(doubt)
-        if self._autostart and not control.missing():
+        if self._autostart and not control.missing() and not self._lacks:
             self._autostart = not control.command(Verb.START).accepted
         if time.monotonic() - self._shown_s >= SHOW_S:
             self._shown_s = time.monotonic()
+            devices = self._driver.health(now_s)
+            self._lacks = self._lacking(devices)
             control.show()
-            parts = [*control.health(), *self._driver.health(now_s)]
+            parts = [*control.health(), *devices]
             parts += [map_health(self._survey.map, self._worker, now_s), self._bag.health()]
             self.board.put("health", health_view(parts))
             faults = {part.name: part.message for part in parts if part.level is Level.ERROR}
             for name in sorted(faults.keys() - self._faults.keys()):
                 _log.warning("%s: %s", name, faults[name])
             self._faults = faults
+
+    def _lacking(self, devices: Sequence[Health]) -> str:
+        """Why nothing should start yet: a logger without records, or a field elsewhere; empty if all is there."""
+        levels = {part.name: part.level for part in devices}
+        faults = [part.message for part in devices if part.name == "records" and part.level is Level.ERROR]
+        if levels.get("logger link") is not Level.OK:
+            return NO_LOGGER
+        if faults or self._latlon is None:
+            return "".join(faults)
+        placement = Placement(self._survey.field, np.array([self._latlon]))
+        if placement.nearest_m <= FAR_M:
+            return ""
+        swapped = likely_cause(placement, FAR_M, PositionSource()).startswith("swap")
+        why = "latitude and longitude may be swapped" if swapped else "check the field file"
+        return f"you are {distance_text(placement.nearest_m)} from the field; {why}"
 
     def _take(self, batch: Batch) -> None:
         """Store what the devices have sent, then use it."""
@@ -331,6 +383,7 @@ class GuidedSurvey:
             self._bag.put(*self._bag.topics.fix(fix))
             self._control.hear(fix)
             position = fix.position
+            self._latlon = position.latitude_deg, position.longitude_deg
             x_m, y_m = self._plane.to_local(position.latitude_deg, position.longitude_deg)[0].tolist()
             self.board.hear("fix/")
             if math.isfinite(x_m) and math.isfinite(y_m):
@@ -371,7 +424,19 @@ class GuidedSurvey:
             self._control.fit(soil_map.fit, state.stamp_s, changing=state.changing(soil_map))
             self._picture = MapLayers.after(self._picture, map_cells(self._survey.map.grid, soil_map))
             self.board.put("map", self._picture.about)
+            self.board.put("doubts", self._doubts(soil_map))
             self.board.hear("map")
+
+    def _doubts(self, soil_map: SoilMap) -> list[str]:
+        """Why the level of the moisture is no fact, as the page names it."""
+        calibration, limits = self._survey.site.calibration, soil_map.limits
+        if calibration is None or limits is None:
+            return []
+        guessed = calibration.illustrative or calibration.method == UNKNOWN_SENSOR or not calibration.has_origin
+        vwc = soil_map.vwc[np.isfinite(soil_map.vwc)]
+        cut = (vwc >= limits.saturation - LIMIT_VWC) | (vwc <= limits.dryness + LIMIT_VWC)
+        found = {"unsure": guessed, "limit": bool(len(cut)) and float(cut.mean()) > LIMIT_SHARE}
+        return [name for name, holds in found.items() if holds]
 
     # What the mission asks for (Outputs) ---------------------------------------------------------------------
 
@@ -381,6 +446,8 @@ class GuidedSurvey:
 
     def show(self, status: MissionStatus, ahead: tuple[Stop, ...], more: Mapping[str, str]) -> None:
         """Show and record the mission."""
+        if status.phase is Phase.IDLE and self._lacks and not self._control.missing():
+            status = replace(status, reason=self._lacks)
         self.board.put("mission/", mission_view(status, more))
         self.board.put("plan/", place_views(stop.xy for stop in ahead))
         self._history.count(status)
@@ -408,7 +475,12 @@ class GuidedSurvey:
 
     def command(self, robot: str, request: OperatorRequest) -> Future[Reply]:
         """Pass a request to the mission."""
-        return self._ask(partial(self._control.request, request))
+        return self._ask(partial(self._answer, request))
+
+    def _answer(self, request: OperatorRequest) -> Reply:
+        if request.verb is Verb.START and self._lacks and not self._control.under_way:
+            return Reply(ReplyCode.REFUSED, f"not yet: {self._lacks}")
+        return self._control.request(request)
 
     def press(self, who: str) -> None:
         """Pause: nothing but the person moves the sensor."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.kriging.tiled_kriging import Compute as Compute
     from soilmoist_ros.mapping.map_worker import MapWorker as MapWorker, map_health as map_health
     from soilmoist_ros.mapping.mapping_settings import MappingSettings as MappingSettings
-    from soilmoist_ros.mapping.placement import PositionSource as PositionSource, require_near as require_near
+    from soilmoist_ros.mapping.placement import Placement as Placement, PositionSource as PositionSource, likely_cause as likely_cause, require_near as require_near
     from soilmoist_ros.mapping.records import Skip as Skip, StampLimits as StampLimits, survey_samples as survey_samples
     from soilmoist_ros.mapping.samples import Samples as Samples, spatial_blocks as spatial_blocks
     from soilmoist_ros.mapping.several_surveys import FieldChange as FieldChange, JointKriging as JointKriging, Persistence as Persistence, SurveysEstimate as SurveysEstimate, field_change as field_change, mean_places as mean_places, moisture_slope as moisture_slope
@@ -56,7 +56,7 @@ __getattr__, __dir__, __all__ = open_door(
         "kriging.tiled_kriging": "Compute",
         "map_worker": "MapWorker map_health",
         "mapping_settings": "MappingSettings",
-        "placement": "PositionSource require_near",
+        "placement": "Placement PositionSource likely_cause require_near",
         "records": "Skip StampLimits survey_samples",
         "samples": "Samples spatial_blocks",
         "several_surveys": "FieldChange JointKriging Persistence SurveysEstimate field_change mean_places moisture_slope",

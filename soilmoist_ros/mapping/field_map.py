@@ -11,6 +11,7 @@ from bisect import insort
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from datetime import UTC, datetime
 from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -265,7 +266,7 @@ class FieldMap:
         record = without_verdict(record)
         reason, why = check_record(record, self._area)
         if reason is not None:
-            self.skip(reason, f"record at {record.stamp_s:.1f} s: {why}")
+            self.skip(reason, f"record at {_when(record.stamp_s)}: {why}")
             if reason in (Skip.NO_POSITION, Skip.QUARANTINED):
                 self.track.append(record)
             return reason
@@ -274,7 +275,7 @@ class FieldMap:
         for held in verdict.confirmed:
             self._release(held)
         if verdict.unexpected:
-            self.skip(Skip.UNEXPECTED, f"record at {record.stamp_s:.1f} s: {verdict.unexpected}")
+            self.skip(Skip.UNEXPECTED, f"record at {_when(record.stamp_s)}: {verdict.unexpected}")
             self.track.append(replace(record, quarantine=UNEXPECTED))
             return Skip.UNEXPECTED
         self._recent.append(None)
@@ -618,6 +619,12 @@ def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
     There a fortieth of the extent keeps the samples of a day's drive to some hundreds.
     """
     return max(footprint_radius_m / 4, grid.extent_m / 40)
+
+
+def _when(stamp_s: float) -> str:
+    """Time of a record, for people: a time of day, unless it is simulated or none [s since 1970 UTC]."""
+    real = 1e8 < stamp_s < 1e11
+    return f"{datetime.fromtimestamp(stamp_s, UTC):%H:%M:%S} UTC" if real else f"{stamp_s:.1f} s"
 
 
 def _middle(rising: Sequence[float]) -> float:

@@ -451,5 +451,6 @@ class ReconnectingSource:
         self._buffer.drop_rest()
         if self._closed.is_set():
             return
-        self._last_error = str(error) or type(error).__name__
+        refused = isinstance(error, ConnectionRefusedError)
+        self._last_error = "the connection is refused" if refused else str(error) or type(error).__name__
         self._retry_at_s = time.monotonic() + self._retry.pause_s(max(self._attempts, 1))

@@ -7,7 +7,8 @@ import { connected, request, sections, takeControls } from "./link.js";
 import { insideOf } from "./map.js";
 import { $, button, duration, element, fill, setText, slide } from "./widgets.js";
 
-const RING_M = 2 * Math.PI * 44, BUSY = ["planning", "waiting", "cancelling"], ASIDE_S = 60, STRIDE_M = 3;
+const RING_M = 2 * Math.PI * 44, BUSY = ["planning", "waiting", "cancelling"], ASIDE_S = 60, STRIDE_M = 3, BORDER_M = 5;
+const DEVICES = /(^|sensor_driver: )(logger link|records|GNSS( link)?)$/;
 let before = "", sound = null, use = null;
 
 // A sound needs a tap before it; phones that are silent vibrate.
@@ -32,13 +33,16 @@ function signal(tone, pattern) {
 
 const where = () => sections[`place/${use.robot()}`] ?? [];
 const errorOf = (counts) => fixed(100 / Math.sqrt(counts), counts < 2500 ? 1 : 2);
-const leftOf = (now) => Math.max(0, (now.planned_dwell_s ?? 0) - (now.dwell_s ?? 0));
-const isEnough = (now) => now.counts > 0 && leftOf(now) === 0;
+const leftOf = (now) => Math.max(0, (now.planned_dwell_s ?? 0) - countedS(now));
+// Time that has been counted, not that of the clock: a logger may have died.
+const countedS = (now) => now.exposure_s ?? now.dwell_s ?? 0;
+const isDry = () => (sections.health ?? []).some((part) => part.level >= 2 && DEVICES.test(part.name));
+const isEnough = (now) => now.counts > 0 && leftOf(now) === 0 && !isDry();
 
 function stayText(now) {
-  if (!now.counts || !now.dwell_s) return "";
+  if (!now.counts || !countedS(now)) return "";
   const s = leftOf(now) || ASIDE_S;
-  return t("guide_more", { s, now: errorOf(now.counts), then: errorOf(now.counts * (now.dwell_s + s) / now.dwell_s) });
+  return t("guide_more", { s, now: errorOf(now.counts), then: errorOf(now.counts * (countedS(now) + s) / countedS(now)) });
 }
 
 // Direction of travel, clockwise from north [deg]: from where the person was a few steps ago.
@@ -47,36 +51,60 @@ function headingFrom([x, y]) {
   return from ? Math.atan2(x - from[0], y - from[1]) * 180 / Math.PI : null;
 }
 
-const isOutside = ([x, y]) => Boolean(sections.field) && !insideOf(sections.field.boundary, x, y);
+// Nearest place of the border, for who is outside by more than a few metres.
+function wayBack([x, y]) {
+  const border = sections.field?.boundary;
+  if (!border || x === undefined || insideOf(border, x, y)) return null;
+  const places = border.map(([ax, ay], index) => {
+    const [bx, by] = border[(index + 1) % border.length], dx = bx - ax, dy = by - ay;
+    const share = Math.min(1, Math.max(0, ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1)));
+    return [ax + share * dx, ay + share * dy];
+  }).map(([px, py]) => [Math.hypot(px - x, py - y), px, py]).sort((one, other) => one[0] - other[0]);
+  return places[0][0] > BORDER_M ? places[0] : null;
+}
+
+// All that is wrong, the worst of each part; what the arrow says already is left out.
+function alarms(now) {
+  const told = new Set(), back = wayBack(where());
+  return (sections.health ?? []).filter((part) => {
+    const said = back && part.message.startsWith("outside: ") && part.message.split("; ").length < 3;
+    if (part.level < (now?.running ? 1 : 2) || told.has(part.name) || said) return false;
+    return Boolean(told.add(part.name));
+  });
+}
 
 // What the person sees at a glance: an arrow, or a ring; and one line on it.
 function view(now) {
   const [x, y] = where();
-  if (!now) return { kind: "wait", title: t("guide_no_link") };
+  if (!now) return { kind: "wait", title: t("waiting_for_planner") };
   if (now.phase === "finished") return { kind: "done", title: t("phase_finished"), big: t("n_stops", { n: now.stops }), line: sections.report ? t("guide_report", { path: sections.report }) : sections.report === "" ? t("guide_making") : "" };
-  if (!connected()) return { kind: "wait", title: t("guide_no_link") };
+  if (sections.over) return { kind: "wait", edge: "warn", title: t("guide_over"), line: t("guide_again") };
+  if (!connected()) return { kind: "wait", edge: "bad", title: t(sections.phone === undefined ? "guide_no_link" : "no_connection") };
   if (now.paused) return { kind: "wait", title: t("phase_paused"), line: said(now.reason) };
   if (now.phase === "counting") {
-    const share = now.planned_dwell_s ? Math.min(1, now.dwell_s / now.planned_dwell_s) : 0;
+    const share = now.planned_dwell_s ? Math.min(1, countedS(now) / now.planned_dwell_s) : 0;
+    if (isDry()) return { kind: "ring", edge: "bad", title: t("guide_dry"), share, big: now.counts ? `±${errorOf(now.counts)} %` : "" };
     return { kind: "ring", title: isEnough(now) ? t("guide_enough") : t("guide_stay"), share, big: isEnough(now) ? `±${errorOf(now.counts)} %` : `${leftOf(now)} s`, line: stayText(now) };
   }
   if (now.stop && (now.phase === "travelling" || now.phase === "returning")) {
     if (x === undefined) return { kind: "wait", title: t("guide_go"), line: t("guide_no_place") };
     const [leadX, leadY, wayM] = now.leads ?? now.stop.slice(1);
+    const back = wayBack([x, y]);
+    if (back) return { kind: "arrow", title: t("guide_back"), turn: Math.round(Math.atan2(back[1] - x, back[2] - y) * 180 / Math.PI - (headingFrom([x, y]) ?? 0)), big: `${Math.round(back[0])} m`, line: t("guide_outside") };
     const bearing = Math.atan2(leadX - x, leadY - y) * 180 / Math.PI, metres = Math.round(Math.hypot(leadX - x, leadY - y));
     const stop = wayM > metres + 10 ? `${now.stop[0]}, ${Math.round(wayM)} m` : now.stop[0];
     const heading = headingFrom([x, y]), words = heading === null ? `${stop}; ${t("guide_north")}` : stop;
-    return { kind: "arrow", title: now.phase === "returning" ? t("guide_home") : t("guide_go"), turn: Math.round(bearing - (heading ?? 0)), big: `${metres} m`, line: isOutside([x, y]) ? t("guide_outside") : words };
+    return { kind: "arrow", title: now.phase === "returning" ? t("guide_home") : t("guide_go"), turn: Math.round(bearing - (heading ?? 0)), big: `${metres} m`, line: words };
   }
   if (BUSY.includes(now.phase)) return { kind: "wait", title: t("phase_planning") };
-  return { kind: "wait", title: now.ready ? t("phase_idle") : t("phase_not_ready"), line: said(now.reason) };
+  return { kind: "wait", edge: now.ready ? "" : "warn", title: now.ready ? t("phase_idle") : t("phase_not_ready"), line: said(now.reason) };
 }
 
 function actions(now) {
-  const { ask, maySteer, mayAsk, takeOver } = use;
-  if (!connected() || !now || now.phase === "finished" && sections.report !== undefined) return [];
+  const { ask, maySteer, mayAsk, takeOver, holder } = use;
+  if (!connected() || sections.over || !now || now.phase === "finished" && sections.report !== undefined) return [];
   if (!mayAsk()) return [element("p", {}, t("read_only"))];
-  if (!maySteer()) return [element("p", {}, t("has_controls", { who: said(sections.viewer.holder) })), slide(t("slide_take"), takeOver)];
+  if (!maySteer()) return [element("p", {}, t("has_controls", { who: holder() })), slide(t("slide_take"), takeOver)];
   const big = (text, call, kind = "primary") => button(text, call, `${kind} big`);
   const here = () => ask("measure", { place: where().slice(0, 2) });
   const end = slide(t("guide_end"), () => ask("abort"), "danger");
@@ -151,12 +179,14 @@ export function renderGuide(helpers) {
   use = helpers;
   document.body.classList.toggle("guided", Boolean(use.mission()?.guided));
   if (watch !== null && sections.viewer?.holder && !sections.viewer.holds) stopPhone();
-  const now = use.mission(), shown = view(now), worst = (sections.health ?? [])[0];
+  const now = use.mission(), shown = view(now), wrong = connected() && now?.phase !== "finished" ? alarms(now) : [];
   fill("guide-sign", [shown.kind, shown.turn, shown.share], () => picture(shown));
   setText("guide-title", shown.title); setText("guide-big", shown.big ?? ""); setText("guide-line", shown.line ?? "");
-  setText("guide-alarm", (sections.phone && fault) || (worst?.level && now?.running ? `${said(worst.name)}: ${said(worst.message)}` : ""));
+  const lines = [...(sections.phone && fault ? [fault] : []), ...wrong.map((part) => `${said(part.name)}: ${said(part.message)}`)];
+  fill("guide-alarm", lines, () => lines.map((line) => element("p", {}, line)));
+  $("guide").dataset.edge = shown.edge || (wrong.length ? (wrong.some((part) => part.level === 2) ? "bad" : "warn") : "");
   setText("guide-rest", now?.running ? `${t("n_stops", { n: now.stops })} · ${t("guide_left", { duration: duration(now.left_s) })}` : "");
-  fill("guide-actions", [now?.phase, now?.paused, now?.running, now?.ready, isEnough(now ?? {}), near(now ?? {}), sections.viewer, sections.report, connected(), watch !== null], () => [...phoneActions(), ...actions(now)]);
+  fill("guide-actions", [now?.phase, now?.paused, now?.running, now?.ready, sections.over, isEnough(now ?? {}), near(now ?? {}), sections.viewer, sections.report, connected(), watch !== null], () => [...phoneActions(), ...actions(now)]);
   const key = now ? `${now.phase} ${now.stop?.[0]} ${isEnough(now)}` : "";
   if (key !== before && before) {
     if (now?.phase === "travelling") signal(660, [200, 100, 200]);
@@ -169,4 +199,4 @@ export function renderGuide(helpers) {
 document.head.append(element("link", { rel: "stylesheet", href: "page/guide.css" }));
 $("panel").prepend(element("article", { id: "guide", class: "card", "aria-label": t("guide") },
   element("p", { id: "guide-title", role: "status" }), element("div", { class: "glance" }, element("div", { id: "guide-sign" }), element("p", { id: "guide-big" })),
-  element("p", { id: "guide-line" }), element("p", { id: "guide-alarm" }), element("div", { id: "guide-actions" }), element("p", { id: "guide-rest", class: "small" })));
+  element("p", { id: "guide-line" }), element("div", { id: "guide-alarm" }), element("div", { id: "guide-actions" }), element("p", { id: "guide-rest", class: "small" })));

@@ -347,7 +347,7 @@ function renderAges() {
   const text = stopping?.text
     ? t("alarm_stop", { why: stopping.text, n: stopping.tries })
     : !sections.field ? "" : !gone ? unheard() : sections.watch_only ? t("alarm_simulation_over") : over ? t("alarm_over")
-    : t("alarm_lost");
+    : t(sections.phone === undefined ? "alarm_lost" : sections.over ? "guide_over" : "guide_gone");
   if (alarm.textContent !== text) alarm.textContent = text;
   alarm.hidden = !text;
   alarm.classList.toggle("loud", Boolean(stopping?.text));
@@ -386,12 +386,12 @@ function renderMap() {
   $("photo-error").hidden = !sections.background?.error;
   setText("photo-error", sections.background?.error ? t("no_photo", { why: said(sections.background.error) }) : "");
   $("legend").hidden = !one && Boolean(sections.field) === false;
-  fill("legend", one ?? "none", () => {
+  fill("legend", [one ?? "none", sections.doubts], () => {
     if (!one) return [element("span", {}, t("no_map"))];
     const bar = element("canvas", { width: 190, height: 1 }), pen = bar.getContext("2d"), shade = pen.createLinearGradient(0, 0, 190, 0);
     one.colours.forEach((colour, index) => shade.addColorStop(index / (one.colours.length - 1), colour));
     pen.fillStyle = shade; pen.fillRect(0, 0, 190, 1);
-    return [element("div", {}, `${t(`layer_${one.key}`)} [${t(unitOf(one.key))}]`), bar, element("div", { class: "row" }, element("span", {}, figure(one.limits[0], one)), element("span", {}, t("mean", { value: figure(one.mean, one) })), element("span", {}, figure(one.limits[1], one))), ...(one.key.startsWith("change") ? [element("div", {}, t("change_note"))] : layers.some((each) => each.key === "vwc") ? [] : [element("div", {}, t("rate_only"))])];
+    return [element("div", {}, `${t(`layer_${one.key}`)} [${t(unitOf(one.key))}]`), bar, element("div", { class: "row" }, element("span", {}, figure(one.limits[0], one)), element("span", {}, t("mean", { value: figure(one.mean, one) })), element("span", {}, figure(one.limits[1], one))), ...(one.key.startsWith("change") ? [element("div", {}, t("change_note"))] : layers.some((each) => each.key === "vwc") ? [] : [element("div", {}, t("rate_only"))]), ...(/^vwc/.test(one.key) ? sections.doubts ?? [] : []).map((key) => element("div", {}, t(`level_${key}`)))];
   });
   draw();
 }
@@ -415,9 +415,10 @@ async function onMap(at) {
 
 // Who steers, on each tab.
 function renderSteer() {
-  $("steer").hidden = !taken();
+  const guided = mission()?.guided;
+  $("steer").hidden = !taken() || Boolean(guided && tab === "survey");
   fill("steer", [sections.viewer, taken()], () => (!taken() ? [] : [
-    element("p", {}, `${t("has_controls", { who: holder() })} ${t("stop_for_all")}`), slide(t("slide_take"), takeOver)]));
+    element("p", {}, `${t("has_controls", { who: holder() })} ${guided ? "" : t("stop_for_all")}`), slide(t("slide_take"), takeOver)]));
   if (wasPressed && !anyEmergency() && !lost()) notice(t("stop_released"), false, 20000);
   wasPressed = lost() ? wasPressed : anyEmergency();
 }
@@ -466,7 +467,7 @@ let guide = null;  // its part of the page comes with a person's survey only
 function renderGuide() {
   if (!guide && !mission()?.guided) return;
   guide ??= import("./guide.js");
-  guide.then((part) => part.renderGuide({ ask, maySteer, mayAsk, takeOver, mission, robot: () => robot }));
+  guide.then((part) => part.renderGuide({ ask, maySteer, mayAsk, takeOver, holder, mission, robot: () => robot }));
 }
 
 function render() { forPerson(Boolean(mission()?.guided)); renderGuide(); renderTabs(); renderFrame(); renderSteer(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderMapbar(); renderPlace(); }
