@@ -119,7 +119,7 @@ def _print_summary(run: MapRun) -> None:
     import numpy as np
 
     from soilmoist_ros.foundation import place_text
-    from soilmoist_ros.reporting import at_one_place, irrigation, mean_moisture
+    from soilmoist_ros.reporting import at_one_place, irrigation, is_usable, mean_moisture, unusable_share
 
     soil_map = run.soil_map
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
@@ -145,11 +145,12 @@ def _print_summary(run: MapRun) -> None:
         say(f"moisture   not mapped: {NO_MOISTURE}")
     else:
         low, high = 100 * np.nanquantile(soil_map.vwc, [0.05, 0.95])
-        known = mean_moisture(soil_map)
-        mean = np.nanmean(soil_map.vwc) if known is None else known.value
-        interval = "" if known is None else f" ({100 * known.p05:.1f} to {100 * known.p95:.1f})"
-        range_text = f"5 to 95 % of the area have {low:.1f} to {high:.1f}"
-        say(f"moisture   mean {100 * mean:.1f}{interval} % by volume; {range_text}")
+        known, mean = mean_moisture(soil_map), float(np.nanmean(soil_map.vwc))
+        if is_usable(soil_map):
+            of_mean = (mean, math.nan, math.nan) if known is None else (known.value, known.p05, known.p95)
+            _print_moisture(run, of_mean, f"5 to 95 % of the area have {low:.1f} to {high:.1f}")
+        else:
+            say(f"moisture   impossible on {unusable_share(soil_map):.0%} of the area: N0 does not fit the rate")
         _print_level(run)
         say(f"irrigation {irrigation(run).steps[0]}")
     say(f"map of     {run.support_text}")
@@ -171,11 +172,21 @@ def _print_place(run: MapRun) -> None:
     else:
         low, high = 100 * series.bands.vwc.min(), 100 * series.bands.vwc.max()
         steps = f"{len(series.begin_s)} steps of {series.step_s / 3600:g} h"
-        interval = f"90 % interval {100 * mean.vwc_p05:.1f} to {100 * mean.vwc_p95:.1f}"
-        say(f"moisture   mean {100 * mean.vwc:.1f} % by volume, {interval}")
+        _print_moisture(run, (float(mean.vwc), float(mean.vwc_p05), float(mean.vwc_p95)))
         say(f"           {low:.1f} to {high:.1f} over time, in {steps}")
         _print_level(run)
     print_notes(run)
+
+
+def _print_moisture(run: MapRun, mean: tuple[float, float, float], more: str = "") -> None:
+    """Mean moisture with its 90 % interval, as far as calibration and soil let it hold."""
+    from soilmoist_ros.reporting import moisture_text
+
+    value, interval, remark = moisture_text(*mean, run.soil_map.limits)
+    between = f" ({interval})" if interval and not math.isnan(mean[1]) else ""
+    guessed = run.calibration is not None and run.calibration.illustrative
+    guess = "level not known (illustrative N0)" if guessed else ""
+    say("; ".join(filter(None, [f"moisture   mean {value}{between} % by volume", guess, remark, more])))
 
 
 def _print_level(run: MapRun) -> None:

@@ -132,6 +132,7 @@ def _live(settings: MissionSettings, time_factor: float, out: Path) -> Iterator[
 
 def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun | None) -> None:
     from soilmoist_ros.exploration import polyline_length_m
+    from soilmoist_ros.reporting import irrigation
     from soilmoist_ros.simulation import forecast_text, mission_efficiency
 
     last = result.series[-1]
@@ -148,6 +149,8 @@ def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun
         say(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")
     for one in run.properties:
         print_knowledge(one)
+    if run.soil_map.curve is not None:
+        say(f"irrigation {irrigation(run).steps[0]}")
     say(f"deviation  {forecast_text(result.forecasts, 3600 * settings.hours)}")
     if (plan := mission_efficiency(result)) is not None:
         say(f"efficiency {100 * plan.reached:.0f} % of the best possible plan, which need not drive")

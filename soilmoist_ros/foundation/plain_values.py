@@ -104,6 +104,8 @@ def printable(text: str) -> str:
 
     >>> printable("north\x1b]0;title\x07 \u202e5 m\u00b3")
     'north\\x1b]0;title\\x07 \\u202e5 m³'
+    >>> printable("1\u202f545 ha")
+    '1 545 ha'
     """
     if text.isprintable():
         return text

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.frame import dwell_text as dwell_text, length as length, number as number, plain as plain, render_page as render_page, strategy_text as strategy_text, strategy_traits as strategy_traits
     from soilmoist_ros.reporting.page.irrigation import dose_sentence as dose_sentence, irrigation as irrigation
     from soilmoist_ros.reporting.page.report import change_summary as change_summary, dated as dated, relations as relations
-    from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance, mean_moisture as mean_moisture, truth_score as truth_score
+    from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance, is_usable as is_usable, mean_moisture as mean_moisture, moisture_text as moisture_text, truth_score as truth_score, unusable_share as unusable_share
     from soilmoist_ros.reporting.page.wording import notes as notes
     from soilmoist_ros.reporting.paper_figures import colour_map as colour_map, extension as extension, plain_axes as plain_axes, run_figures as run_figures, season_figures as season_figures, write_figures as write_figures
     from soilmoist_ros.reporting.run_summary import summary as summary
@@ -49,7 +49,7 @@ _open, __dir__, __all__ = open_door(
         "page.frame": "dwell_text length number plain render_page strategy_text strategy_traits",
         "page.irrigation": "dose_sentence irrigation",
         "page.report": "change_summary dated relations",
-        "page.statistics": "covariate_importance mean_moisture truth_score",
+        "page.statistics": "covariate_importance is_usable mean_moisture moisture_text truth_score unusable_share",
         "page.wording": "notes",
         "paper_figures": "colour_map extension plain_axes run_figures season_figures write_figures",
         "run_summary": "summary",

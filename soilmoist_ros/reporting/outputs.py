@@ -27,7 +27,7 @@ from soilmoist_ros.pipeline import (
     site_facts,
 )
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
-from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, NO_LEVEL, calibration_of
+from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, NO_LEVEL, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import ExportedProperty
 from soilmoist_ros.reporting.geotiff import CHANGES, write_cell_raster, write_geotiff
@@ -139,6 +139,10 @@ def _tags(run: MapRun) -> dict[str, str]:
         tags["SOILMOIST_SURVEY_END_UTC"] = f"{end:%Y-%m-%dT%H:%M:%SZ}"
     if (state := calibration_of(run)) in NO_LEVEL:
         tags["TIFFTAG_IMAGEDESCRIPTION"] = GUESSED.format(state)
+    if state == ILLUSTRATIVE:
+        tags["SOILMOIST_INTERVAL"] = (
+            "level not known (illustrative N0): vwc_p05 to vwc_p95 contains counting and interpolation only"
+        )
     return tags
 
 

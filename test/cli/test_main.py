@@ -65,6 +65,7 @@ def test_the_real_roving_record_is_mapped_by_the_documented_command(roving_recor
     result = run("map", log, "--site", "gypsum_transect", "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
     assert "warning    The calibration is illustrative" in result.output
+    assert "% by volume; level not known (illustrative N0)" in result.output
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["n_records"] == 200
     assert summary["simulated"] is False
@@ -253,6 +254,7 @@ def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
     result = run("simulate", "--field", "synthetic-high", "--strategy", "greedy", "--dwell", "fmi:120",
                  "--hours", 0.5, "--cell", 2, "--seed", 3, "--out", out)  # fmt: skip
     assert result.exit_code == 0, result.output
+    assert "irrigation Simulated: " in result.output or "irrigation Next: " in result.output
     assert sorted(path.name for path in out.iterdir()) == sorted([*OUTPUTS, "series.csv", "visits.csv"])
     header, *rows = (out / "series.csv").read_text().splitlines()
     assert {"time_s", "distance_m", "samples", "mse", "coverage95"} <= set(header.split(","))

@@ -23,7 +23,8 @@ from soilmoist_ros.mapping import (
     possible_moisture,
 )
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.sensing import MoistureCurve
+from soilmoist_ros.reporting.page.frame import volume
+from soilmoist_ros.sensing import MoistureCurve, SoilLimits
 
 Array = NDArray[np.float64]
 
@@ -302,6 +303,19 @@ def mean_moisture(soil_map: SoilMap) -> MeanMoisture | None:
     drier, wetter = _reach_of_calibration(soil_map)
     low, high = value - math.hypot(away, drier), value + math.hypot(away, wetter)
     return MeanMoisture(value, between, common, max(low, limits.dryness), min(high, limits.saturation))
+
+
+def moisture_text(value: float, low: float, high: float, limits: SoilLimits | None) -> tuple[str, str, str]:
+    """A moisture, its 90 % interval [% by volume] and a remark where a limit of the soil cuts it: an interval that
+    is short for this reason looks sure and is not. Without a width the interval is empty.
+    """
+    text, interval, cut = volume(value), f"{volume(low)} to {volume(high)}", list[str]()
+    ends = (("pores", limits.saturation, high), ("dry soil", limits.dryness, low)) if limits else ()
+    for name, limit, end in ends:
+        if abs(value - limit) < 5e-4:
+            return text, "", f"at the limit of the {name}: hardly possible, and no interval is known"
+        cut += [f"cut at the limit of the {name}"] if abs(end - limit) < 5e-4 else []
+    return text, interval, " and ".join(cut)
 
 
 def _reach_of_calibration(soil_map: SoilMap) -> tuple[float, float]:

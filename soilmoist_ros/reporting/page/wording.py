@@ -21,12 +21,13 @@ from soilmoist_ros.pipeline import (
     Note,
     NoteCode,
     earlier_doubts,
+    inside_boundary,
     local_time,
     mean_rate,
     track_xy,
 )
 from soilmoist_ros.reporting.budget import level_remedy, make_budget, place_remedy
-from soilmoist_ros.reporting.certainty import calibration_of
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.geometry import distances_m, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
 from soilmoist_ros.reporting.page import statistics
@@ -106,8 +107,15 @@ def _fact_of_mean(run: MapRun) -> Fact:
     if known is None:
         return Fact(volume(mean), "% vol.", "mean soil water content")
     without = "" if known.common_sd > 0 or run.simulated else ", without that of the calibration"
-    value = f"{volume(mean)} ({volume(known.p05)} to {volume(known.p95)})"
-    return Fact(value, "% vol.", f"mean soil water content (90 % interval{without})")
+    if calibration_of(run) == ILLUSTRATIVE:
+        without = ", level not known"
+    return _fact_of_moisture(statistics.moisture_text(mean, known.p05, known.p95, soil_map.limits), without)
+
+
+def _fact_of_moisture(texts: tuple[str, str, str], without: str = "") -> Fact:
+    value, interval, remark = texts
+    about = ", ".join(filter(None, [interval and f"90 % interval{without}", remark]))
+    return Fact(f"{value} ({interval})" if interval else value, "% vol.", f"mean soil water content ({about})")
 
 
 def _mean(run: MapRun) -> float:
@@ -123,8 +131,7 @@ def _facts_of_place(run: MapRun) -> list[Fact]:
         return [Fact(f"{mean.rate:.3f} ± {mean.rate_sd:.3f}", "counts/s", "mean corrected count rate"), *counting]
     low, high = volume(series.bands.vwc.min()), volume(series.bands.vwc.max())
     return [
-        Fact(volume(float(mean.vwc)), "% vol.", "mean soil water content"),
-        Fact(_interval(mean), "% vol.", "90 % interval of the mean"),
+        _fact_of_moisture(_of_place(run, mean)),
         Fact(f"{low} to {high}", "% vol.", f"lowest to highest of {duration(series.step_s)}"), *counting,
     ]  # fmt: skip
 
@@ -135,7 +142,10 @@ def _rate(rate_cps: float | None) -> str:
 
 def _effort_facts(run: MapRun) -> list[Fact]:
     samples = run.soil_map.samples
-    found = [Fact(str(len(samples.xy)), "", "places measured" if len(samples.xy) != 1 else "place measured")]
+    within = int(np.count_nonzero(inside_boundary(run.soil_map, samples.xy)))
+    found = [Fact(str(within), "", "place measured" if within == 1 else "places measured")]
+    if outside := len(samples.xy) - within:
+        found = [found[0]._replace(meaning=f"{found[0].meaning} in the field, {outside} outside")]
     if run.track:
         seconds = sum(record.exposure_s for record in run.track)
         inside, placed = run.inside
@@ -202,7 +212,9 @@ def _headline_of_place(run: MapRun) -> list[str]:
             f"The count rate at this place was {mean.rate:.3f} counts/s on average. More neutrons mean drier "
             "soil, but without a calibration the rate cannot be turned into water content."
         ]
-    water = f"{volume(float(mean.vwc))} litres of water (90 % interval {_interval(mean)})"
+    value, interval, remark = _of_place(run, mean)
+    about = ", ".join(filter(None, [interval and f"90 % interval {interval}", remark]))
+    water = f"{value} litres of water ({about})"
     low, high = volume(series.bands.vwc.min()), volume(series.bands.vwc.max())
     return [
         f"On average, 100 litres of soil at this place held {water}.",
@@ -210,8 +222,9 @@ def _headline_of_place(run: MapRun) -> list[str]:
     ]
 
 
-def _interval(bands: Bands) -> str:
-    return f"{volume(float(bands.vwc_p05))} to {volume(float(bands.vwc_p95))}"
+def _of_place(run: MapRun, bands: Bands) -> tuple[str, str, str]:
+    value, low, high = (float(band) for band in (bands.vwc, bands.vwc_p05, bands.vwc_p95))
+    return statistics.moisture_text(value, low, high, run.soil_map.limits)
 
 
 def datum(run: MapRun) -> str:

@@ -55,6 +55,7 @@ def test_geotiffs_say_that_the_calibration_is_a_guess(guessed, name):
     with rasterio.open(guessed / name) as raster:
         assert raster.tags()["SOILMOIST_CALIBRATION"] == "illustrative"
         assert "calibration: illustrative" in raster.tags()["TIFFTAG_IMAGEDESCRIPTION"]
+        assert raster.tags()["SOILMOIST_INTERVAL"].startswith("level not known (illustrative N0)")
         assert "illustrative" in raster.tags(1)["long_name"] + raster.tags(1)["units"]
 
 

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from soilmoist_ros.mapping.drift import Change, Drift, Jump
 from soilmoist_ros.pipeline.run import CorrectionRow, NoteCode
-from soilmoist_ros.reporting.page.statistics import mean_moisture
+from soilmoist_ros.reporting.page.statistics import mean_moisture, moisture_text
 from soilmoist_ros.reporting.page.wording import facts, notes
 
 
@@ -109,6 +110,15 @@ def test_the_mean_has_the_interval_of_the_calibration_and_no_number_where_it_is_
     value, unit, meaning = facts(run)[0]
     assert value == f"{100 * mean.value:.1f} ({100 * mean.p05:.1f} to {100 * mean.p95:.1f})"
     assert (unit, meaning) == ("% vol.", "mean soil water content (90 % interval)")
+    dry, full = the_map.limits
+    assert moisture_text(0.2, 0.1, 0.3, the_map.limits) == ("20.0", "10.0 to 30.0", "")
+    assert moisture_text(0.4, 0.3, full, the_map.limits)[2] == "cut at the limit of the pores"
+    for limit, name in ((full, "pores"), (dry, "dry soil")):
+        _, interval, remark = moisture_text(limit, limit, limit, the_map.limits)
+        assert (interval, f"at the limit of the {name}: hardly possible" in remark) == ("", True)
+    away = replace(the_map.samples, xy=the_map.samples.xy + np.where(np.arange(12) < 4, 1e4, 0.0)[:, None])
+    found = facts(make_run(soil_map=replace(the_map, samples=away)))
+    assert any(fact[0::2] == ("8", "places measured in the field, 4 outside") for fact in found)
     exact = replace(the_map, curve=replace(the_map.curve, n0_sd_cps=0.0))
     assert "without that of the calibration" in facts(make_run(soil_map=exact))[0].meaning
     found = facts(make_run(soil_map=steep))
