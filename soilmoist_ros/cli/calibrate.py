@@ -185,22 +185,41 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
         n0_per_bound_water=round(per_water, 5), n0_per_density=round(per_density, 5),
     )  # fmt: skip
     if not options.cores_only:
-        of_air = sensing.SurveyAir(pressure_hpa=counted.pressure_hpa)
+        of_air = sensing.SurveyAir(pressure_hpa=counted.pressure_hpa, humidity_gm3=counted.humidity_gm3)
         prior = _general_of_run(run, known) if run is not None else _general(known, of_air)
         days = tuple(table.days) or dates
         day_sd = sensing.DAY_SD if run is None else 0.0  # a map is of the day of its cores
         result = _combined(
-            result, estimate, mean, rate, at_cps, day_sd, unit_curve, known, site, prior, options.earlier, days
+            result,
+            estimate,
+            mean,
+            rate,
+            at_cps,
+            day_sd,
+            unit_curve,
+            known,
+            site,
+            prior,
+            options.earlier,
+            days,
+            run is not None,
         )
     elif options.earlier:
         raise click.UsageError("--earlier is not used with --cores-only")
+    if soil != (before_soil := sensing.load_site(site).soil):
+        weighed = sensing.UncertaintyPart(
+            name="bulk density", value=soil.bulk_density_gcm3, unit="g/cm3", sd=soil.bulk_density_sd_gcm3 or 0.0,
+            origin="measured", sd_origin="assumed",
+        )  # fmt: skip
+        others = [part for part in result.parts if part.name != weighed.name]
+        result = result.model_copy(update={"parts": [*others, weighed]})
     level_sd = mapping.level_of(result.curve_of(soil, known.reference_humidity_gm3), at_cps)[0]
     put(level_vwc_sd=level_sd)
     say(f"level      +- {100 * level_sd:.1f} % by volume, of N0 and soil")
     if options.dry_run:
         say(f"dry run: {site} is not changed")
         return
-    sensing.write_calibration(site, result, None if soil == sensing.load_site(site).soil else soil)
+    sensing.write_calibration(site, result, None if soil == before_soil else soil)
     wrote([site])
 
 
@@ -231,6 +250,7 @@ def _combined(
     alone: sensing.Calibration, cores: sensing.N0Estimate, mean: sensing.CoreMean, rate_cps: float,
     at_cps: float, day_sd: float, unit_curve: sensing.MoistureCurve, known: sensing.Site, site: Path,
     general: tuple[sensing.Calibration | None, str], earlier: tuple[Path, ...], days: Sequence[str],
+    of_map: bool,
 ) -> sensing.Calibration:  # fmt: skip
     """The calibration by the cores together with the general and earlier ones; as it was where there is none."""
     prior, why = general
@@ -251,7 +271,7 @@ def _combined(
         before = sensing.load_site(one)
         scale = partial(_scale, known, site, before, one)
         sources.append(sensing.earlier_source(before, one, known, days, scale))
-    result, both = sensing.combined_calibration(alone, cores, sources, prior, assumed)
+    result, both = sensing.combined_calibration(alone, cores, sources, prior, assumed or of_map)
     without, n0_cps = sensing.combine_n0(sources[1:]), result.n0_cps
     before_sd = mapping.level_of(replace(unit_curve, n0_cps=n0_cps, n0_sd_cps=without.sd * n0_cps), at_cps)[0]
     differ = sensing.difference_sd(sources[0], sensing.N0Source("", without.n0_cps, without.sd))
@@ -449,6 +469,7 @@ def _general(site: sensing.Site, air: sensing.SurveyAir) -> tuple[sensing.Calibr
 def _general_of_run(run: Path, site: sensing.Site) -> tuple[sensing.Calibration | None, str]:
     """The general calibration that a run was made with, else the one of the site at its datum; or the reason."""
     summary = reporting.open_run(run).summary
+    pressure_hpa, humidity_gm3 = _weather_of(summary)
     about, own = summary.get("calibration") or {}, sensing.sensitivity_of(site)
     known = [{name: value for name, value in part.items() if value is not None} for part in about.get("parts", [])]
     parts = [sensing.UncertaintyPart(**part) for part in known]
@@ -457,10 +478,12 @@ def _general_of_run(run: Path, site: sensing.Site) -> tuple[sensing.Calibration 
     right_curve = site.calibration is None or site.calibration.curve == about.get("curve")
     if about.get("method") == "general" and of_site and right_curve:
         values = {name: about[name] for name in ("n0_cps", "n0_sd_cps", "method")}
+        measured = {("humidity", "measured"): {"value": humidity_gm3, "sd_origin": "assumed"}}
+        parts = [part.model_copy(update=measured.get((part.name, part.origin), {})) for part in parts]
         return sensing.Calibration(**values, parts=parts, note=about.get("source")), ""
-    datum, pressure_hpa = summary.get("datum") or {}, _weather_of(summary)[0]
+    datum = summary.get("datum") or {}
     latitude, longitude = (float(datum.get(name, math.nan)) for name in ("latitude_deg", "longitude_deg"))
-    return _general(site, sensing.SurveyAir(latitude, longitude, pressure_hpa))
+    return _general(site, sensing.SurveyAir(latitude, longitude, pressure_hpa, humidity_gm3=humidity_gm3))
 
 
 def _reference_n0_cps(site: sensing.Site, path: Path) -> float:

@@ -115,7 +115,10 @@ class FieldSurvey:
             remedy = "give sensor_sensitivity in the site file, such as the model"
             text = f"{found.note}; no dose follows from it: {remedy}; default ranges, not measured: {assumed}"
         values = {
-            str(part.name): f"{part.value:.4g} {part.unit} +- {part.sd:.2g}, {part.origin}" for part in found.parts
+            str(
+                part.name
+            ): f"{f'{part.value:.4g} '.replace('nan ', '')}{part.unit} +- {part.sd:.2g}, {part.source}"
+            for part in found.parts
         }
         return [Health("calibration", Level.OK, f"{text}; {_SNOW}", values)]
 
@@ -467,14 +470,21 @@ def _calibration(site: sensing.Site) -> CalibrationInfo | None:
     if site.calibration is None or site.soil is None:
         return None
     source = ", ".join(filter(None, [site.calibration.date, site.calibration.note]))
-    told, of_soil = {part.name for part in site.calibration.parts}, sensing.soil_of(site)[1]
+    of_soil = {part.name: part for part in sensing.soil_of(site)[1]}
+    told = [part for part in site.calibration.parts if _is_so(part, of_soil.get(part.name))]
+    added = {part.name for part in told}
     return CalibrationInfo(
         n0_cps=site.calibration.n0_cps, bulk_density_gcm3=site.soil.bulk_density_gcm3,
         n0_sd_cps=site.calibration.n0_sd_cps, lattice_water=site.soil.lattice_water,
         organic_water=site.soil.organic_water, source=source, illustrative=site.calibration.illustrative,
         method=site.calibration.method,
-        parts=(*site.calibration.parts, *(part for part in of_soil if part.name not in told)),
+        parts=(*told, *(part for name, part in of_soil.items() if name not in added)),
     )  # fmt: skip
+
+
+def _is_so(part: sensing.UncertaintyPart, now: sensing.UncertaintyPart | None) -> bool:
+    """False for a part of the soil whose value or standard deviation is another one now."""
+    return now is None or np.allclose([part.value, part.sd], [now.value, now.sd], rtol=1e-3)
 
 
 def loss_rows_of(snapshot: Snapshot) -> list[LossRow]:

@@ -276,7 +276,7 @@ def level_parts(run: MapRun, curve: MoistureCurve, rate: float) -> tuple[float, 
 def _told(part: UncertaintyPart, rate_cps: float) -> Part:
     """A part of the calibration, with the standard deviation of the rate that it makes [counts/s]."""
     distribution = "uniform" if part.origin == "default range" else "normal"
-    return Part(part.name, part.value, part.unit, part.sd, distribution, part.origin, rate_cps)
+    return Part(part.name, part.value, part.unit, part.sd, distribution, part.source, rate_cps)
 
 
 def _counting_remedy(soil_map: SoilMap, parts: list[Part], place: float) -> str:

@@ -20,6 +20,7 @@ from soilmoist_ros import sensing
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
+from soilmoist_ros.pipeline import site_facts
 from soilmoist_ros.reporting import mission_run, open_run, open_source, plan_cores, write_mission
 from soilmoist_ros.reporting.core_plan import (
     N0_SD,
@@ -306,7 +307,13 @@ def test_cores_on_a_run_are_combined_with_the_general_calibration_of_the_run(gen
     cores.write_text("\n".join([f"{rows[0]},bulk_density_gcm3", *(f"{row},1.5" for row in rows[1:])]) + "\n")
     site.write_text("sensor_sensitivity: 1.0\nsoil:\n  texture: loam  # by hand\n")
     run(cores, "--site", site, "--run", folder)
-    soil = sensing.load_site(site).soil
+    loaded = sensing.load_site(site)
+    soil, parts = loaded.soil, {part.name: part for part in loaded.calibration.parts}
+    assert (parts["bulk density"].value, parts["bulk density"].source) == (1.5, "measured, ± assumed")
+    assert (parts["cores"].source, parts["sensitivity"].source) == ("measured, ± assumed", "given, ± assumed")
+    shown = site_facts(loaded.model_copy(update={"soil": soil.model_copy(update={"bulk_density_gcm3": 1.3})}))
+    of_soil = [part for part in shown["calibration"].parts if part.name == "bulk density"]
+    assert [(part.value, part.source) for part in of_soil] == [(1.3, "given")], "that of another soil is of no use"
     assert (soil.bulk_density_gcm3, soil.texture) == (1.5, "loam"), "weighed, instead of that of the texture"
     assert soil.bulk_density_sd_gcm3 == pytest.approx(0.12 / 3**0.5, abs=1e-3)
     assert "# by hand" in site.read_text()

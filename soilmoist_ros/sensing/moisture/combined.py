@@ -146,7 +146,7 @@ def combined_calibration(
         ),
         UncertaintyPart(
             name="cores", value=round(cores.n0_cps, 5), unit="counts/s", sd=round(cores.n0_sd_cps, 5),
-            origin="default range" if assumed else "measured", share=of_cores,
+            origin="measured", sd_origin="assumed" if assumed else None, share=of_cores,
         ),
     ]  # fmt: skip
     first = 1

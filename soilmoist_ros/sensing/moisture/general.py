@@ -52,6 +52,7 @@ from soilmoist_ros.sensing.moisture.site import (
 )  # fmt: skip
 
 Origin = Literal["measured", "given", "default range", "literature"]
+SdOrigin = Literal["given", "literature", "assumed"]
 
 GENERAL_N0_CPS = 0.6905
 """N0 of the reference detector [counts/s]: 2486 counts/h, see the module."""
@@ -133,26 +134,32 @@ class SurveyAir:
 
     :param pressure_hpa: mean air pressure of the records [hPa]
     :param temperature_degc: their mean temperature [degC]
+    :param humidity_gm3: their mean absolute humidity [g/m^3], to say it
     """
 
     latitude_deg: float = math.nan
     longitude_deg: float = math.nan
     pressure_hpa: float = math.nan
     temperature_degc: float = math.nan
+    humidity_gm3: float = math.nan
 
 
 class Sensitivity(NamedTuple):
-    """Counts in units of the reference detector, their standard deviation, and where they are from."""
+    """Counts in units of the reference detector, their standard deviation, and where both are from."""
 
     value: float
     sd: float
     origin: Origin
+    sd_origin: SdOrigin | None = None
 
 
 def _part(
-    name: Any, value: float, unit: str, sd: float, origin: Origin, share: float = math.nan
-) -> UncertaintyPart:
-    return UncertaintyPart(name=name, value=value, unit=unit, sd=sd, origin=origin, share=share)
+    name: Any, value: float, unit: str, sd: float, origin: Origin, share: float = math.nan,
+    sd_origin: SdOrigin | None = None,
+) -> UncertaintyPart:  # fmt: skip
+    return UncertaintyPart(
+        name=name, value=value, unit=unit, sd=sd, origin=origin, share=share, sd_origin=sd_origin
+    )
 
 
 def sensitivity_of(site: Site) -> Sensitivity | None:
@@ -162,8 +169,12 @@ def sensitivity_of(site: Site) -> Sensitivity | None:
         return None
     if isinstance(given, str):
         value = SENSITIVITIES[given]
-        return Sensitivity(value, MODEL_SD[given] * value if sd is None else sd, "literature")
-    return Sensitivity(given, GIVEN_SD * given if sd is None else sd, "given")
+        if sd is None:
+            return Sensitivity(value, MODEL_SD[given] * value, "literature")
+        return Sensitivity(value, sd, "literature", "given")
+    return (
+        Sensitivity(given, GIVEN_SD * given, "given", "assumed") if sd is None else Sensitivity(given, sd, "given")
+    )
 
 
 def location_factor(pressure_hpa: float, rigidity_gv: float, latitude_deg: float) -> float:
@@ -207,22 +218,27 @@ def soil_of(site: Site) -> tuple[Soil, list[UncertaintyPart]]:
         of_class = typical and all(getattr(soil, name) == getattr(typical, name) for name in names)
         return "default range" if site.soil is None or of_class else "given"
 
-    density_sd = soil.bulk_density_sd_gcm3
+    density_sd, assumed = soil.bulk_density_sd_gcm3, dict[str, SdOrigin]()
     if density_sd is None:
+        assumed["bulk density"] = "assumed"
         density_sd = DENSITY_ERROR * soil.bulk_density_gcm3
     known = {"lattice_water", "organic_water", "clay", "organic_carbon"} & soil.model_fields_set
     changed: dict[str, float] = {"bulk_density_sd_gcm3": density_sd}
     if not known:
         changed |= {"lattice_water": BOUND_WATER, "bound_water_sd": BOUND_WATER_SD}
     elif soil.bound_water_sd is None:
+        assumed["water"] = "assumed"
         changed["bound_water_sd"] = math.hypot(WATER_ERROR, ORGANIC_ERROR * soil.organic_water)
     full = soil.model_copy(update=changed)
     water = full.lattice_water + full.organic_water
     return full, [
-        _part("bulk density", full.bulk_density_gcm3, "g/cm3", density_sd, origin("bulk_density_gcm3")),
+        _part(
+            "bulk density", full.bulk_density_gcm3, "g/cm3", density_sd, origin("bulk_density_gcm3"),
+            sd_origin=assumed.get("bulk density"),
+        ),
         _part(
             "lattice and organic water", round(water, 5), "g/g", full.bound_water_sd or 0.0,
-            origin("lattice_water", "organic_water") if known else "default range",
+            origin("lattice_water", "organic_water") if known else "default range", sd_origin=assumed.get("water"),
         ),
     ]  # fmt: skip
 
@@ -242,7 +258,8 @@ def general_calibration(site: Site, air: SurveyAir) -> tuple[Calibration, Soil] 
     share = sensitivity.sd / sensitivity.value
     parts = [
         _part("general N0", GENERAL_N0_CPS, "counts/s", GENERAL_SD * GENERAL_N0_CPS, "literature", GENERAL_SD),
-        _part("sensitivity", sensitivity.value, "of the reference", sensitivity.sd, sensitivity.origin, share),
+        _part("sensitivity", sensitivity.value, "of the reference", sensitivity.sd, sensitivity.origin, share,
+              sensitivity.sd_origin),
         *scale.parts, *_changing_parts(site, air),
     ]  # fmt: skip
     soil, of_soil = soil_of(site)
@@ -348,7 +365,15 @@ def _scaling(site: Site, air: SurveyAir) -> _Scaling | None:
     scaling_sd = SCALING_SD if inside else 2 * SCALING_SD
     parts = [
         _part("site scaling", factor, "factor", scaling_sd * factor, "literature", scaling_sd),
-        _part("pressure", pressure, "hPa", sd_hpa, origin, parameters.beta_per_hpa * sd_hpa),
+        _part(
+            "pressure",
+            pressure,
+            "hPa",
+            sd_hpa,
+            origin,
+            parameters.beta_per_hpa * sd_hpa,
+            "assumed" if origin == "measured" else None,
+        ),
     ]
     return _Scaling(factor, rigidity, pressure, parts)
 
@@ -363,15 +388,16 @@ def _changing_parts(site: Site, air: SurveyAir) -> Iterator[UncertaintyPart]:
     )  # fmt: skip
     corrected, coefficient = site.corrections.humidity is not None, Corrections.humidity_coefficient_m3g
     yield _part(
-        "humidity", site.reference_humidity_gm3 if corrected else HUMIDITY_GM3, "g/m3",
+        "humidity", air.humidity_gm3 if corrected else HUMIDITY_GM3, "g/m3",
         0.3 if corrected else HUMIDITY_SD_GM3, "measured" if corrected else "default range",
-        coefficient * (0.3 if corrected else HUMIDITY_SD_GM3),
+        coefficient * (0.3 if corrected else HUMIDITY_SD_GM3), "assumed" if corrected else None,
     )  # fmt: skip
     biomass, biomass_sd, origin = biomass_of(site)
-    yield _part("biomass", biomass, "kg/m2", biomass_sd, origin, DRY_BIOMASS_SHARE_M2KG * biomass_sd)
+    sd_origin: SdOrigin | None = "assumed" if origin == "given" else None
+    yield _part("biomass", biomass, "kg/m2", biomass_sd, origin, DRY_BIOMASS_SHARE_M2KG * biomass_sd, sd_origin)
     if site.corrections.road is not None:
         sd = abs(site.corrections.f_road - 1) / 3  # the road's moisture and width are rough
-        yield _part("road", site.corrections.f_road, "factor", sd, "given", sd)
+        yield _part("road", site.corrections.f_road, "factor", sd, "given", sd, "assumed")
     if air.temperature_degc < COLD_DEGC:
         yield _part("snow", math.nan, "mm", 0.0, "default range")
 

@@ -133,8 +133,15 @@ class UncertaintyPart(Section):
     """Standard deviation of the value."""
     origin: Literal["measured", "given", "default range", "literature"]
     """Where the value is from."""
+    sd_origin: Literal["given", "literature", "assumed"] | None = None
+    """Where its standard deviation is from, if not from there too."""
     share: Annotated[float, Field(allow_inf_nan=True)] = math.nan
     """Relative standard deviation of N0 that has the effect of this part; NaN for what acts by the curve."""
+
+    @property
+    def source(self) -> str:
+        """Where value and standard deviation are from, in words."""
+        return f"{self.origin}, ± {self.sd_origin}" if self.sd_origin else self.origin
 
 
 class Calibration(Section):

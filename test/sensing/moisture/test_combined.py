@@ -94,8 +94,8 @@ def test_parts_of_the_combined_calibration_add_up_to_its_error():
     assert math.hypot(*shares) == pytest.approx(both.sd)
     assert result.n0_sd_cps == pytest.approx(both.sd * both.n0_cps, rel=1e-3)
     assert (result.method, result.date) == ("combined", "2026-05-01")
-    origins = [one.origin for one in result.parts if one.name == "cores"]
-    assert origins == ["default range", "given"]
+    origins = [one.source for one in result.parts if one.name == "cores"]
+    assert origins == ["measured, ± assumed", "given"]
 
 
 HERE = {"latitude_deg": 52.0, "longitude_deg": 13.0, "altitude_m": 50}

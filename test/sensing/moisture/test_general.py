@@ -250,6 +250,24 @@ def test_the_moisture_does_not_depend_on_the_references_of_the_site(hpa, humidit
     assert rates[0] == pytest.approx(rates[1], rel=1e-4 + bent)
 
 
+def test_value_and_error_of_a_part_say_where_they_are_from():
+    keys = {"location": {"latitude_deg": 52, "longitude_deg": 13, "altitude_m": 50}, "sensor_sensitivity": 9.3}
+    air = SurveyAir(pressure_hpa=1000.0, humidity_gm3=13.7)
+
+    def sources(**more):
+        return {part.name: part for part in general_calibration(Site(**{**keys, **more}), air)[0].parts}
+
+    found = sources(soil={"bulk_density_gcm3": 1.4, "clay": 0.2})
+    names = "sensitivity", "bulk density", "lattice and organic water"
+    assert {found[name].source for name in names} == {"given, ± assumed"}
+    assert (found["humidity"].value, found["humidity"].source) == (13.7, "measured, ± assumed")
+    assert found["pressure"].source == "measured, ± assumed"
+    soil = {"bulk_density_gcm3": 1.4, "bulk_density_sd_gcm3": 0.1, "clay": 0.2, "bound_water_sd": 0.01}
+    found = sources(sensor_sensitivity_sd=0.3, soil=soil)
+    assert {found[name].source for name in names} == {"given"}
+    assert sources(sensor_sensitivity="CRS-1000")["sensitivity"].source == "literature"
+
+
 def test_snow_is_named_and_far_places_are_less_certain():
     site = Site(sensor_sensitivity=1.0)
     cold = general_calibration(site, SurveyAir(51.0, 13.7, 970.0, -3.0))[0]
