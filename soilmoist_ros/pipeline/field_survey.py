@@ -114,12 +114,7 @@ class FieldSurvey:
         if found.method == sensing.UNKNOWN_SENSOR:
             remedy = "give sensor_sensitivity in the site file, such as the model"
             text = f"{found.note}; no dose follows from it: {remedy}; default ranges, not measured: {assumed}"
-        values = {
-            str(
-                part.name
-            ): f"{f'{part.value:.4g} '.replace('nan ', '')}{part.unit} +- {part.sd:.2g}, {part.source}"
-            for part in found.parts
-        }
+        values = {str(part.name): part.text for part in found.parts}
         return [Health("calibration", Level.OK, f"{text}; {_SNOW}", values)]
 
     def dose_basis(self, state: MapState) -> dict[str, Any] | None:

@@ -93,9 +93,11 @@ def test_the_command_says_where_the_moisture_is_from(tmp_path):
     command = ["map", str(LOG), "--site", str(site), "--overwrite"]
     plain = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "rate")])
     assert "level      Unknown sensor: the level lies between 2.4 and 50.9 % by volume" in plain.output
+    assert "90 % interval 2.4 to 50.9" in plain.output, "one interval everywhere"
     assert "19 to 51 % by volume with a LiFoil-2" in plain.output
     about = json.loads((tmp_path / "rate" / "summary.json").read_text())
     assert (about["calibration"]["method"], about["budget"]["largest"]) == ("unknown sensor",) * 2
+    assert about["map"]["uncertainty_vwc"]["everywhere_sd"] == about["budget"]["level_sd"]
     assert about["dose"]["missing"] == "the sensor is unknown, and with it the level of the moisture"
     assert "unknown_sensor" in about["warning_codes"]
     assert "--sensor MODEL" in about["budget"]["remedy"]
@@ -224,7 +226,7 @@ def test_the_robot_a_replay_and_a_log_have_one_calibration(tmp_path):
     assert open_survey(names["field"]).map.curve_of is None, "without a site file anything may be counted"
     health = live.health(live.map.state)[0]
     assert "default ranges, not measured: intensity, biomass" in health.message
-    assert health.values["pressure"].endswith("hPa +- 1.5, measured")
+    assert health.values["pressure"].endswith("hPa +- 1.5, measured, ± assumed")
 
 
 @pytest.mark.slow

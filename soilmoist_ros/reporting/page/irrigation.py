@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping import SoilMap, common_rate_sd
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.reporting.budget import level_remedy, make_budget, place_remedy
+from soilmoist_ros.reporting.budget import level_remedy, place_remedy
 from soilmoist_ros.reporting.certainty import (
     CERTAIN,
     Certainty,
@@ -27,7 +27,7 @@ from soilmoist_ros.reporting.certainty import (
 )
 from soilmoist_ros.reporting.dose import missing_mm, zones_by_dose, zones_mean
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
-from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
+from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
 from soilmoist_ros.reporting.page.field_dose import (
     FEW_PLACES,
     MEASURED_BELOW,
@@ -285,8 +285,9 @@ def _level(run: MapRun) -> str:
     if not run.calibrated:
         return "Not calibrated: the map shows where it is drier and wetter, but not how much water there is."
     if calibration_of(run) == UNKNOWN_SENSOR:
-        found = make_budget(run)
-        low, high = ("?", "?") if found is None else (volume(found.level_p05), volume(found.level_p95))
+        one, mean = moisture_of_all(run.track, run.soil_map.curve), mean_moisture(run.soil_map)
+        ends = (float(one.vwc_p05), float(one.vwc_p95)) if at_one_place(run) else mean and (mean.p05, mean.p95)
+        low, high = map(volume, ends) if ends else ("?", "?")
         return (
             f"Unknown sensor: the level lies between {low} and {high} % by volume, so it is nearly unknown. Trust "
             "where it is drier and wetter, not the percentages and millimetres. --sensor MODEL, or "

@@ -143,6 +143,12 @@ class UncertaintyPart(Section):
         """Where value and standard deviation are from, in words."""
         return f"{self.origin}, ± {self.sd_origin}" if self.sd_origin else self.origin
 
+    @property
+    def text(self) -> str:
+        """Value, if there is one, standard deviation and sources."""
+        value = "" if math.isnan(self.value) else f"{self.value:.4g} "
+        return f"{value}{self.unit} +- {self.sd:.2g}, {self.source}"
+
 
 class Calibration(Section):
     """Result of a calibration, as ``soilmoist calibrate`` writes it."""
