@@ -126,11 +126,17 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
     own = known.soil is None or soil != known.soil  # the density is that of the cores
     of_mass = [one.by_mass and (own or math.isnan(one.bulk_density_gcm3)) for one in sampled]
     unit = known.calibration or sensing.Calibration(n0_cps=1.0)
-    unit = unit.model_copy(update={"n0_cps": 1.0, "n0_sd_cps": None, "curve": options.curve or unit.curve})
+    fresh = {"n0_cps": 1.0, "n0_sd_cps": None, "n0_per_bound_water": 0.0, "n0_per_density": 0.0}
+    unit = unit.model_copy(update={**fresh, "curve": options.curve or unit.curve})
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
     counted = _counted(known, options) if run is None else _no_counts(run, options)
     _require_days_of_counts(table.days or dates, counted, cores)
+    if run is not None and not (table.days or dates) and math.isfinite(counted.last_s):
+        dates = (f"{datetime.fromtimestamp(counted.last_s, UTC):%Y-%m-%d}",)
+        warn(
+            f"assumption the cores have no date: taken as the day of the survey ({dates[0]}); --date gives another"
+        )
     air, bound_water = _air(known, counted), soil.lattice_water + soil.organic_water
     unit_curve = unit.curve_of(soil, known.reference_humidity_gm3)
     try:
@@ -183,6 +189,7 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
         n0_sd_cps=round(estimate.n0_sd_cps, 5), date=", ".join(dates or table.days) or None,
         note=f"{mean.count} soil cores, mean VWC {mean.vwc:.3f} m3/m3, {mean.weights}",
         n0_per_bound_water=round(per_water, 5), n0_per_density=round(per_density, 5),
+        reference_hpa=_reference_hpa(known, options),
     )  # fmt: skip
     if not options.cores_only:
         of_air = sensing.SurveyAir(pressure_hpa=counted.pressure_hpa, humidity_gm3=counted.humidity_gm3)
@@ -190,23 +197,12 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
         days = tuple(table.days) or dates
         day_sd = sensing.DAY_SD if run is None else 0.0  # a map is of the day of its cores
         result = _combined(
-            result,
-            estimate,
-            mean,
-            rate,
-            at_cps,
-            day_sd,
-            unit_curve,
-            known,
-            site,
-            prior,
-            options.earlier,
-            days,
+            result, estimate, mean, rate, at_cps, day_sd, unit_curve, known, site, prior, options.earlier, days,
             run is not None,
-        )
+        )  # fmt: skip
     elif options.earlier:
         raise click.UsageError("--earlier is not used with --cores-only")
-    if soil != (before_soil := sensing.load_site(site).soil):
+    if soil != (before_soil := sensing.load_site(site).soil) and soil.bulk_density_sd_gcm3:
         weighed = sensing.UncertaintyPart(
             name="bulk density", value=soil.bulk_density_gcm3, unit="g/cm3", sd=soil.bulk_density_sd_gcm3 or 0.0,
             origin="measured", sd_origin="assumed",
@@ -366,6 +362,20 @@ def _no_counts(run: Path, given: Options) -> sensing.CalibrationCounts:
     if about.get("simulated"):
         first_s = last_s = math.nan  # the date of a simulation is not one of cores
     return sensing.CalibrationCounts(0, 1.0, 0, 0, *_weather_of(about), first_s, last_s)
+
+
+def _reference_hpa(site: sensing.Site, given: Options) -> float | None:
+    """Air pressure to which the counts of the calibration are corrected [hPa]; ``None`` if to none, or unknown."""
+    own = site.corrections_parameters.reference_pressure_hpa if site.corrections.pressure is not None else None
+    if given.run is None:
+        return None if own is None or not given.logs else round(own, 2)
+    rows = reporting.open_run(given.run).summary.get("corrections") or []
+    found = next((row["parameters"]["P0 [hPa]"] for row in rows if "P0 [hPa]" in row["parameters"]), None)
+    if rows and found != (own and round(own, 2)):
+        texts = ["no pressure" if one is None else f"{one:.2f} hPa" for one in (found, own)]
+        what = f"the counts of the run are corrected to {texts[0]}, those of the site file to {texts[1]}"
+        warn(f"doubt      {what}: N0 fits maps with the corrections of the run only")
+    return None if found is None else float(found)
 
 
 def _weather_of(summary: Mapping[str, Any]) -> tuple[float, float]:

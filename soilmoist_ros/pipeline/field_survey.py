@@ -472,7 +472,7 @@ def _calibration(site: sensing.Site) -> CalibrationInfo | None:
         n0_cps=site.calibration.n0_cps, bulk_density_gcm3=site.soil.bulk_density_gcm3,
         n0_sd_cps=site.calibration.n0_sd_cps, lattice_water=site.soil.lattice_water,
         organic_water=site.soil.organic_water, source=source, illustrative=site.calibration.illustrative,
-        method=site.calibration.method,
+        method=site.calibration.method, reference_hpa=site.calibration.reference_hpa,
         parts=(*told, *(part for name, part in of_soil.items() if name not in added)),
     )  # fmt: skip
 

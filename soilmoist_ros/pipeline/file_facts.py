@@ -180,7 +180,9 @@ def site_findings(site: sensing.Site) -> Iterator[FileFinding]:
             yield FileFinding("cosmic rays", f"cutoff rigidity {cosmic.cutoff_rigidity_gv:.2f} GV, {depth}")
         if settings.pressure is not None and place.altitude_m is not None:
             usual_hpa = sensing.standard_pressure_hpa(place.latitude_deg, place.altitude_m)
-            if abs(used.reference_pressure_hpa - usual_hpa) > MAX_FROM_REFERENCE_HPA:
+            found_with = None if site.calibration is None else site.calibration.reference_hpa
+            same = found_with is not None and math.isclose(found_with, used.reference_pressure_hpa, abs_tol=0.01)
+            if not same and abs(used.reference_pressure_hpa - usual_hpa) > MAX_FROM_REFERENCE_HPA:
                 yield _doubt(
                     f"the pressure factor is 1 at {used.reference_pressure_hpa:g} hPa, but {usual_hpa:.0f} hPa "
                     f"are usual at {place.altitude_m:g} m: right only if N0 was calibrated with this reference "

@@ -148,6 +148,7 @@ class CalibrationInfo:
     :param illustrative: whether N0 is a guess, so that only patterns of the moisture are meaningful
     :param method: where N0 comes from, see :class:`soilmoist_ros.sensing.Calibration`
     :param parts: parts of the uncertainty of N0 and soil, where they are known
+    :param reference_hpa: air pressure that N0 was found with, see there; ``None`` if unknown
     """
 
     n0_cps: float
@@ -159,6 +160,7 @@ class CalibrationInfo:
     illustrative: bool = False
     method: str = "cores"
     parts: Sequence[UncertaintyPart] = ()
+    reference_hpa: float | None = None
 
 
 class NoteCode(StrEnum):

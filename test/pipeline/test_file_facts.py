@@ -19,7 +19,7 @@ from soilmoist_ros.pipeline.file_facts import (
     site_findings,
 )
 from soilmoist_ros.pipeline.logs import log_positions, read_logs
-from soilmoist_ros.sensing import Site, load_logger_format, load_site
+from soilmoist_ros.sensing import Calibration, Site, load_logger_format, load_site
 
 EXAMPLE = load_field(config_folder() / "fields" / "example.yaml")
 KANSAS = load_site("gypsum_transect")
@@ -75,6 +75,8 @@ def test_a_site_shows_the_values_that_follow_from_its_place():
     found = list(site_findings(high))
     assert "incoming neutrons (scaling hawdon2014, k 1.0" in texts(found, "correction")[0]
     assert "846 hPa are usual at 1500 m" in texts(found, "doubt")[0]
+    known = high.model_copy(update={"calibration": Calibration(n0_cps=1.0, reference_hpa=1013.25)})
+    assert not texts(site_findings(known), "doubt"), "N0 was found with this reference"
 
 
 @pytest.mark.slow

@@ -308,6 +308,9 @@ def test_cores_on_a_run_are_combined_with_the_general_calibration_of_the_run(gen
     site.write_text("sensor_sensitivity: 1.0\nsoil:\n  texture: loam  # by hand\n")
     run(cores, "--site", site, "--run", folder)
     loaded = sensing.load_site(site)
+    assert (loaded.calibration.date, loaded.calibration.reference_hpa) == ("2026-05-02", 1013.25)
+    assert any("taken as the day of the survey (2026-05-02)" in text for text in found["warnings"])
+    assert not any("corrected to" in text for text in found["warnings"])
     soil, parts = loaded.soil, {part.name: part for part in loaded.calibration.parts}
     assert (parts["bulk density"].value, parts["bulk density"].source) == (1.5, "measured, ± assumed")
     assert (parts["cores"].source, parts["sensitivity"].source) == ("measured, ± assumed", "given, ± assumed")

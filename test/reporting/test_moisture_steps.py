@@ -78,6 +78,9 @@ def test_a_reference_far_from_the_pressure_of_the_place_is_noted(run) -> None:
     far = replace(run, corrections=[row])
     (note,) = [note for note in notes(far) if note.code is NoteCode.FAR_REFERENCE_PRESSURE]
     assert "48 hPa below the reference of 1013 hPa" in note.message
+    for hpa, noted in ((1013.25, False), (960.0, True)):  # that which N0 was found with
+        known = replace(far, calibration=replace(run.calibration, method="combined", reference_hpa=hpa))
+        assert (NoteCode.FAR_REFERENCE_PRESSURE in [note.code for note in notes(known)]) == noted
     shallow = notes(replace(run, irrigation=Irrigation(root_depth_mm=60)))
     assert any(note.code is NoteCode.SHALLOW_ROOTS and "600 if it is in cm" in note.message for note in shallow)
 

@@ -300,11 +300,14 @@ def _on_corrections(run: MapRun) -> Iterator[Note]:
     general = run.calibration is not None and run.calibration.method in ("general", UNKNOWN_SENSOR)
     if row is not None and not general:
         above_hpa = math.log(row.mean_factor) / float(row.parameters["beta [1/hPa]"])
-        if abs(above_hpa) > MAX_FROM_REFERENCE_HPA:
+        reference_hpa = float(row.parameters["P0 [hPa]"])
+        found_with = run.calibration.reference_hpa if run.calibration is not None else None
+        same = found_with is not None and math.isclose(found_with, reference_hpa, abs_tol=0.01)
+        if abs(above_hpa) > MAX_FROM_REFERENCE_HPA and not same:
             yield Note(
                 NoteCode.FAR_REFERENCE_PRESSURE,
                 f"The air pressure is {abs(above_hpa):.0f} hPa {'above' if above_hpa > 0 else 'below'} the "
-                f"reference of {float(row.parameters['P0 [hPa]']):.0f} hPa on average. This is right only if N0 "
+                f"reference of {reference_hpa:.0f} hPa on average. This is right only if N0 "
                 "was calibrated with this reference; 'reference_hpa: auto' in the site file takes the one of "
                 "the altitude.",
             )

@@ -170,6 +170,8 @@ class Calibration(Section):
     method: Literal["cores", "general", "combined", "unknown sensor"] = "cores"
     """Where N0 comes from: soil cores, the general calibration, or both combined; of an unknown sensor it is only
     possible."""
+    reference_hpa: Positive | None = None
+    """Air pressure to which the counts were corrected that N0 was found with [hPa]."""
     n0_per_bound_water: float = 0.0
     """Change of log N0 with the bound water that it was found with from cores [1/(g/g)]: the errors cancel."""
     n0_per_density: float = 0.0
