@@ -83,7 +83,7 @@ def test_an_imported_field_is_explored_and_a_stop_without_an_answer_is_said_loud
         def charged():
             batteries.publish(battery_to_message(0.8, 48.0, START_S))
             page.wait_for_timeout(100)
-            return "80 %, 48 V" in page.locator("#checks").inner_text()
+            return "80 %, 48.0 V" in page.locator("#checks").inner_text()
 
         ros.wait_for(charged, message="the battery")
         page.locator("#import").set_input_files(

@@ -474,7 +474,8 @@ class MissionSettings:
     def as_texts(self) -> dict[str, Any]:
         """All settings by name, as cells of a table: numbers, truth values and texts."""
         properties = " ".join(map(str, self.properties)) or "none"
-        return self.as_dict() | {"graph": self.graph or "default", "properties": properties}
+        texts = {"graph": self.graph or "default", "person": self.person or "robot", "properties": properties}
+        return self.as_dict() | texts
 
     def __str__(self) -> str:
         usual, always = MissionSettings(preset=self.preset).as_texts(), ("field", "strategy", "dwell", "seed")
