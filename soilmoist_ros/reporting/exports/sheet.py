@@ -66,8 +66,10 @@ def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     figure.text(MARGIN, 0.945, textwrap.shorten(source.title, 42), size=20, weight="bold", color=INK)
     figure.text(MARGIN, 0.918, headline(plan, units), size=14 if plan.certain else 11, color=INK)
     known = {**plan.facts, "missing [mm]": ""} | {f"missing [{units.depth}]": units.missing(plan.missing_mm)}
-    facts = "   ".join(f"{name}: {value}" for name, value in known.items() if value and name not in _IN_HEADLINE)
-    figure.text(MARGIN, 0.896, facts, size=9.5, color=INK)
+    facts = [f"{name}: {value}" for name, value in known.items() if value and name not in _IN_HEADLINE]
+    unbroken = "   ".join(fact.replace(" ", "\u00a0") for fact in facts)
+    lines = textwrap.fill(unbroken, 96).replace("\u00a0", " ")
+    figure.text(MARGIN, 0.910, lines, size=9.5, color=INK, va="top")
     alerts = ["Simulated counts: this is an example, not a field."] if source.simulated else []
     if plan.blurred:
         alerts += textwrap.wrap(plan.blurred, 112)
@@ -75,10 +77,10 @@ def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
         largest = plan.largest_text(lambda dose: f"{units.dose(dose)} {units.depth}")
         rest = f"{left * units.per_mm:.{units.decimals}f} {units.depth}"
         alerts.append(f"{largest}: about {rest} remain missing.")
-    figure.text(MARGIN, 0.889, "\n".join(alerts), size=9, color="#b00020", va="top")
+    figure.text(MARGIN, 0.881, "\n".join(alerts), size=9, color="#b00020", va="top")
     doses = zones_by_dose(plan.zones)
     colours = dict(zip(doses, _colours(list(doses)), strict=True))
-    _map(figure.add_axes((MARGIN, 0.40, wide, 0.46)), source, plan, colours, units)
+    _map(figure.add_axes((MARGIN, 0.40, wide, 0.445)), source, plan, colours, units)
     _table(figure.add_axes((MARGIN, 0.13, wide, 0.24)), doses, colours, settings.rate_unit, units)
     about = (
         "Doses are gross: with the losses of the irrigation. Missing is the water that the root zone lacks, the "
