@@ -204,7 +204,7 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
         raise click.UsageError("--earlier is not used with --cores-only")
     if soil != (before_soil := sensing.load_site(site).soil) and soil.bulk_density_sd_gcm3:
         weighed = sensing.UncertaintyPart(
-            name="bulk density", value=soil.bulk_density_gcm3, unit="g/cm3", sd=soil.bulk_density_sd_gcm3 or 0.0,
+            name="bulk density", value=soil.bulk_density_gcm3, unit="g/cm3", sd=soil.bulk_density_sd_gcm3,
             origin="measured", sd_origin="assumed",
         )  # fmt: skip
         others = [part for part in result.parts if part.name != weighed.name]

@@ -353,10 +353,12 @@ def _scaling(site: Site, air: SurveyAir) -> _Scaling | None:
         return None
     pressure, sd_hpa = air.pressure_hpa, BAROMETER_HPA
     origin: Origin = "measured"
+    sd_origin: SdOrigin | None = "assumed"
     if math.isnan(pressure):
         if altitude is None:
             return None
-        pressure, sd_hpa, origin = standard_pressure_hpa(latitude, altitude), WEATHER_HPA, "default range"
+        pressure, sd_hpa = standard_pressure_hpa(latitude, altitude), WEATHER_HPA
+        origin, sd_origin = "default range", None
     rigidity = cosmic_place(latitude, longitude, 0.0, site.corrections.cutoff_rigidity_gv).cutoff_rigidity_gv
     factor, parameters = location_factor(pressure, rigidity, latitude), site.corrections_parameters
     if site.corrections.pressure is not None:
@@ -365,15 +367,7 @@ def _scaling(site: Site, air: SurveyAir) -> _Scaling | None:
     scaling_sd = SCALING_SD if inside else 2 * SCALING_SD
     parts = [
         _part("site scaling", factor, "factor", scaling_sd * factor, "literature", scaling_sd),
-        _part(
-            "pressure",
-            pressure,
-            "hPa",
-            sd_hpa,
-            origin,
-            parameters.beta_per_hpa * sd_hpa,
-            "assumed" if origin == "measured" else None,
-        ),
+        _part("pressure", pressure, "hPa", sd_hpa, origin, parameters.beta_per_hpa * sd_hpa, sd_origin),
     ]
     return _Scaling(factor, rigidity, pressure, parts)
 
