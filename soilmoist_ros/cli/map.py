@@ -150,8 +150,8 @@ def _print_summary(run: MapRun) -> None:
             of_mean = (mean, math.nan, math.nan) if known is None else (known.value, known.p05, known.p95)
             _print_moisture(run, of_mean, f"5 to 95 % of the area have {low:.1f} to {high:.1f}")
         else:
-            say(f"moisture   impossible on {unusable_share(soil_map):.0%} of the area: N0 does not fit the rate")
-        _print_level(run)
+            share = 100 * unusable_share(soil_map)
+            say(f"moisture   impossible on {share:.0f} % of the area: N0 does not fit the rate")
         say(f"irrigation {irrigation(run).steps[0]}")
     say(f"map of     {run.support_text}")
     if soil_map.accuracy is not None:
@@ -172,26 +172,20 @@ def _print_place(run: MapRun) -> None:
     else:
         low, high = 100 * series.bands.vwc.min(), 100 * series.bands.vwc.max()
         steps = f"{len(series.begin_s)} steps of {series.step_s / 3600:g} h"
-        _print_moisture(run, (float(mean.vwc), float(mean.vwc_p05), float(mean.vwc_p95)))
-        say(f"           {low:.1f} to {high:.1f} over time, in {steps}")
-        _print_level(run)
+        of_mean = float(mean.vwc), float(mean.vwc_p05), float(mean.vwc_p95)
+        _print_moisture(run, of_mean, f"{low:.1f} to {high:.1f} over time, in {steps}")
     print_notes(run)
 
 
-def _print_moisture(run: MapRun, mean: tuple[float, float, float], more: str = "") -> None:
+def _print_moisture(run: MapRun, mean: tuple[float, float, float], more: str) -> None:
     """Mean moisture with its 90 % interval, as far as calibration and soil let it hold."""
-    from soilmoist_ros.reporting import moisture_text
+    from soilmoist_ros.reporting import irrigation, moisture_text
+    from soilmoist_ros.sensing import UNKNOWN_SENSOR
 
     value, interval, remark = moisture_text(*mean, run.soil_map.limits)
-    between = f" ({interval})" if interval and not math.isnan(mean[1]) else ""
+    between = f" (90 % interval {interval})" if interval and not math.isnan(mean[1]) else ""
     guessed = run.calibration is not None and run.calibration.illustrative
     guess = "level not known (illustrative N0)" if guessed else ""
     say("; ".join(filter(None, [f"moisture   mean {value}{between} % by volume", guess, remark, more])))
-
-
-def _print_level(run: MapRun) -> None:
-    from soilmoist_ros.reporting import irrigation
-    from soilmoist_ros.sensing import UNKNOWN_SENSOR
-
     if run.calibration is not None and run.calibration.method == UNKNOWN_SENSOR:
         say(f"level      {irrigation(run).level}")
