@@ -62,8 +62,9 @@ from soilmoist_ros.exploration import (
     status_health,
     warm_up,
 )
-from soilmoist_ros.foundation import Health, InputError, Level, distance_text
+from soilmoist_ros.foundation import Health, InputError, LatLon, Level
 from soilmoist_ros.mapping import (
+    Field,
     FieldGrid,
     MappingSettings,
     MapState,
@@ -163,6 +164,16 @@ class GuideSettings:
         return person_rules(rules)
 
 
+def elsewhere(field: Field, latlon: LatLon) -> str:
+    """Doubt about a field that is far from a place [deg], with the likely cause; empty if it is near."""
+    placement = Placement(field, np.array([latlon]))
+    if placement.nearest_m <= FAR_M:
+        return ""
+    swapped = likely_cause(placement, FAR_M, PositionSource()).startswith("swap")
+    why = "latitude and longitude may be swapped" if swapped else "check the field file"
+    return f"you are {placement.nearest_m / 1000:.0f} km from the field; {why}"
+
+
 class GuidedSurvey:
     """A survey that runs in :meth:`run`; a context.
 
@@ -184,7 +195,7 @@ class GuidedSurvey:
         self._driver = Driver(devices, survey.site, self._plane, time.time(), self._phone)
         self._driver.refuse_taken()
         self._faults: dict[str, str] = {}
-        self._latlon: tuple[float, float] | None = None
+        self._latlon: LatLon | None = None
         self._lacks = NO_LOGGER  # why a start makes no sense yet; empty if nothing is missing
         self.stopped = False
         self.ended: Finish | None = None
@@ -367,12 +378,7 @@ class GuidedSurvey:
             return NO_LOGGER
         if faults or self._latlon is None:
             return "".join(faults)
-        placement = Placement(self._survey.field, np.array([self._latlon]))
-        if placement.nearest_m <= FAR_M:
-            return ""
-        swapped = likely_cause(placement, FAR_M, PositionSource()).startswith("swap")
-        why = "latitude and longitude may be swapped" if swapped else "check the field file"
-        return f"you are {distance_text(placement.nearest_m)} from the field; {why}"
+        return elsewhere(self._survey.field, self._latlon)
 
     def _take(self, batch: Batch) -> None:
         """Store what the devices have sent, then use it."""
@@ -478,7 +484,7 @@ class GuidedSurvey:
         return self._ask(partial(self._answer, request))
 
     def _answer(self, request: OperatorRequest) -> Reply:
-        if request.verb is Verb.START and self._lacks and not self._control.under_way:
+        if request.verb == Verb.START and self._lacks and not self._control.under_way:
             return Reply(ReplyCode.REFUSED, f"not yet: {self._lacks}")
         return self._control.request(request)
 

@@ -21,6 +21,7 @@ pytest.importorskip("aiohttp")
 from browser import PHONE, chromium
 from simulated_person import PageAdvice, SimulatedPerson
 
+from soilmoist_ros.console.guided_survey import elsewhere
 from soilmoist_ros.recording import BagReader, read_records
 from soilmoist_ros.simulation import MissionSettings, surrogate_field
 
@@ -106,13 +107,19 @@ def test_ctrl_c_before_the_first_record_says_how_to_go_on(tmp_path):
          "--out", str(tmp_path / "out")],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    assert process.stdout.readline().startswith("page ")
-    time.sleep(1.0)
+    page = PageAdvice(process.stdout.readline().split()[1])
+    answer = page.ask("start")
+    assert (answer["accepted"], answer["message"][:40]) == (False, "not yet: the logger does not answer: chec")
+    field = surrogate_field("patches").field
+    latitude, longitude = field.centre
+    assert elsewhere(field, (latitude, longitude)) == ""
+    assert elsewhere(field, (longitude, latitude)).endswith("field; latitude and longitude may be swapped")
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130, errors
     assert "no record has a place yet: the same command continues the survey" in errors
     assert "error" not in errors
+    assert page.sections["over"], "the page hears of it"
 
 
 def test_a_phone_is_the_receiver_and_shows_arrow_ring_and_report(tmp_path, monkeypatch):

@@ -238,6 +238,28 @@ def test_a_person_is_told_of_no_robot(browser, served, language):  # noqa: F811
         assert flawless(page, r"(?i).*(?:robo|\bgoal|\bZiel|navigation).*")
 
 
+def test_a_person_gets_no_promise_without_records_and_hears_that_nothing_is_stored(browser, served):  # noqa: F811
+    view = UNDER_WAY | {"guided": 5.0, "dwell_s": 90, "exposure_s": 30}
+    silent = {"level": 2, "message": "silent: no bytes for 40 s"}
+    served.board.put("phone", False)
+    served.board.put("mission/r1", view)
+    served.board.put("health", [])
+    served.board.put("place/r1", [-25, 20, None, 0.1])
+    with Link(served.port) as link:
+        page = opened(browser, type("Linked", (), {"port": link.port, "board": served.board}), PHONE)
+        shows(page, "guide-big", "60 s")
+        shows(page, "guide-line", "stay 60 s more: ±3.3 % → ±1.92 %")
+        served.board.put("health", [{"name": name, **silent} for name in ("logger link", "GNSS link")])
+        shows(page, "guide-title", "Nothing is counted now")
+        shows(page, "guide-line", "")
+        assert page.locator("#guide[data-edge=bad] #guide-alarm p").count() == 2
+        served.board.put("mission/r1", view | {"phase": "travelling"})
+        shows(page, "guide-title", "Back to the field")
+        shows(page, "guide-big", "25 m")
+        link.lose()
+        shows(page, "alarm", "Nothing may be recorded now: look at the computer, and start the same command again")
+
+
 def test_one_forecast_lists_of_sentences_and_a_release_that_is_told(browser, served):  # noqa: F811
     served.board.put("mission/r1", UNDER_WAY)
     page = opened(browser, served, PHONE)
