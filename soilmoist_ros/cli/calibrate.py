@@ -22,6 +22,9 @@ from soilmoist_ros.foundation import InputError, Mistake, listing
 DAY_S = 86_400.0
 AFTER_MAP_DAYS = 2
 """Days after a survey within which cores are compared with its map; without rain the pattern lasts."""
+DENSITY: Literal["bulk density"] = "bulk density"
+SAME_DENSITY = 0.02
+"""Relative difference up to which the density of the site file is taken as that of the cores."""
 USUAL_SENSITIVITIES = 0.05, 30.0
 """Sensitivities of neutron sensors to the reference detector, small tubes to large rovers."""
 TIME = MomentType()
@@ -123,7 +126,8 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
     for note in table.notes:
         warn(f"note       {note}")
     soil = _soil(known.soil, sampled, site, run is not None)
-    own = known.soil is None or soil != known.soil  # the density is that of the cores
+    weighed_gcm3 = sensing.mean_of_cores(sampled, "equal").bulk_density_gcm3 or math.nan
+    own = math.isclose(weighed_gcm3, soil.bulk_density_gcm3, rel_tol=SAME_DENSITY)
     of_mass = [one.by_mass and (own or math.isnan(one.bulk_density_gcm3)) for one in sampled]
     unit = known.calibration or sensing.Calibration(n0_cps=1.0)
     fresh = {"n0_cps": 1.0, "n0_sd_cps": None, "n0_per_bound_water": 0.0, "n0_per_density": 0.0}
@@ -202,13 +206,19 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
         )  # fmt: skip
     elif options.earlier:
         raise click.UsageError("--earlier is not used with --cores-only")
-    if soil != (before_soil := sensing.load_site(site).soil) and soil.bulk_density_sd_gcm3:
+    before_soil = sensing.load_site(site).soil
+    of_density = [
+        part for part in (before.parts if before else ()) if part.name == DENSITY and part.origin == "measured"
+    ]
+    if soil != before_soil and soil.bulk_density_sd_gcm3:
         weighed = sensing.UncertaintyPart(
-            name="bulk density", value=soil.bulk_density_gcm3, unit="g/cm3", sd=soil.bulk_density_sd_gcm3,
+            name=DENSITY, value=soil.bulk_density_gcm3, unit="g/cm3", sd=soil.bulk_density_sd_gcm3,
             origin="measured", sd_origin="assumed",
         )  # fmt: skip
-        others = [part for part in result.parts if part.name != weighed.name]
-        result = result.model_copy(update={"parts": [*others, weighed]})
+        of_density = [weighed]
+    if of_density:
+        others = [part for part in result.parts if part.name != DENSITY]
+        result = result.model_copy(update={"parts": [*others, *of_density]})
     level_sd = mapping.level_of(result.curve_of(soil, known.reference_humidity_gm3), at_cps)[0]
     put(level_vwc_sd=level_sd)
     say(f"level      +- {100 * level_sd:.1f} % by volume, of N0 and soil")

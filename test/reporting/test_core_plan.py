@@ -200,6 +200,11 @@ def test_the_filled_sheet_goes_back_into_the_command(folder, tmp_path):
     assert found["n0_cps"] == pytest.approx(n0_cps, rel=0.01)
     assert sensing.load_site(site).calibration.n0_cps == pytest.approx(n0_cps, rel=0.01)
     assert site.read_text().startswith("# kept")
+    run(
+        sheet, "--site", site, "--run", folder, "--cores-only"
+    )  # again, now with the density of the cores in the file
+    of_mass = sensing.load_site(site).calibration
+    assert of_mass.n0_per_bound_water > 0 == of_mass.n0_per_density
     assert found["n0_sd_cps"] / n0_cps == pytest.approx(
         (places[-1]["level_sd"] ** -2 - N0_SD**-2) ** -0.5, rel=0.3
     )
@@ -308,6 +313,9 @@ def test_cores_on_a_run_are_combined_with_the_general_calibration_of_the_run(gen
     site.write_text("sensor_sensitivity: 1.0\nsoil:\n  texture: loam  # by hand\n")
     run(cores, "--site", site, "--run", folder)
     loaded = sensing.load_site(site)
+    found = run(cores, "--site", site, "--run", folder)
+    again = {part.name: part for part in sensing.load_site(site).calibration.parts}
+    assert again["bulk density"].source == "measured, ± assumed", "also where the file has it already"
     assert (loaded.calibration.date, loaded.calibration.reference_hpa) == ("2026-05-02", 1013.25)
     assert any("taken as the day of the survey (2026-05-02)" in text for text in found["warnings"])
     assert not any("corrected to" in text for text in found["warnings"])
