@@ -16,6 +16,7 @@ PUBLISHED_BY = {
     "sensing/survey/driver.py": "sensor_driver",
     "mapping/map_worker.py": "mapper",
     "nodes/mapper.py": "mapper",
+    "nodes/planner.py": "planner",
     "pipeline/field_survey.py": "mapper",
     "exploration/control/mission_control.py": "planner",
     "exploration/control/team.py": "planner",
