@@ -347,7 +347,7 @@ def _air(site: sensing.Site, counted: sensing.CalibrationCounts) -> sensing.Foot
         reference_hpa = sensing.standard_pressure_hpa(place.latitude_deg, place.altitude_m)
     humidity_gm3 = site.reference_humidity_gm3 if math.isnan(counted.humidity_gm3) else counted.humidity_gm3
     pressure_hpa = reference_hpa if math.isnan(counted.pressure_hpa) else counted.pressure_hpa
-    probe = site.vegetation_height_m, site.footprint_radius_m
+    probe = site.vegetation_height_m, site.shield_radius_m
     return sensing.Footprint(math.nan, humidity_gm3, pressure_hpa, *probe)
 
 

@@ -194,6 +194,17 @@ def cores_of(vwc, profiles=14):
     return "\n".join(["profile,distance_m,top_cm,bottom_cm,vwc", *rows])
 
 
+def test_without_a_radius_cores_have_the_weights_of_a_bare_probe(calibrate):
+    table = "\n".join(["profile,distance_m,top_cm,bottom_cm,vwc", *(f"p{r},{r},0,20,{v}" for r, v in DRY)])
+    place = SITE.partition("footprint")[0]
+    bare, shielded, wide = (
+        calibrate(table, "--cores-only", site=place + radius + SOIL)["n0_cps"]
+        for radius in ("", "footprint_radius_m: 10\n", "footprint_radius_m: 500\n")
+    )
+    assert bare == wide  # a shield beyond the reach of the neutrons changes nothing
+    assert bare != pytest.approx(shielded, rel=1e-3)
+
+
 def test_without_a_sensitivity_the_result_is_that_of_the_cores(calibrate, tmp_path):
     alone = calibrate(cores_of(0.25))
     written = (tmp_path / "site.yaml").read_text()
