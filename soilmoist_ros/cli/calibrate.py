@@ -31,7 +31,7 @@ TIME = MomentType()
 
 
 class Options(NamedTuple):
-    """What :func:`command` is given, as click has checked it."""
+    """Options of ``soilmoist calibrate``, as click has checked them."""
 
     cores: Path | None
     site: Path | None

@@ -371,7 +371,7 @@ class GuidedSurvey:
             self._faults = faults
 
     def _lacking(self, devices: Sequence[Health]) -> str:
-        """Why nothing should start yet: a logger without records, or a field elsewhere; empty if all is there."""
+        """Reason not to start yet: a logger without records, or a field elsewhere; empty if all is there."""
         levels = {part.name: part.level for part in devices}
         faults = [part.message for part in devices if part.name == "records" and part.level is Level.ERROR]
         if levels.get("logger link") is not Level.OK:
@@ -434,7 +434,7 @@ class GuidedSurvey:
             self.board.hear("map")
 
     def _doubts(self, soil_map: SoilMap) -> list[str]:
-        """Why the level of the moisture is no fact, as the page names it."""
+        """Code of the reason why the level of the moisture is uncertain, for the page."""
         calibration, limits = self._survey.site.calibration, soil_map.limits
         if calibration is None or limits is None:
             return []

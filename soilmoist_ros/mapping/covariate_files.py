@@ -47,7 +47,7 @@ BEGINNINGS = {
 something else may name other files or addresses, which it would read."""
 _PIPELINE = b"gdal_streamed_alg"  # type of JSON that names what GDAL shall read and do
 REMEDY = "give GeoJSON or GeoPackage"
-MAX_CLASSES = 8  # classes up to which each has a column of its own; the rarer ones are taken together
+MAX_CLASSES = 8  # number of classes with one column each; rarer classes share one
 MIN_SHARE = 0.02  # share of the field below which a class is taken together with other rare ones
 OTHER = "other"
 NEIGHBOURS: tuple[Offset, ...] = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))

@@ -146,13 +146,13 @@ class PlannerInputs:
     def _on_operator(self, message: Bool) -> None:
         watch, now_s = self._control.watch, self._control.now_s()
         if message.data:
-            watch.heard("operator", now_s)
+            watch.hear("operator", now_s)
         else:
             watch.operator_absent(now_s)
 
     def _on_watchdog(self, message: DiagnosticStatus) -> None:
         watch = self._control.watch
-        watch.heard("watchdog", self._control.now_s())
+        watch.hear("watchdog", self._control.now_s())
         watch.report(
             Cause.WATCHDOG, foreign_text(message.message) if message.level == DiagnosticStatus.ERROR else ""
         )

@@ -101,7 +101,7 @@ class PlannerOutputs:
             self._doubts.publish(String(data=doubt.to_text()))
 
     def beat(self, good: bool, about_to_move: bool) -> None:
-        """Tell the watchdog that the planner works, and people when the robot will move."""
+        """Publish the heartbeat, and a warning before the robot moves."""
         self._beats.publish(Bool(data=good))
         if about_to_move != self._warned:
             self._warned = about_to_move

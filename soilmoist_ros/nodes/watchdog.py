@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Cancels the goals of a planner that is silent or stuck: a program of its own, which outlives the planner."""
+"""Cancels the goals of a planner that is silent or stuck: a separate program, which outlives the planner."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Heartbeats:
         beat.heard_s, beat.good, beat.known = now_s, good, True
 
     def fault(self, now_s: float, of: Collection[str] | None = None, first: str = "") -> str:
-        """What is wrong with heartbeats, by default all; ``first`` is said of one that was never heard."""
+        """Fault of heartbeats in words, by default of all; ``first`` is that of one that was never heard."""
         for topic in self._beats if of is None else of:
             if fault := self._beats[topic].fault(now_s, first):
                 return f"{f'the heartbeat {topic}' if topic else 'the planner'} {fault}"

@@ -377,7 +377,7 @@ class MapRun(SurveyTimes):
 
     @property
     def blurred(self) -> str:
-        """What a footprint that is larger than the field means, as a sentence; empty if it is not."""
+        """Sentence about a footprint that is larger than the field; empty if it is not."""
         area_m2 = float(np.count_nonzero(self.soil_map.grid.mask)) * self.soil_map.grid.cell_m**2
         radius_m = 0.0 if self.soil_map.deconvolved_m or self.simulated else self.footprint_radius_m or 0.0
         if math.pi * radius_m**2 <= area_m2:

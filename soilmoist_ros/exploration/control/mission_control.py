@@ -151,7 +151,7 @@ class MissionControl:
         self._last_command = "", math.nan
         self._has_place = self._resume_when_ready = False
         self._start_delay_s, self._stood = setup.start_delay_s, True
-        self._announced: tuple[events.GoTo, float] | None = None
+        self._announced: events.GoTo | None = None
         self._due_s = -math.inf  # end of the last warning [s]
         self._start(mission or Mission(setup.rules))
         named = (PropertyMap(name, weight) for name, weight in (setup.properties or {}).items())
@@ -528,8 +528,8 @@ class MissionControl:
         state = self._mission.state
         if not state.under_way or state.phase is Phase.PAUSED:
             self._stood, self._due_s = True, -math.inf
-        if self._announced is not None and self._clock.now_s() >= self._announced[1]:
-            (goal, _), self._announced = self._announced, None
+        if self._announced is not None and self._clock.now_s() >= self._due_s:
+            goal, self._announced = self._announced, None
             self._go(goal)
         ready = state.phase is Phase.PAUSED and state.interrupted and self.watch.places.doubt is None
         resumes = self._resume_when_ready and ready and not (self.missing() or state.hindrance)
@@ -675,7 +675,7 @@ class MissionControl:
                 self._learn()
             case events.CancelGoal():
                 self._learned.give_up()
-                if self._announced is not None and self._announced[0].goal_id == action.goal_id:
+                if self._announced is not None and self._announced.goal_id == action.goal_id:
                     self._announced, self._stood = None, True  # what follows waits for the rest of the delay
                     self.ended(Ended(action.goal_id, Outcome.CANCELED, "cancelled before it was sent"))
                 else:
@@ -703,7 +703,7 @@ class MissionControl:
         self._stood = False
         if now_s >= self._due_s:
             self._due_s = now_s + delay_s
-        self._announced = goal, self._due_s
+        self._announced = goal
 
     def _measured(self) -> None:
         """All records so far are mapped before the next stop is chosen."""

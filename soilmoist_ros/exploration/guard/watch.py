@@ -160,7 +160,7 @@ class Watch:
         self._strayed = places.strayed_m > 0
         if fix.age_s > self.limits.fix_old_s:
             return None
-        self._hear("fix", fix.now_s)
+        self.hear("fix", fix.now_s)
         self.motion.take(fix.measured_s, fix.xy, places.sd_m(fix.sd_m))
         if self._frozen is None or math.dist(self._frozen, fix.xy) > REPEATED_M:
             self._frozen = fix.xy
@@ -211,16 +211,16 @@ class Watch:
 
         :param in_field: whether the map must have it
         """
-        self._hear("record", now_s)
+        self.hear("record", now_s)
         self._trust.take(now_s)
         if in_field:
             if self._record_stamp_s <= self._map_stamp_s:
-                self._hear("map", now_s)  # the map was complete until now
+                self.hear("map", now_s)  # the map was complete until now
             self._record_stamp_s = max(self._record_stamp_s, stamp_s)
 
     def quarantined(self, now_s: float, reason: str) -> None:
         """A record has come whose counts or place are bad."""
-        self._hear("record", now_s)
+        self.hear("record", now_s)
         self._trust.take(now_s, reason)
 
     def logger(self, fault: str) -> None:
@@ -231,11 +231,7 @@ class Watch:
         """A map has come."""
         if stamp_s > self._map_stamp_s:
             self._map_stamp_s = stamp_s
-            self._hear("map", now_s)
-
-    def heard(self, name: str, now_s: float) -> None:
-        """The watchdog (``watchdog``) or a present operator (``operator``) was heard."""
-        self._hear(name, now_s)
+            self.hear("map", now_s)
 
     def operator_absent(self, now_s: float) -> None:
         """A dead man's switch says that nobody is present."""
@@ -249,7 +245,7 @@ class Watch:
     def battery(self, now_s: float, charge: float, voltage_v: float) -> None:
         """The state of the battery has come."""
         if self._battery.take(now_s, charge, voltage_v):
-            self._hear("battery", now_s)
+            self.hear("battery", now_s)
         for cause, limit in self._battery_limits.items():
             limit.take(charge, voltage_v)
             self.report(cause, limit.fault)
@@ -340,8 +336,8 @@ class Watch:
         """Report the causes that time brings."""
         limits = self.limits
         if doing.under_way and not self._under_way:
-            self._hear("record", now_s)
-            self._hear("map", now_s)
+            self.hear("record", now_s)
+            self.hear("map", now_s)
             self._battery.start(now_s)
             self._allowed_outside_m = min(self._around.outside_m, limits.max_entry_m)
             self._allowed_no_go_m = min(self._around.no_go_m, self._around.leaving_m)
@@ -421,7 +417,7 @@ class Watch:
         limit_s = self.limits.navigation_silent_s
         needed = doing.driving or self._states[Cause.NAVIGATION_SILENT].on
         if not (doing.under_way and needed and doing.waiting_for):
-            self._hear("navigation", now_s)
+            self.hear("navigation", now_s)
         gone_s = self._silent_s("navigation", now_s)
         if gone_s > limit_s:
             return f"waiting for {doing.waiting_for} for {gone_s:.0f} s"
@@ -438,7 +434,8 @@ class Watch:
             return ""
         return f"the charge is {charge:.0%}, and {left:.0%} after the way home of {doing.way_home_s:.0f} s"
 
-    def _hear(self, name: str, now_s: float) -> None:
+    def hear(self, name: str, now_s: float) -> None:
+        """A source that can fall silent was heard, such as ``watchdog`` or ``operator``."""
         self._heard[name] = now_s, self._checks
 
     def _silent_s(self, name: str, now_s: float) -> float:

@@ -99,7 +99,7 @@ class Moved:
 
     :param still_s: for how long it stands, by the noise of its places [s]; 0 if it moves. ``None``, as in journals
         of before: it stands while it stays within :data:`STILL_M`
-    :param driven_m: way driven since the event before [m], without noise; ``None``: as the places tell
+    :param driven_m: distance driven since the event before [m], without noise; ``None``: by the places
     """
 
     now_s: float

@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.exploration.travel.route_graph import is_route_graph, read_route_graph
+from soilmoist_ros.exploration.travel.route_graph import geojson_features, is_route_graph, read_route_graph
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import (
     TopologicalMap,
@@ -53,8 +53,9 @@ def read_travel_map(path: Path, field: Field) -> TopologicalMap:
     if path.suffix.lower() not in LINE_FILES:
         return read_topological_map(path)
     frame = "map"
-    if path.suffix.lower() == ".geojson" and is_route_graph(path):
-        graph, frame, unused = read_route_graph(path)
+    features = geojson_features(path) if path.suffix.lower() == ".geojson" else []
+    if is_route_graph(features):
+        graph, frame, unused = read_route_graph(path, features)
         if unused:
             _log.warning(unused)
     else:

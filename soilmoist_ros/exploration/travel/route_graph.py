@@ -31,16 +31,17 @@ LINES: Final = ("LineString", "MultiLineString")
 _ENDS: Final = (("startid", "endid"), ("start_node", "end_node"))
 
 
-def is_route_graph(path: Path) -> bool:
-    """True if a GeoJSON file is a graph of Nav2: it has a line with the numbers of its ends."""
+def is_route_graph(features: list[Any]) -> bool:
+    """True if the features of a GeoJSON file are a graph of Nav2: a line has the numbers of its ends."""
     return any(
         isinstance(about := one.get("properties") if isinstance(one, Mapping) else None, Mapping)
         and any({start, end} <= about.keys() for start, end in _ENDS)
-        for one in _features(path)
+        for one in features
     )
 
 
-def _features(path: Path) -> list[Any]:
+def geojson_features(path: Path) -> list[Any]:
+    """Features of a GeoJSON file, none if it has no list of them; ``InputError`` if it is no JSON."""
     try:
         content = read_json(read_limited(path, limit=MAX_MAP_BYTES).decode("utf-8-sig"))
     except ValueError as error:
@@ -49,7 +50,7 @@ def _features(path: Path) -> list[Any]:
     return features if isinstance(features, list) else []
 
 
-def read_route_graph(path: Path) -> tuple[TravelGraph, str, str]:
+def read_route_graph(path: Path, features: list[Any]) -> tuple[TravelGraph, str, str]:
     """Graph, name of its frame (``map`` if it names none) and what of the file is not used, empty for nothing.
 
     The name of a node is its ``metadata`` ``name``, as :func:`route_graph_text` writes it, or else its ``id``.
@@ -58,7 +59,7 @@ def read_route_graph(path: Path) -> tuple[TravelGraph, str, str]:
     """
     names, nodes, edges = dict[int, str](), list[Stop](), list[tuple[int, int, int]]()
     frames, mistakes, unused = set[str](), list[Mistake](), set[str]()
-    for number, feature in enumerate(_features(path), 1):
+    for number, feature in enumerate(features, 1):
         try:
             about, shape = feature["properties"], feature["geometry"]
             unused |= {key for key in ("operations", "cost") if about.get(key)}

@@ -93,7 +93,7 @@ def _by_tiles(
     cells_xy: Array,
     progress: Progress | None,
 ) -> Array | None:
-    """As :meth:`KrigingSystem.surfaces`; ``None`` if tiles are not faster, or for a nearly singular matrix."""
+    """Rate and variance by tiles; ``None`` if tiles are not faster, or for a nearly singular matrix."""
     variogram, factor, ones = system.variogram, system.factor, system.ones
     is_small = len(system.places) < MIN_SAMPLES or len(cells_xy) < MIN_CELLS
     if is_small or variogram.structured_sill == 0 or variogram.correlation_model.has_edge:

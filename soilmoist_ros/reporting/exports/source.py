@@ -259,7 +259,7 @@ class RunSource:
 
     @property
     def no_site(self) -> str:
-        """Why the site file of the run is not used; empty if it is there."""
+        """Reason why the site file of the run is not used; empty if it is there."""
         return self._site if isinstance(self._site, str) else ""
 
     @property

@@ -174,7 +174,7 @@ def useless(sure: float, remedy: str = "get more soil cores, or count longer") -
 
 
 def remedy_text(run: MapRun, one: Remedy) -> str:
-    """What makes the decision certain on more of the area."""
+    """Measurement that makes the decision certain on more of the area."""
     if one.what == "counting":
         return f"{one.minutes} more minutes of counting{f' in the {one.part}' if one.part else ''}"
     others = {"calibration": level_remedy(run), "limits": MEASURED_LIMITS, "below": MEASURED_BELOW}

@@ -326,18 +326,18 @@ def test_a_dead_mapper():
 )
 def test_who_was_there_is_missed_in_a_mission_only(name, cause, response):
     observed = Observed(doing=IDLE).run(30)
-    observed.watch.heard(name, observed.now_s)
+    observed.watch.hear(name, observed.now_s)
     observed.run(30)
     assert observed.alarms == []
     observed.doing = MISSION
-    observed.watch.heard(name, observed.now_s)
+    observed.watch.hear(name, observed.now_s)
     observed.run(10)
     assert observed.alarms == []
     observed.run(1)
     assert [(one.cause, one.response) for one in observed.events] == [(cause, response)]
-    observed.watch.heard(name, observed.now_s)
+    observed.watch.hear(name, observed.now_s)
     observed.run(9)
-    observed.watch.heard(name, observed.now_s)
+    observed.watch.hear(name, observed.now_s)
     observed.run(3)
     assert observed.overs == [cause]
 
@@ -345,7 +345,7 @@ def test_who_was_there_is_missed_in_a_mission_only(name, cause, response):
 def test_an_operator_who_is_demanded_is_missed_before_a_mission_and_if_none_ever_was():
     observed = Observed(doing=IDLE, responses={Cause.OPERATOR_GONE: Response.HOLD}).run(3)
     assert observed.alarms == ["operator_gone"]
-    observed.watch.heard("operator", observed.now_s)
+    observed.watch.hear("operator", observed.now_s)
     observed.run(10)
     assert observed.overs == ["operator_gone"]
     observed.run(5)
