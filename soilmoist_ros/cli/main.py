@@ -30,6 +30,7 @@ COMMANDS = {
     "graph": "Build a travel graph for a FIELD: a topological map, or a graph of Nav2.",
     "list": "List what can be chosen by name: fields, strategies, loggers, sites ...",
     "logger": "Draft a logger format (YAML) from the header and first lines of FILE.",
+    "failsafe": "Tell what the guard does about a CAUSE, and why: in each phase of a mission.",
     "check": "Check configuration files and report every mistake in them.",
 }
 """Subcommands with the first sentence of their help."""
@@ -98,6 +99,11 @@ EXAMPLES = {
     "logger": (
         "logger DATA001.csv --out my_logger.yaml",
         "logger table.csv --time Datum --time Zeit --neutrons N1",
+    ),
+    "failsafe": (
+        "failsafe",
+        "failsafe moving off_route",
+        "failsafe off_route --response pause --phase travelling",
     ),
     "check": (
         "check --site my_site.yaml --field my_field.yaml",

@@ -13,8 +13,10 @@ from click.testing import CliRunner
 
 from soilmoist_ros.cli import campaign
 from soilmoist_ros.cli.bag import command
+from soilmoist_ros.cli.failsafe import PHASES, RESPONSES
 from soilmoist_ros.cli.list import KINDS
 from soilmoist_ros.cli.main import main
+from soilmoist_ros.exploration import FAILSAFES, Phase, Response
 from soilmoist_ros.lab.campaign import CampaignProgress
 
 
@@ -53,6 +55,28 @@ def test_fields_have_size_and_moisture():
     assert fields["half-wet"]["size"] == "60 x 50 m"
     assert fields["smooth"]["rate"].endswith("counts/s")
     assert fields["example"]["simulated"] is False
+
+
+def failsafe(*given, code=0):
+    result = CliRunner().invoke(main, ["failsafe", *given])
+    assert result.exit_code == code, result.output
+    return result.stdout if code == 0 else result.output
+
+
+def test_failsafes_are_told_for_each_phase():
+    """What a mission in that phase really does: :func:`consequence` is the mission."""
+    assert (list(Phase), list(Response)) == (PHASES, RESPONSES)
+    assert all(f"\n{cause} " in f"\n{failsafe()}" for cause in FAILSAFES)
+    text = failsafe("off-route", "--response", "pause")
+    assert "off_route: pause instead of warn" in text
+    assert "limit        off_route_m 5 m" in text
+    assert "travelling   cancels the goal, waits for people" in text
+    assert "paused       refuses resume" in text
+    content = json.loads(failsafe("moving", "battery_low", "--phase", "counting", "--json"))
+    moving, battery = (item["phases"]["counting"]["does"] for item in content["failsafes"])
+    assert moving.startswith("cancels all goals of the navigation")
+    assert battery == "stops counting, drives home and ends"
+    assert "no cause 'offroute' (did you mean 'off_route'?)" in failsafe("offroute", code=2)
 
 
 def test_an_unknown_kind_names_all():

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables of the watch: what may be wrong, what follows, what the operator can do, and the limits.
 
-Parameters of the planner, their documentation and the table of the failsafes are made from them.
+Parameters of the planner, their documentation and the tables of the failsafes are made from them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,13 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from soilmoist_ros.exploration.mission.types import MOVING, OTHER_ROBOT, Response
+from soilmoist_ros.exploration.mission import events
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import MOVING, OTHER_ROBOT, Alarm, MissionRules, Phase, Response, Verb
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.strategies.strategy import Choice
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation import InputError, did_you_mean
 from soilmoist_ros.mapping import StampLimits
 from soilmoist_ros.sensing import PlaceLimits
 
@@ -301,3 +307,93 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
     }
 )
 """The table of failsafes, by cause."""
+
+
+def find_cause(name: str) -> Cause:
+    """The cause of a name, as people write it.
+
+    :raises InputError: if there is none, with the most similar name
+    """
+    known = name.strip().lower().replace("-", "_")
+    if known not in set(Cause):
+        near = did_you_mean(known, list(Cause))
+        raise InputError(f"there is no cause {name!r}{near}", f"choose among {', '.join(Cause)}")
+    return Cause(known)
+
+
+# What follows in each phase: the alarm is given to a mission, which is the one of the robot ---------------------
+
+_HOME, _FIELD = Stop("home", 0.0, 0.0), Stop("the stop", 30.0, 0.0)
+_START = events.Moved(1.0, 60.0, 0.0), events.Command(1.0, Verb.START)
+_TRAVELLING = *_START, events.Planned(2.0, 1, Choice(_FIELD, "least known"))
+_COUNTING = *_TRAVELLING, events.GoalReached(60.0, 1, 30.0, 0.0)
+_RETURNING = *_COUNTING, events.Command(70.0, Verb.RETURN)
+_WAY_TO: Final[Mapping[Phase, tuple[events.Event, ...]]] = MappingProxyType(
+    {
+        Phase.IDLE: _START[:1],
+        Phase.PLANNING: _START,
+        Phase.TRAVELLING: _TRAVELLING,
+        Phase.COUNTING: _COUNTING,
+        Phase.WAITING: (*_TRAVELLING, events.GoalFailed(20.0, 1, "blocked")),
+        Phase.CANCELLING: (*_TRAVELLING, events.Command(20.0, Verb.SKIP)),
+        Phase.PAUSED: (*_COUNTING, events.Command(70.0, Verb.PAUSE)),
+        Phase.RETURNING: _RETURNING,
+        Phase.FINISHED: (*_RETURNING, events.GoalReached(120.0, 2, 0.0, 0.0)),
+    }
+)
+"""Events that lead a mission with a home into each phase."""
+
+
+@dataclass(frozen=True)
+class Consequence:
+    """What a mission does at an alarm."""
+
+    does: str
+    says: str  # reason in its status, right after the alarm; empty if that does not change
+
+
+def _mission_in(phase: Phase) -> Mission:
+    rules = MissionRules(
+        budget_s=7200.0, dwell=parse_dwell("fmi:60"), home=_HOME, standstill_s=0.0, backoff_s=60.0
+    )
+    mission = Mission(rules)
+    for event in _WAY_TO[phase]:
+        mission.step(event)
+    assert mission.state.phase is phase
+    return mission
+
+
+def consequence(response: Response, phase: Phase, cause: str = "cause", reason: str = "REASON") -> Consequence:
+    """Give an alarm to a mission in a phase, and tell what it does other than without the alarm.
+
+    The mission is the pure state machine of the planner, so this is what a robot does.
+    """
+    mission, other = _mission_in(phase), _mission_in(phase)
+    now_s = other.state.now_s or 0.0
+    actions = mission.step(Alarm(now_s, cause, response, reason))
+    says = mission.state.reason if mission.state.reason != other.state.reason else ""
+    cancels = [action.goal_id for action in actions if isinstance(action, events.CancelGoal)]
+    which = "all goals of the navigation" if events.ANYBODYS in cancels else "the goal"
+    does = [f"cancels {which}"] * bool(cancels)
+    does += ["stops counting"] * any(isinstance(action, events.StopCounting) for action in actions)
+    for one in (mission, other):
+        if one.state.goal is not None and one.state.goal.cancelled_s is not None:
+            one.step(events.GoalFailed(now_s + 1.0, one.state.goal.goal_id, "cancelled"))
+    ends = mission.state.phase
+    if ends is other.state.phase:
+        verb = Verb.RESUME if ends is Phase.PAUSED else Verb.START if not mission.state.under_way else None
+        if verb is not None:
+            mission.step(events.Command(now_s + 2.0, verb))
+            refused = mission.state.phase is ends
+            home = mission.state.phase is Phase.RETURNING
+            does += [f"refuses {verb}"] * refused + [f"{verb} sends the robot home"] * home
+    elif ends is Phase.PAUSED:
+        mission.step(events.AlarmOver(now_s + 2.0, cause))
+        waits = mission.state.phase is Phase.PAUSED
+        does.append("waits for people" if waits else "goes on by itself when it is over")
+    elif ends is Phase.RETURNING:
+        does.append("drives home and ends")
+    else:
+        does.append("ends where the robot is")
+    shown = "shows it" if mission.state.alarms else "nothing"
+    return Consequence(", ".join(does) or shown, says)
