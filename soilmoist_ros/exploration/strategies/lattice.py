@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The static lattice: evenly spread stops, planned once for the whole budget."""
+"""Static lattices: evenly spread stops, planned for the whole budget at once, or in two passes."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ FEWER = 0.85  # ratio of the numbers of stops of two lattices that are compared
 MIN_STOPS = 4  # smallest lattice that is compared
 SHORTEST = 0.8  # length of a shortest tour, relative to a nearest-neighbour tour; for comparisons only
 GUESSED_MODEL = "matern32"  # variogram model before there is a map
+MIN_STAGED_STOPS = 40  # number of stops of one lattice below which two passes are not worth the driving
+NONE_DONE: Array = np.empty((0, 2))
 _ROUNDING = 1e-9
 
 
@@ -43,25 +45,54 @@ class Lattice:
     complete.
 
     With every other rule, the number of stops is the highest that fits into the budget at the expected dwell.
+
+    ``two_pass`` has several ``ends``: a coarse lattice gives an early map of the whole field, and the stops of the
+    next one lie between those visited, so that all together are a lattice again.
     """
 
-    plan: tuple[Stop, ...] | None = None
-    size: int = 0
+    ends: tuple[float, ...] = (1.0,)  # ends of the passes, as shares of the mission time
+    plan: tuple[Stop, ...] = ()  # stops of the pass that are still to come
+    size: int = 0  # number of stops of the pass
+
+    def __post_init__(self) -> None:
+        self._begun_s, self._pass, self._done = 0.0, -1, list[tuple[float, float]]()
 
     def choose(self, situation: Situation, rng: np.random.Generator) -> Choice | None:
         """See :class:`Strategy`."""
+        if self._pass < 0:
+            self._begun_s = situation.time_left_s
+            if len(self.ends) > 1:  # with few stops, driving decides: one lattice is better
+                self._plan(situation, rng)
+                if self.size < MIN_STAGED_STOPS:
+                    self.ends, self._pass = self.ends[-1:], 0
         planned = isinstance(situation.dwell, Optimal)
-        if self.plan is None:
-            self.plan = plan_lattice(situation, rng) if planned else fit_lattice(situation, rng)
-            self.size = len(self.plan)
-        number, possible = {stop.name: n for n, stop in enumerate(situation.candidates)}, reachable(situation)
-        ahead = [stop for stop in self.plan if stop.name in number and possible[number[stop.name]]]
-        if not ahead:
-            return None
+        number = {stop.name: n for n, stop in enumerate(situation.candidates)}
+        while True:
+            left_s = situation.time_left_s - self._begun_s * (1 - self.ends[max(self._pass, 0)])
+            of_pass = replace(situation, time_left_s=max(left_s, 0.0))
+            possible = reachable(of_pass)
+            ahead = [stop for stop in self.plan if stop.name in number and possible[number[stop.name]]]
+            if self._pass >= 0 and ahead:
+                break
+            if self._pass + 1 == len(self.ends):
+                return None
+            self._pass += 1
+            left_s = situation.time_left_s - self._begun_s * (1 - self.ends[self._pass])
+            self._plan(replace(situation, time_left_s=max(left_s, 0.0)), rng)
         done = self.size - len(self.plan) + self.plan.index(ahead[0])
         self.plan = self.plan[self.plan.index(ahead[0]) + 1 :]
-        dwell = _share(situation, np.array([number[stop.name] for stop in ahead]), done) if planned else None
-        return Choice(ahead[0], f"place {done + 1} of {self.size} of the static lattice", self.plan, dwell)
+        self._done.append(ahead[0].xy)
+        dwell = _share(of_pass, np.array([number[stop.name] for stop in ahead]), done) if planned else None
+        reason = f"place {done + 1} of {self.size} of the static lattice"
+        if len(self.ends) > 1:
+            reason = f"place {done + 1} of {self.size} of lattice {self._pass + 1} of {len(self.ends)}"
+        return Choice(ahead[0], reason, self.plan, dwell)
+
+    def _plan(self, situation: Situation, rng: np.random.Generator) -> None:
+        """Plan a lattice for the time left, with stops between those visited."""
+        planned = plan_lattice if isinstance(situation.dwell, Optimal) else fit_lattice
+        self.plan = planned(situation, rng, np.array(self._done).reshape(-1, 2))
+        self.size = len(self.plan)
 
 
 def _share(situation: Situation, order: Indices, done: int) -> FixedInterval:
@@ -76,9 +107,9 @@ def _share(situation: Situation, order: Indices, done: int) -> FixedInterval:
     return FixedInterval(dwell_s, 2 * dwell_s)
 
 
-def fit_lattice(situation: Situation, rng: np.random.Generator) -> tuple[Stop, ...]:
+def fit_lattice(situation: Situation, rng: np.random.Generator, done_xy: Array = NONE_DONE) -> tuple[Stop, ...]:
     """Tour of the largest lattice that fits into the time left at the expected dwell, in whole records."""
-    lattices = _Lattices(situation, rng)
+    lattices = _Lattices(situation, rng, done_xy)
     dwell_s = float(whole_records(situation.expected_dwell_s, situation.counting.cadence_s))
     best, size = lattices.nearest, min(len(lattices.nearest), 1)
     low, high = 1, lattices.most(dwell_s)
@@ -94,9 +125,9 @@ def fit_lattice(situation: Situation, rng: np.random.Generator) -> tuple[Stop, .
     return tuple(situation.candidates[int(index)] for index in best)
 
 
-def plan_lattice(situation: Situation, rng: np.random.Generator) -> tuple[Stop, ...]:
+def plan_lattice(situation: Situation, rng: np.random.Generator, done_xy: Array = NONE_DONE) -> tuple[Stop, ...]:
     """Tour of the lattice with the lowest integrated variance after an equal division of the counting time."""
-    lattices = _Lattices(situation, rng)
+    lattices = _Lattices(situation, rng, done_xy)
     record_s = situation.counting.cadence_s
     count, best, least = lattices.most(record_s), lattices.nearest, math.inf
     while count >= MIN_STOPS or not math.isfinite(least):
@@ -119,15 +150,19 @@ def plan_lattice(situation: Situation, rng: np.random.Generator) -> tuple[Stop, 
 
 
 class _Lattices:
-    """Lattices of any number of stops in one situation."""
+    """Lattices of any number of stops in one situation.
 
-    def __init__(self, situation: Situation, rng: np.random.Generator) -> None:
+    :param done_xy: stops visited in earlier passes, shape (d, 2) [m]; the lattices fill the gaps between them
+    """
+
+    def __init__(self, situation: Situation, rng: np.random.Generator, done_xy: Array) -> None:
         self.situation = situation
+        self._done_xy = done_xy
         self._possible = np.flatnonzero(reachable(situation))
         self._cells = situation.map_xy[:: max(len(situation.map_xy) // MAX_CELLS, 1)]
         self._weighed = situation.map_xy[:: max(len(situation.map_xy) // MAX_WEIGHED_CELLS, 1)]
         self._seeds = rng.integers(2**31, size=2) if len(self._possible) else np.zeros(2, int)
-        self._clusters = KMeans(self._cells, np.random.default_rng(self._seeds[0]))
+        self._clusters = KMeans(self._cells, np.random.default_rng(self._seeds[0]), fixed=done_xy)
 
     @property
     def nearest(self) -> Indices:
@@ -182,6 +217,9 @@ class _Lattices:
             middle = (xy + np.vstack([situation.position_xy, xy[:-1]])) / 2
             xy = np.vstack([xy, middle[moved]])
             exposure_s = np.concatenate([exposure_s + stand_s, drive_s[moved]])
+        if len(self._done_xy):  # all samples of a lattice count about as long
+            xy = np.vstack([xy, self._done_xy])
+            exposure_s = np.append(exposure_s, np.full(len(self._done_xy), dwell_s))
         rate = situation.rate_cps
         kriging = PoissonKriging(self._guess, mean_rate=rate).fit(xy, np.rint(rate * exposure_s), exposure_s)
         return float(kriging.predict(self._weighed)[1].mean())

@@ -75,6 +75,12 @@ BUILT_IN = {
         needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True,
         colour="#8c4a8c", dashes=(0, (5, 2)), width=1.5,
     ),
+    "two_pass": StrategyKind(
+        _with_solver(lambda _: Lattice((0.25, 1.0))), "Two lattices",
+        "Evenly spread stops, coarse in the first quarter of the time, then between them.",
+        needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True,
+        colour="#b0718f", dashes=(0, (5, 1, 1, 1)), width=1.5,
+    ),
     # These make do with the map of one stop, which lies in the middle of the field.
     "ivr": StrategyKind(
         lambda _: VarianceReduction(), "Integrated variance",

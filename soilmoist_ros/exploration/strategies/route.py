@@ -194,6 +194,7 @@ def _search(start: Array, between: Array, first: Indices, seed: int, iterations:
 
 # Stops spread over a field: k-means of its cells, each with a mass that attracts stops --------------------------
 
+NO_CENTRES: Array = np.empty((0, 2))
 LLOYD_ROUNDS = 50  # maximum number of rounds of the k-means
 _STILL_M, _STILL = 1e-9, 1e-5
 """Moves, absolute and relative to the coordinate, at which the rounds end."""
@@ -205,12 +206,19 @@ class KMeans:
     """Centres of clusters of places; Lloyd's algorithm with a k-means++ start.
 
     :param mass: weight of each place, shape (g,), >= 0; equal ones if ``None`` or all are 0
+    :param fixed: further centres, shape (f, 2) [m], which stay; the others fill the gaps between them
     """
 
-    def __init__(self, xy: Array, rng: np.random.Generator, mass: Array | None = None) -> None:
+    def __init__(
+        self, xy: Array, rng: np.random.Generator, mass: Array | None = None, fixed: Array = NO_CENTRES
+    ) -> None:
         has_mass = mass is not None and bool(mass.any())
-        self._xy, self._rng = xy, rng
+        self._xy, self._rng, self._fixed = xy, rng, fixed
         self._mass = mass if mass is not None and has_mass else np.ones(len(xy))
+        if len(fixed):
+            self._start: list[int] = []
+            self._square = squared_distances(xy, fixed).min(axis=1)
+            return
         first = _drawn(self._mass, rng) if has_mass else int(rng.integers(len(xy)))
         self._start = [first]
         self._square = squared_distances(xy, xy[[first]])[:, 0]
@@ -220,19 +228,20 @@ class KMeans:
         while len(self._start) < count and (share := self._mass * self._square).any():
             self._start.append(_drawn(share, self._rng))
             self._square = np.minimum(self._square, squared_distances(self._xy, self._xy[self._start[-1:]])[:, 0])
-        centres = self._xy[self._start[:count]]
+        centres = np.vstack([self._fixed, self._xy[self._start[:count]]])
         owner, lead_m = np.zeros(len(self._xy), np.intp), np.zeros(len(self._xy))
         for _ in range(LLOYD_ROUNDS):
             # Centres that moved less than the lead of the nearest one leave it the nearest (Hamerly 2010).
             open_ = np.flatnonzero(lead_m <= _SURE_M)
             owner[open_], lead_m[open_] = _nearest(self._xy[open_], centres)
             moved = _middles(self._xy, self._mass, owner, centres)
+            moved[: len(self._fixed)] = self._fixed
             if (np.abs(moved - centres) <= _STILL_M + _STILL * np.abs(centres)).all():
                 break
             away_m = np.hypot(*(moved - centres).T)
             lead_m -= away_m[owner] + away_m.max()
             centres = moved
-        return centres
+        return centres[len(self._fixed) :]
 
 
 def _drawn(weight: Array, rng: np.random.Generator) -> int:

@@ -49,15 +49,16 @@ def tour_s(choice, dwell_s, position=(0.0, 0.0)):
     return used_s
 
 
-def mission(left, seed=0, late_s=0.0, **about):
-    """Time left and dwells of a mission whose every leg takes a little longer than planned."""
-    strategy, dice, dwells, position = Lattice(), rng(seed), [], (0.0, 0.0)
-    while (choice := strategy.choose(situation(left, "optimal", position, **about), dice)) is not None:
+def mission(left, seed=0, late_s=0.0, dwell="optimal", ends=(1.0,)):
+    """Time left, and dwell, place and time of each stop of a mission; legs take a little longer than planned."""
+    strategy, dice, visits, position, budget_s = Lattice(ends), rng(seed), [], (0.0, 0.0), left
+    while (choice := strategy.choose(situation(left, dwell, position), dice)) is not None:
         leg_s = float(MODEL.travel_s(position, [choice.stop])[0]) + late_s
-        dwells.append(choice.dwell.interval_s)
-        left -= math.ceil(leg_s / 10 - 1e-9) * 10 + dwells[-1]
         position = choice.stop.x_m, choice.stop.y_m
-    return strategy.size, left, np.array(dwells)
+        dwell_s = parse_dwell(dwell).interval_s if choice.dwell is None else choice.dwell.interval_s
+        left -= math.ceil(leg_s / 10 - 1e-9) * 10 + dwell_s
+        visits.append((dwell_s, *position, budget_s - left))
+    return strategy.size, left, np.array(visits)
 
 
 @pytest.mark.parametrize("left", [200.0, 900.0, 3600.0, 7200.0])
@@ -92,7 +93,8 @@ def test_no_tour_is_shorter_than_the_bound(seed, count, dwell_s):
 @settings(deadline=None, max_examples=10)
 @given(left=st.floats(1000, 7200), seed=st.integers(0, 100), late_s=st.floats(0, 3))
 def test_a_planned_lattice_is_complete_and_uses_its_budget(left, seed, late_s):
-    size, rest_s, dwells = mission(left, seed, late_s)
+    size, rest_s, visits = mission(left, seed, late_s)
+    dwells = visits[:, 0]
     assert size - (late_s > 0) <= len(dwells) <= size > 3  # a late robot may have no time for the last stop
     # Whole records, the rounding of the last leg, and what was lost on it; a late robot counts once everywhere.
     assert rest_s < 10 or dwells[-1] == 10
@@ -117,3 +119,24 @@ def test_the_lattice_is_spread_evenly():
     assert nearest.mean() > 9
     farthest = np.hypot(*(PLACES[:, None] - xy).transpose(2, 0, 1)).min(axis=1).max()
     assert farthest < 15
+
+
+@pytest.mark.parametrize("dwell", ["fmi:20", "optimal"])
+def test_two_passes_are_an_early_lattice_and_a_lattice_of_all_stops(dwell):
+    size, rest_s, visits = mission(5400.0, dwell=dwell, ends=(0.25, 1.0))
+    assert 0 <= rest_s < 100
+    first, every = visits[visits[:, 3] <= 1350, 1:3], visits[:, 1:3]
+    assert len(first) == len(every) - size >= 12
+    assert len(np.unique(every, axis=0)) == len(every), "no stop is visited again"
+
+    def gap_m(xy):
+        return np.hypot(*(PLACES[:, None] - xy).transpose(2, 0, 1)).min(axis=1)
+
+    # An even lattice of n stops leaves no place farther than about 0.7 sqrt(2 area / n) from its stops.
+    assert gap_m(first).max() < 0.8 * math.sqrt(2 * 3000 / len(first))
+    assert gap_m(every).mean() < 0.45 * math.sqrt(3000 / len(every))
+
+
+def test_two_passes_are_one_where_few_stops_fit():
+    one, two = (mission(1200.0, ends=ends)[2] for ends in ((1.0,), (0.25, 1.0)))
+    np.testing.assert_array_equal(one, two)
