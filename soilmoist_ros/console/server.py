@@ -412,7 +412,8 @@ def _visitor(request: Any) -> Visitor:
 @cache
 def _files() -> dict[str, tuple[bytes, str]]:
     """Compressed content and mark of each file of the page, by name."""
-    found, languages = {}, {path.name: json.loads(path.read_bytes()) for path in sorted(PAGE.glob("*.json"))}
+    found: dict[str, bytes] = {}
+    languages = {path.name: json.loads(path.read_bytes()) for path in sorted(PAGE.glob("*.json"))}
     names = json.dumps({name.removesuffix(".json"): own["language"] for name, own in languages.items()})
     for path in PAGE.iterdir():
         if path.suffix in _KINDS:
@@ -420,6 +421,7 @@ def _files() -> dict[str, tuple[bytes, str]]:
             if own := languages.get(path.name):  # what a language lacks is English
                 merged = {part: languages["en.json"][part] | own[part] for part in ("texts", "sentences")}
                 content = json.dumps(merged, ensure_ascii=False).encode()
-            content = gzip.compress(content, 9, mtime=0)
-            found[path.name] = content, f'"{hashlib.sha256(content).hexdigest()[:16]}"'
-    return found
+                found[f"{path.stem}.rare.json"] = json.dumps(own.get("rare", {}), ensure_ascii=False).encode()
+            found[path.name] = content
+    packed = {name: gzip.compress(content, 9, mtime=0) for name, content in found.items()}
+    return {name: (content, f'"{hashlib.sha256(content).hexdigest()[:16]}"') for name, content in packed.items()}

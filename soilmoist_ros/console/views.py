@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration import EXPOSURE, GUIDED, LEADS, READY, STRATEGIES, Forecast, MissionStatus, Phase
+from soilmoist_ros.exploration import EXPOSURE, GUIDED, LEADS, STRATEGIES, Forecast, MissionStatus, Phase
 from soilmoist_ros.foundation import Health, read_json
 from soilmoist_ros.mapping import Field
 from soilmoist_ros.simulation import PRESETS
@@ -56,7 +56,7 @@ def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, 
     stop = status.target
     return {
         "phase": str(status.phase),
-        "ready": status.phase is not Phase.IDLE or status.reason.endswith(READY),
+        "ready": not status.hindered,
         "reason": status.reason,
         "ended": None if status.ended is None else str(status.ended),
         "moving": status.phase in MOVING,

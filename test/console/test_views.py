@@ -44,10 +44,7 @@ def test_a_view_has_codes_and_values_of_which_the_page_makes_sentences():
         "sd": 0.028, "moisture": True, "end": [600.0, 0.02, 0.016, 0.025], "hidden": None,
     }  # fmt: skip
     idle = replace(STATUS, phase=Phase.IDLE)
-    for reason in ("waiting for start", "aborted by Ada; waiting for start"):
-        assert mission_view(replace(idle, reason=reason), {})["ready"]
-    for reason in ("waiting for a position", "waiting for start, which is refused: the battery is empty"):
-        assert not mission_view(replace(idle, reason=reason), {})["ready"]
+    assert [mission_view(replace(idle, hindered=one), {})["ready"] for one in (False, True)] == [True, False]
     assert mission_view(STATUS, {})["error_percent"] == 5.0
     assert mission_view(replace(STATUS, raw_counts=0), {})["error_percent"] is None
 

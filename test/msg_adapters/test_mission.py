@@ -38,7 +38,7 @@ STATUS = st.builds(
     progress=NUMBER, time_used_s=NUMBER, time_left_s=NUMBER, distance_m=NUMBER, samples=st.integers(0, 99),
     counting_s=NUMBER, raw_counts=st.integers(0, 9999), failures=st.integers(0, 9),
     blacklisted=st.lists(WORD, max_size=3).map(tuple), estimated_end_s=st.none() | NUMBER,
-    needs_operator=st.booleans(), silent=st.booleans(),
+    needs_operator=st.booleans(), silent=st.booleans(), hindered=st.booleans(),
     ended=st.none() | st.sampled_from(MissionEnd),
     forecast=st.none() | st.just(Forecast(0.03, (60.0, 600.0), (0.02, 0.01), (1.1, 1.2), 0.01, 4.0, hidden=0.06)),
 )  # fmt: skip

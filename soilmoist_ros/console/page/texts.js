@@ -29,13 +29,23 @@ export function fillTexts() {
 }
 
 // Sentences that come from elsewhere: a language has their English forms, with {} for what varies, and its own words.
+// Rare ones come after the first view.
 const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
-const rules = Object.entries(own.sentences).map(([form, words]) => {
+const rulesOf = (sentences) => Object.entries(sentences).map(([form, words]) => {
   const [template, kind] = form.split("@");
-  return { pattern: new RegExp(`^${template.split("{}").map(escaped).join("(.*?)")}$`), words, kind, length: form.length };
+  // What varies goes over the end of a part only where the form does so, or in brackets.
+  const any = /[;:.,] /.test(template) || template.includes("({})") ? "(.*?)" : "((?:(?![;:.] ).)*?)";
+  return { pattern: new RegExp(`^${template.split("{}").map(escaped).join(any)}$`), words, kind, length: form.length };
 }).sort((one, other) => other.length - one.length);
 const decimal = (1.5).toLocaleString(language)[1];
-let known = new Map();
+let rules = rulesOf(own.sentences), known = new Map(), later = null;
+
+export async function loadRare() {
+  later ??= fetch(`page/${language}.rare.json`).then((answer) => answer.json()).catch(() => null);
+  const rare = await later;
+  if (!rare) later = null;
+  else { rules = rulesOf({ ...own.sentences, ...rare }); forget(); }
+}
 
 // A sentence in the operator's language as far as it has words for it, part by part; the rest stays English.
 export function said(text) {
@@ -45,15 +55,26 @@ export function said(text) {
   return known.get(text);
 }
 
+// Where a gap is that is in no brackets; -1 if there is none.
+function cut(text, gap) {
+  for (let at = text.indexOf(gap); at >= 0; at = text.indexOf(gap, at + 1)) {
+    const before = text.slice(0, at);
+    if (before.split("(").length === before.split(")").length) return at;
+  }
+  return -1;
+}
+
 function translated(text) {
   for (const { pattern, words, kind } of rules) {
     const parts = kind && !person ? null : pattern.exec(text);
     if (parts) return words.replace(/\{(\d+)\}/g, (_, index) => said(parts[index]));
   }
   for (const gap of [" -> ", "; ", ": ", ". ", ", "]) {
-    const at = text.indexOf(gap);
+    const at = cut(text, gap);
     if (at >= 0) return said(text.slice(0, at)) + gap + said(text.slice(at + gap.length));
   }
+  const [, before, within] = /^(.*\S) \((.*)\)$/.exec(text) ?? [];
+  if (before) return `${said(before)} (${said(within)})`;
   return /^[±+-]?\d+\.\d+$/.test(text) ? text.replace(".", decimal) : text;
 }
 
@@ -61,9 +82,13 @@ function translated(text) {
 export function forPerson(is) {
   if (person === is) return;
   person = is;
+  forget();
+  fillTexts();
+}
+
+function forget() {
   known = new Map();
   for (const node of document.querySelectorAll("[data-key]")) delete node.dataset.key;  // what "fill" has made
-  fillTexts();
 }
 
 fillTexts();

@@ -580,9 +580,10 @@ class MissionControl:
             status = replace(status, now_s=status.now_s + offset_s, estimated_end_s=end_s)
         missing = self.missing() if status.phase is Phase.IDLE else ()
         if missing:
-            status = replace(status, reason=f"waiting for {', '.join(missing)}")
+            status = replace(status, reason=f"waiting for {', '.join(missing)}", hindered=True)
         elif status.phase is Phase.IDLE and self.dangers:
-            status = replace(status, reason=f"waiting for start, which is refused: {self.dangers}")
+            refused = f"waiting for start, which is refused: {self.dangers}"
+            status = replace(status, reason=refused, hindered=True)
         if status.phase in (Phase.PAUSED, Phase.CANCELLING) and self._interrupted:
             why = "resume or abort" if self._mission.state.interrupted else status.reason
             status = replace(status, reason=f"{self._interrupted}; {why}", needs_operator=True)

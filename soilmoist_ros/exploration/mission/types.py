@@ -21,7 +21,7 @@ Polygon = tuple[tuple[float, float], ...]
 Polygons = tuple[Polygon, ...]  # corners of areas: metres east and north of the field's datum
 
 
-READY = "waiting for start"  # end of the reason of a mission that can be started
+READY = "waiting for start"  # reason of a mission that can be started
 MOVING = "moving"  # cause of an alarm: the robot moves although no goal moves it
 PUBLISHED_MIN_LAST_DWELL_S = 60.0  # with the published presets, stops that leave less for counting are skipped [s]
 OTHER_ROBOT = "other_robot"  # cause of an alarm: another robot is too near
@@ -289,6 +289,7 @@ class MissionStatus:
     forecast_s: float | None = None  # time of the forecast [s]; ``None`` without one
     place: tuple[float, float] | None = None  # place of the robot [m]; ``None`` if it is unknown
     yields: bool = False  # whether it is paused until another robot is away
+    hindered: bool = False  # whether no mission is running and a start would be refused now
 
 
 # The status as values, for the topic ``mission`` of the planner and of recordings --------------------------------
@@ -298,7 +299,7 @@ STATUS_FLOATS: Final = {"elapsed_dwell_s": "dwell_s"} | {
     for name in ("planned_dwell_s", "progress", "time_used_s", "time_left_s", "distance_m", "counting_s")
 }
 STATUS_COUNTS: Final = ("samples", "raw_counts", "failures")
-STATUS_FLAGS: Final = ("needs_operator", "silent", "emergency")
+STATUS_FLAGS: Final = ("needs_operator", "silent", "emergency", "hindered")
 """Values of the status as a state of health, and the fields of the status that they have."""
 
 

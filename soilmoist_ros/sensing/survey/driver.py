@@ -217,8 +217,10 @@ def link_health(name: str, status: LinkStatus) -> Health:
     elif status.is_open and len(status.senders) > 1:
         level = max(level, Level.WARN)
         senders, sign = ", ".join(status.senders), "&" if "?" in status.uri else "?"
-        message += f": mixes the lines of {len(status.senders)} senders ({senders}); name the right one in the "
-        message += f"address, such as {status.uri}{sign}from={status.senders[0]}"
+        message += (
+            f": mixes the lines of {len(status.senders)} senders ({senders}); name the right one in the address, "
+            f"such as {status.uri}{sign}from={status.senders[0]}"
+        )
     values = {
         "address": status.uri, "connections": str(status.connections), "failed attempts": str(status.attempts),
         "last error": status.last_error or "none", "lines": str(status.n_lines), "bytes": str(status.n_bytes),

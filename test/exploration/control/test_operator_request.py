@@ -344,11 +344,12 @@ def test_an_idle_mission_says_why_it_would_not_start():
     around.control.emergency(True, "/emergency_stop")
     around.control._feed.give(Alarm(1000.0, "battery", Response.RETURN, "the battery has 9 %"))
     assert around.status.reason.startswith("waiting for start, which is refused: the emergency stop is pressed")
+    assert around.status.hindered
     around.control.emergency(False, "/emergency_stop")
     assert around.control.dangers == "the battery has 9 %"
     assert not around.control.command(Verb.START).accepted
     around.control._feed.give(AlarmOver(1001.0, "battery"))
-    assert around.status.reason == "waiting for start"
+    assert (around.status.reason, around.status.hindered) == ("waiting for start", False)
 
 
 def test_a_mission_to_resume_by_itself_does_not_if_people_had_paused_it():
