@@ -29,7 +29,6 @@ LIMITS = re.compile(r"\b_?(MOST|FEWEST|LEAST|LONGEST|SHORTEST)_[A-Z]")
 
 
 def product() -> list[Path]:
-    """Every source file of the product."""
     return [path for name in ("soilmoist_ros", "msg_adapters") for path in sorted((ROOT / name).rglob("*.py"))]
 
 
@@ -66,13 +65,11 @@ def test_all_that_is_public_is_documented():
 
 
 def listed() -> list[str]:
-    """Every tracked file that is there."""
     names = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     return [name for name in names.split("\0") if (ROOT / name).is_file()]
 
 
 def room_of(name: str) -> str:
-    """Room of a file, as the table of budgets names it."""
     folders = name.split("/")[:-1]
     return "/".join(folders[: 2 if folders[:1] == ["soilmoist_ros"] else 1])
 

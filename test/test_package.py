@@ -39,7 +39,6 @@ def blocks(page, language):
 
 
 def table(page, first_heading):
-    """The `names` in the first column of the table whose first column has this heading."""
     found = re.search(
         rf"^ *\| {re.escape(first_heading)} \|.*\n *\|[-|]+\n((?: *\|.*\n)+)", PAGES[page], re.MULTILINE
     )
@@ -47,7 +46,6 @@ def table(page, first_heading):
 
 
 def commands(page):
-    """Every `soilmoist` command of a page, as arguments."""
     shell = "".join(blocks(page, "sh")).replace("\\\n", " ").splitlines()
     prose = re.sub(r"^```.*?^```", "", PAGES[page], flags=re.DOTALL | re.MULTILINE)
     inline = re.findall(r"`((?:\.venv/bin/)?soilmoist [^`]+)`", prose.replace("\n", " "))

@@ -20,7 +20,6 @@ FILES = sorted(DATA.glob("*"))
 
 @pytest.fixture(scope="module")
 def script():
-    """Import of a script by its name."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(ROOT / "scripts"))
         yield importlib.import_module

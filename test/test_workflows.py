@@ -24,7 +24,6 @@ def read(path):
 
 
 def commands(text):
-    """The words of each command of a shell text."""
     joined = re.sub(r"\\\n\s*", " ", text)
     for line in re.split(r"\n|&&", joined):
         if line.strip() and not line.strip().startswith("#"):
@@ -32,7 +31,6 @@ def commands(text):
 
 
 def lines_of(path):
-    """All commands of a workflow."""
     for job in read(path)["jobs"].values():
         for step in job["steps"]:
             yield from commands(step.get("run", ""))

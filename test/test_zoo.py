@@ -24,7 +24,6 @@ def zoo():
 
 @pytest.fixture(scope="module")
 def missions(zoo):
-    """Missions that are simulated once, by their keys."""
     return {}
 
 

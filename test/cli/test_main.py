@@ -98,33 +98,6 @@ def test_every_shipped_file_passes_the_check():
     assert result.output.count("ok: ") == len(options) / 2
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"", "is empty"),
-        (b"PK\x03\x04" + bytes(100), "ZIP archive"),
-        (bytes(range(256)) * 20, "is not a text file"),
-        (b"hello,world\n1,2\n", "--logger"),
-    ],
-)
-def test_unreadable_logs_exit_with_2_and_a_remedy(tmp_path, content, message):
-    path = tmp_path / "log.txt"
-    path.write_bytes(content)
-    result = run("map", path, "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert "log.txt" in result.output
-    assert message in result.output
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.slow
-def test_unsigned_longitudes_require_the_hemisphere(roving_record, tmp_path):
-    log = roving_record
-    result = run("map", log, "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert "west" in result.output
-
-
 @pytest.mark.slow
 def test_calibration_is_written_into_the_site_file(survey, tmp_path):
     (tmp_path / "cores.csv").write_text("vwc\n0.16\n0.18\n0.20\n")

@@ -52,7 +52,6 @@ class SimulatedPerson:
         self._thread = threading.Thread(target=self._live, daemon=True)
 
     def uri(self, device: str) -> str:
-        """Address of a device."""
         host, port = self.servers[device].address
         return f"tcp://{host}:{port}"
 

@@ -120,7 +120,6 @@ def meadow(folder, site):
 
 
 def said(survey, **changes):
-    """The sentence, from what a mapper publishes."""
     state = survey.map.state
     soil_map, basis = survey.map.compute(state), json.loads(json.dumps(survey.dose_basis(state)))
     cells = map_cells(survey.map.grid, soil_map)

@@ -260,7 +260,6 @@ def test_those_who_only_look_keep_no_operator_out(served, monkeypatch):
         sessions = []
 
         async def look(number, **headers):
-            """A viewer from 127.0.0.NUMBER."""
             sessions.append(
                 aiohttp.ClientSession(connector=aiohttp.TCPConnector(local_addr=(f"127.0.0.{number}", 0)))
             )

@@ -107,7 +107,6 @@ SECTIONS = st.dictionaries(st.sampled_from("abc"), VALUES)
 
 
 def as_read(sections, message):
-    """What the page makes of a message."""
     read = {**sections, **message.get("set", {})}
     for name, (kept, items) in message.get("extend", {}).items():
         read[name] = read.get(name, [])[:kept] + items

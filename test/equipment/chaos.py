@@ -82,7 +82,6 @@ def make_chaos(seed: int, number: int) -> Chaos:
 
 
 def run(chaos: Chaos, seed: int, out: Path, time_factor: float) -> tuple[list[Violation], dict[str, object]]:
-    """Run it; what must not have happened, and figures."""
     spans, began_s = chaos.faults.spans, time.monotonic()
     settings = NodesSettings(
         out=out,

@@ -165,7 +165,6 @@ def map_error(log: VirtualLog, checked: bool = True) -> tuple[float, int]:
 
 
 def main() -> None:
-    """Print a table."""
     options = results.parser(__doc__)
     options.add_argument("table", choices=["alarms", "faults"])
     options.add_argument("--days", type=float, default=10.0)
@@ -185,7 +184,6 @@ def main() -> None:
 
 
 def alarm_row(sensor: Sensor, driving: bool, asked_days: float) -> tuple[str, ...]:
-    """False alarms of one sensor."""
     days = asked_days * sensor.days
     found, lost = alarms(sensor, days, driving, seed=1)
     share = lost / (days * DAY_S / sensor.period_s * sensor.tubes)

@@ -145,7 +145,6 @@ class Disturber:
         return bool(self._later or self._back)
 
     def step(self) -> None:
-        """Do what is due."""
         now_s = self._operator.now_s
         while self._todo and self._todo[0].at_s <= now_s:
             span = self._todo.pop(0)
@@ -164,7 +163,6 @@ class Disturber:
         self._answer(now_s)
 
     def put_back(self) -> None:
-        """End all that still lasts."""
         for _, do in self._later:
             do()
         self._later.clear()
@@ -177,7 +175,6 @@ class Disturber:
         return self._resume(Verb.START)
 
     def end(self) -> None:
-        """End all that still lasts, and the mission."""
         self.put_back()
         until_s = time.monotonic() + LIMIT_S
         while self._operator.status is None or self._operator.status.phase not in (Phase.FINISHED, Phase.IDLE):

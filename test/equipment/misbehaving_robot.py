@@ -34,10 +34,7 @@ from topological_navigation_msgs.action import GotoNode
 from unique_identifier_msgs.msg import UUID
 
 from msg_adapters.places import pose_stamped
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest
-from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.topological_map import make_topological_map
+from soilmoist_ros.exploration import MissionStatus, OperatorRequest, Phase, Stop, Verb, make_topological_map
 from soilmoist_ros.exploration.travel.travel_graph import open_lattice
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
@@ -95,7 +92,6 @@ class Scenario:
 
     @classmethod
     def parse(cls, line: str) -> Scenario:
-        """The scenario of a line of the table."""
         first, does, seen, then, must, more = (part.strip() for part in line.split("|"))
         name, when = first.split(", ")
         given: Any = {key: _value(value) for key, value in (word.split("=") for word in more.split())}
@@ -103,7 +99,6 @@ class Scenario:
 
 
 def _value(text: str) -> Any:
-    """A number or a text."""
     return float(text) if text.replace(".", "").isdigit() else text
 
 
@@ -185,7 +180,6 @@ class Panel(Operator):
             self._client.send_goal_async(goal, goal_uuid=UUID(uuid=list(identity)))
 
     def cancel_all(self) -> None:
-        """Cancel all goals of the navigation."""
         self._cancels.call_async(CancelGoal.Request())
 
 
@@ -220,7 +214,6 @@ class MisbehavingRobot:
         self.on_cancel, self.creeps_mps, self.on_goal, self.feedback = "stops", 0.0, "drives", "true"
 
     def start_server(self) -> None:
-        """Start a navigation server, possibly a further one."""
         spawn = multiprocessing.get_context("spawn")
         ours, its = spawn.Pipe()
         process = spawn.Process(target=serve, args=(self.scenario.by, its), daemon=True)
@@ -256,7 +249,6 @@ class MisbehavingRobot:
         self.legs = [self.place + 200 * self.ahead]
 
     def jump(self, metres: float) -> None:
-        """Shift all fixes."""
         self.shift = metres * np.array((0.6, 0.8))
 
     def other_goal(self) -> None:
@@ -270,12 +262,10 @@ class MisbehavingRobot:
         self.panel.cancel_all()
 
     def command(self, verb: str) -> None:
-        """Command the planner."""
         self.stopped_s = math.inf if verb == Verb.RESUME else self.now_s
         threading.Thread(target=self.panel.ask, args=(OperatorRequest(verb),), daemon=True).start()
 
     def end_goal(self, end: str) -> None:
-        """Report the end of the goal."""
         if self.goal is not None:
             identity, self.goal = self.goal[0], None
             self.open.discard(identity)
@@ -294,7 +284,6 @@ class MisbehavingRobot:
 
     @property
     def ahead(self) -> Any:
-        """Direction of the last motion."""
         places = (np.array(place) for _, *place in reversed(self.track))
         step = self.place - next((place for place in places if math.dist(place, self.place) > 0.3), np.zeros(2))
         return step / np.hypot(*step)
@@ -328,7 +317,6 @@ class MisbehavingRobot:
     # The run -------------------------------------------------------------------------------------------------
 
     def run(self) -> dict[str, Any]:
-        """Run the nodes, and judge them."""
         scenario, out, uri = self.scenario, self.out, "tcp://{}:{}".format
         size_m, step_m, ponds = FIELDS[scenario.field]
         out.mkdir(parents=True, exist_ok=True)
@@ -419,7 +407,6 @@ class MisbehavingRobot:
             self.gnss.send(self.fixes.pop(0)[1])
 
     def _serve(self) -> None:
-        """Answer what the servers hear."""
         for _, channel in list(self.servers):
             with suppress(EOFError, OSError):
                 while channel.poll():

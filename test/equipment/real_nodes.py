@@ -127,7 +127,6 @@ class Operator:
         self._thread.start()
 
     def close(self) -> None:
-        """Hear nothing more."""
         self._ending.set()
         self._thread.join(5.0)
         self._executor.shutdown()
@@ -140,7 +139,6 @@ class Operator:
 
     @property
     def status(self) -> MissionStatus | None:
-        """What the mission said last."""
         return self.heard.statuses[-1][1] if self.heard.statuses else None
 
     def ask(self, request: OperatorRequest) -> Reply | None:
@@ -154,7 +152,6 @@ class Operator:
         return reply_from_message(answer.result()) if answer.done() else None
 
     def press(self, pressed: bool) -> None:
-        """Press or release the emergency stop."""
         self._stop.publish(Bool(data=pressed))
 
     def charge(self, share: float) -> None:
@@ -301,21 +298,17 @@ class RealNodes:
 
     @property
     def session(self) -> Path:
-        """Folder of the logs of records."""
         return self._out / "records"
 
     @property
     def configuration(self) -> Path:
-        """Folder of the configuration."""
         return self._out / CONFIGURATION
 
     @property
     def bags(self) -> list[Path]:
-        """Folders of the bags."""
         return sorted(path for path in (self._out / "bags").glob("*") if path.is_dir())
 
     def witnessed(self) -> Witnessed:
-        """What the simulator has written down."""
         found = Witnessed()
         for line in (self._out / WITNESS).read_text().splitlines():
             at_s, x_m, y_m, *name = json.loads(line)
@@ -327,16 +320,13 @@ class RealNodes:
         return found
 
     def start(self, name: str) -> None:
-        """Start a node."""
         self._robot.start(name, self._files[name])
 
     def kill(self, name: str) -> None:
-        """Kill a node without warning."""
         self._robot.kill(name)
         self.restarts[name] += 1
 
     def pid(self, name: str) -> int:
-        """Process number of a node."""
         return (self._world if name == "field_simulator" else self._robot).pid(name)
 
     def freeze(self, name: str, frozen: bool) -> None:

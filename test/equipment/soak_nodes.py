@@ -144,7 +144,6 @@ def soak_nodes(options: argparse.Namespace) -> int:
 
 
 def look(nodes: RealNodes, session: int, wall_s: float) -> Sample:
-    """Figures of all nodes now."""
     figures = {}
     for name in NODES:
         try:
@@ -178,7 +177,6 @@ def size_mb(folder: Path) -> float:
 
 
 def line_of(sample: Sample, begin_s: float) -> str:
-    """A sample as a line."""
     factor = (sample.at_s - begin_s) / max(sample.wall_s, 1.0)
     memory = "  ".join(f"{name} {each[1]:.0f}" for name, each in sample.nodes.items())
     return (

@@ -26,19 +26,16 @@ class WitnessedRobot(SimulatedRobot):
         self._file = Path(os.environ["SOILMOIST_WITNESS"]).open("w", buffering=1)  # noqa: SIM115
 
     def step(self, now_s: float) -> list[Output]:
-        """See :class:`SimulatedRobot`."""
         out = super().step(now_s)
         self._write(*self.body.at(now_s))
         return out
 
     def go_to(self, target: str) -> int | None:
-        """See :class:`SimulatedRobot`."""
         if target in self._graph.names:
             self._write(*self._graph.xy[self._graph.index(target)].tolist(), target)
         return super().go_to(target)
 
     def go_to_pose(self, xy: tuple[float, float]) -> int | None:
-        """See :class:`SimulatedRobot`."""
         self._write(*xy, "pose")
         return super().go_to_pose(xy)
 

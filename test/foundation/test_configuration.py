@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.foundation.configuration import parse_yaml, read_limited, read_quickly, read_yaml
-from soilmoist_ros.foundation.errors import InputError, did_you_mean
+from soilmoist_ros.foundation import InputError, did_you_mean, parse_yaml, read_limited, read_quickly, read_yaml
 from soilmoist_ros.foundation.plain_values import foreign_text, shown_path, shown_text
 from soilmoist_ros.foundation.sections import Section, load_model
 

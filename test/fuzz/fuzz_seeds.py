@@ -15,14 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from soilmoist_ros.exploration import EVENT, Choice, Mission, MissionRules, Stop, Verb, parse_dwell
 from soilmoist_ros.exploration.mission.events import Command, GoalReached, Moved, Planned, RecordArrived, Tick
-from soilmoist_ros.exploration.mission.journal import EVENT
-from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_dict
-from soilmoist_ros.exploration.mission.types import MissionRules, Verb
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.journal import ENTRIES, Journal
 from soilmoist_ros.sensing.records import CountRecord
@@ -37,13 +32,11 @@ def shipped(pattern: str, limit: int = 60_000) -> Callable[[], list[bytes]]:
 
 
 def texts(*contents: object) -> Callable[[], list[bytes]]:
-    """JSON of values, or texts as they are."""
     return lambda: [(one if isinstance(one, str) else json.dumps(one)).encode() for one in contents]
 
 
 @cache
 def raster() -> bytes:
-    """A small GeoTIFF."""
     from rasterio.io import MemoryFile
     from rasterio.transform import Affine
 
@@ -57,7 +50,6 @@ def raster() -> bytes:
 
 
 def logs() -> list[bytes]:
-    """Logs of several loggers."""
     return [
         log
         for pattern in ("examples/*.KSU", "examples/*.dat", "test/data/*.csv")
@@ -81,7 +73,6 @@ def truths() -> list[bytes]:
 
 
 def records() -> list[bytes]:
-    """Records as a run writes them."""
     return [run_files()["records.csv"]]
 
 
@@ -100,12 +91,10 @@ def events() -> list[dict[str, object]]:
 
 
 def event_lines() -> list[bytes]:
-    """Events, one a line."""
     return ["\n".join(map(json.dumps, events())).encode()]
 
 
 def mission_state() -> list[bytes]:
-    """What a snapshot of the journal holds of a mission."""
     mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
     for event in events():
         mission.step(event_from_dict(dict(event)))
@@ -113,7 +102,6 @@ def mission_state() -> list[bytes]:
 
 
 def journal() -> list[bytes]:
-    """A journal of some events."""
     with tempfile.TemporaryDirectory() as folder:
         with Journal.open(Path(folder)) as written:
             for event in events():
@@ -122,7 +110,6 @@ def journal() -> list[bytes]:
 
 
 def points() -> list[bytes]:
-    """Rates on a lattice."""
     rows = [f"{x},{y},{2 + 0.01 * x}" for y in range(0, 60, 10) for x in range(0, 70, 10)]
     return ["\n".join(["x_m,y_m,rate_cps", *rows, ""]).encode()]
 
@@ -158,7 +145,6 @@ def plain_bags() -> list[bytes]:
 
 
 def snapshot() -> list[bytes]:
-    """The snapshot of a journal."""
     with tempfile.TemporaryDirectory() as folder:
         with Journal.open(Path(folder)) as written:
             written.append(EVENT, events()[0])
@@ -199,7 +185,6 @@ def topic(name: str) -> Callable[[], list[bytes]]:
 
 
 def travel_map() -> list[bytes]:
-    """The map of a lattice, as on its topic."""
     from soilmoist_ros.cli.main import main
 
     with tempfile.TemporaryDirectory() as folder:
@@ -249,8 +234,6 @@ def model() -> list[bytes]:
 
 
 def archive(suffix: str) -> Callable[[], list[bytes]]:
-    """A boundary in an archive: KML, or a shapefile."""
-
     def made() -> list[bytes]:
         stream = io.BytesIO()
         with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -264,7 +247,6 @@ def archive(suffix: str) -> Callable[[], list[bytes]]:
 
 @cache
 def shapefile() -> dict[str, bytes]:
-    """The parts of a shapefile with one polygon."""
     import shapely
     from pyogrio.raw import write
 

@@ -56,11 +56,8 @@ from fuzz_seeds import (
 
 from soilmoist_ros.console.plan_work import TASKS, outline
 from soilmoist_ros.console.server import request_from_json
+from soilmoist_ros.exploration import MissionRules, parse_dwell, parse_topological_map, state_from_json
 from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, interrupted_records
-from soilmoist_ros.exploration.mission.state import state_from_json
-from soilmoist_ros.exploration.mission.types import MissionRules
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
 from soilmoist_ros.foundation import LocalFrame, SoilmoistError, read_json
 from soilmoist_ros.lab.campaign_file import load_campaign
 from soilmoist_ros.lab.mission_store import DamagedMissionError, unpack
@@ -70,12 +67,9 @@ from soilmoist_ros.pipeline.bag_lines import fix_topic, logger_topic, read_fixes
 from soilmoist_ros.recording import BagReader, bag_info, load_journal, read_records, recover_bag
 from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.reporting.opened_run import open_run
+from soilmoist_ros.sensing import Site, load_site, parse_log, parse_nmea, read_log, read_soil_cores
 from soilmoist_ros.sensing.corrections.intensity import read_neutron_monitor
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
-from soilmoist_ros.sensing.formats.logger_reader import parse_log, read_log
-from soilmoist_ros.sensing.moisture.cores import read_soil_cores
-from soilmoist_ros.sensing.moisture.site import Site, load_site
-from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.survey.stream import SensorStream
 from soilmoist_ros.simulation import load_scenario, load_surrogate
 
@@ -160,7 +154,6 @@ def read_live(data: bytes) -> None:
 
 
 def read_bag(path: Path) -> None:
-    """A bag: what is in it, all its messages, and what can be recovered."""
     bag_info(path)
     try:
         reader = BagReader(path)
@@ -174,7 +167,6 @@ def read_bag(path: Path) -> None:
 
 
 def read_journal(path: Path) -> None:
-    """A journal with its snapshot, and the mission that it continues."""
     found = load_journal(path.parent)
     events = [entry.payload for entry in found.entries if entry.kind == EVENT]
     interrupted_mission(RULES, found.snapshot, events)
@@ -189,7 +181,6 @@ def read_events(data: bytes) -> None:
 
 
 def read_raster(path: Path) -> None:
-    """A covariate on the grid of a field."""
     grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=10.0)
     read_covariates([CovariateSource.parse(str(path))], FRAME, grid)
 
@@ -201,8 +192,6 @@ def read_vectors(path: Path) -> None:
 
 
 def read_truth(kind: str) -> Callable[[Path], object]:
-    """A surrogate field whose truth is in a file."""
-
     def read(path: Path) -> None:
         field = path.parent / "truth.yaml"
         field.write_text(f"{FIELD}truth: {{{kind}: {path.name}}}\n")
@@ -212,7 +201,6 @@ def read_truth(kind: str) -> Callable[[Path], object]:
 
 
 def read_ros1(path: Path) -> None:
-    """A bag of ROS 1: what is in it, and its lines and positions."""
     bag_info(path)
     with BagReader(path) as reader:
         text_lines(reader, logger_topic(reader))
@@ -237,7 +225,6 @@ def read_metadata(path: Path) -> None:
 
 
 def read_snapshot(path: Path) -> None:
-    """A journal whose snapshot is given."""
     (path.parent / ENTRIES).write_bytes(journal()[0])
     read_journal(path)
 
@@ -264,12 +251,10 @@ def read_output(name: str) -> Callable[[Path], object]:
 
 
 def output(name: str) -> Target:
-    """A file of an output folder."""
     return Target(read_output(name), lambda: [run_files()[name]], f"run/{name}")
 
 
 def read_model(data: bytes) -> None:
-    """The text of the topic ``model``."""
     from std_msgs.msg import String
 
     from msg_adapters.model import model_from_message
@@ -278,7 +263,6 @@ def read_model(data: bytes) -> None:
 
 
 def read_status(data: bytes) -> None:
-    """The values of the topic ``mission``."""
     from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
     from msg_adapters.mission import mission_from_message
@@ -293,7 +277,6 @@ def drawn_task(task: str) -> Target:
 
 
 def read_map(data: bytes) -> None:
-    """The topological map of a navigation."""
     parse_topological_map(data.decode(errors="replace"))
 
 
@@ -318,7 +301,6 @@ WORK_REFUSALS = (SoilmoistError, KeyError, TypeError, ValueError, OverflowError)
 
 
 def read_geojson_field(path: Path) -> None:
-    """A field file with its boundary in GeoJSON."""
     file = path.parent / "field.yaml"
     file.write_text(f"name: f\ngeojson: {path.name}\n")
     load_field(file)

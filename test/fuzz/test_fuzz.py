@@ -15,7 +15,6 @@ TRIES = 8
 
 @pytest.fixture(scope="module")
 def fuzz():
-    """``fuzz_targets.py`` as a module."""
     sys.path.insert(0, str(Path(__file__).parent))
     try:
         return importlib.import_module("fuzz_targets")

@@ -64,7 +64,6 @@ class Robot:
         self._now_s = START_S
 
     def publish(self, event: Event) -> None:
-        """Publish an event."""
         if isinstance(event, CountRecord):
             self._now_s = event.stamp_s
             message = counts_to_message([event])
@@ -91,7 +90,6 @@ class Robot:
 
 
 def configure(run: Path, seed: int = 1) -> None:
-    """Write the configuration of a run."""
     field = surrogate_field(FIELD)
     folder = run / "configuration"
     write_parameters(run, "planner", {"strategy": "greedy", "dwell": "fmi:60", "hours": 0.3, "seed": seed})
@@ -103,7 +101,6 @@ def configure(run: Path, seed: int = 1) -> None:
 
 
 def write_bag(run: Path, events: Iterable[Event]) -> None:
-    """Write a run with a bag of one robot."""
     configure(run)
     with BagWriter(run / "bag") as writer:
         robot = Robot(writer, run)
@@ -112,7 +109,6 @@ def write_bag(run: Path, events: Iterable[Event]) -> None:
 
 
 def records(places: Sequence[tuple[float, float]], seed: int = 5) -> list[CountRecord]:
-    """Records of 10 s at places."""
     rng = np.random.default_rng(seed)
     rate = surrogate_field(FIELD).rate_at(np.nan_to_num(np.array(places)))
     noise = rng.normal(0, 0.02, (len(places), 2))
@@ -127,7 +123,6 @@ def records(places: Sequence[tuple[float, float]], seed: int = 5) -> list[CountR
 
 
 def drive(start: tuple[float, float], end: tuple[float, float], count: int) -> list[tuple[float, float]]:
-    """Places on a straight line."""
     return [tuple(place) for place in np.linspace(start, end, count).tolist()]
 
 
@@ -170,7 +165,6 @@ def one_stop(run: Path) -> None:
 
 
 def drive_and_stop(run: Path) -> None:
-    """A mission."""
     write_bag(run, mission()[0])
 
 
@@ -270,7 +264,6 @@ OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
 
 
 def expected(run: Path) -> dict[str, Any]:
-    """Results of the replays of a case."""
     return {name: summary(run, **settings) for name, settings in OPTIONS.get(run.name, {"replay": {}}).items()}
 
 

@@ -149,7 +149,6 @@ def test_page_of_a_campaign(tmp_path, fake):
 
 @pytest.fixture
 def words_only(monkeypatch):
-    """No figures."""
     blank = Picture("data:image/png;base64,", "a figure")
     monkeypatch.setattr(campaign_report, "picture", lambda *_: blank)
     for name in ("strategies_figure", "intervals_figure", "coverage_figure", "examples_figure"):

@@ -141,7 +141,6 @@ def test_derived_values_need_no_cover_beyond_the_field(tmp_path):
 
 
 def soil_area(west, east):
-    """A strip from south to north."""
     ring = np.array(shapely.box(west, -5, east, 55).exterior.coords)
     return {"type": "Polygon", "coordinates": [FRAME.to_geographic(ring)[:, ::-1].tolist()]}
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from count_records import drive, record, records
-from soilmoist_ros.mapping import FieldGrid, Samples, make_soil_map
+from soilmoist_ros.mapping import FieldGrid, Samples, estimate_variogram, make_soil_map
 from soilmoist_ros.mapping.field_map import (
     RECENT,
     REFIT_GROWTH,
@@ -20,7 +20,6 @@ from soilmoist_ros.mapping.field_map import (
 )
 from soilmoist_ros.mapping.records import DrivenPaths, Skip
 from soilmoist_ros.mapping.samples import footprint_spread, merge_records, path_spread
-from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field

@@ -12,10 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation import InputError, LocalFrame
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping import Field, PositionSource, require_near, survey_samples
 from soilmoist_ros.mapping.knowledge import NOTHING, EarlierSurvey, Knowledge, samples_at_end
-from soilmoist_ros.mapping.placement import PositionSource, require_near
-from soilmoist_ros.mapping.records import survey_samples
 from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples
 from soilmoist_ros.sensing.records import CountRecord
 

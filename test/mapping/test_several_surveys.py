@@ -11,12 +11,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.mapping import FieldGrid, LocalRate, PoissonKriging, Samples, Variogram
 from soilmoist_ros.mapping.several_surveys import JointKriging, Persistence, field_change, moisture_slope
-from soilmoist_ros.mapping.variogram.local import LocalRate
-from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 VARIOGRAM = Variogram("matern32", 0.02, 12.0, 0.3)

@@ -39,7 +39,6 @@ sds = numbers(1e-3, 1e3)
 
 @st.composite
 def fixes(draw):
-    """Fixes of receivers, with a geoid separation of 0."""
     covariance = diagonal_covariance(draw(sds), draw(sds), draw(sds))
     sd = math.sqrt((covariance[0][0] + covariance[1][1]) / 2)
     latitude_deg = draw(numbers(-90, 90).filter(bool))  # 0, 0 is no place

@@ -107,7 +107,6 @@ def test_an_amplitude_and_its_evidence_come_back_exactly():
 
 
 def drifting(is_jump=False):
-    """A fit, and a drift with its samples."""
     rng = np.random.default_rng(2)
     xy, counts, exposure_s = rng.uniform(0, 50, (12, 2)), rng.poisson(400, 12), rng.uniform(60, 100, 12)
     samples = Samples(xy, counts, exposure_s, np.tile(path_spread((3.0, 1.0)), (12, 1)))

@@ -29,10 +29,8 @@ from msg_adapters.soilmoist_types import (
     visit_from_message,
     visit_to_message,
 )
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
+from soilmoist_ros.exploration import OperatorRequest, Reply, ReplyCode, Stop, Visit, VisitEnd
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response, Verb
-from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.mapping import FieldGrid, MapState, Samples, SoilMap, Variogram
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field

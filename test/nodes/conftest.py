@@ -12,7 +12,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 @pytest.fixture
 def ros(tmp_path):
-    """An isolated ROS system."""
     pytest.importorskip("rclpy")
     from ros_system import RosSystem
 

@@ -168,7 +168,6 @@ def load(path: Path, monkeypatch: Any) -> LaunchDescription:
 
 
 def arguments_of(description: LaunchDescription) -> dict[str, DeclareLaunchArgument]:
-    """Arguments that a launch file declares."""
     return {one.name: one for one in description.entities if isinstance(one, DeclareLaunchArgument)}
 
 

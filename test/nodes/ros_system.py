@@ -175,7 +175,6 @@ class RosSystem:
         return self.start(str(path))
 
     def collect(self, kind: type, topic: str, qos: Any = 10) -> list[Any]:
-        """A list that grows with the messages of a topic."""
         found: list[Any] = []
         self.node.create_subscription(kind, topic, found.append, qos)
         return found
@@ -231,7 +230,6 @@ class NodeProcess:
             )  # fmt: skip
 
     def output(self) -> str:
-        """Output so far."""
         return self._output.read_text(errors="replace")
 
     @property
@@ -255,7 +253,6 @@ class NodeProcess:
             raise AssertionError(f"{self.command[:3]} does not end\n{self.output()}") from None
 
     def kill(self) -> None:
-        """Kill the process and its children."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()

@@ -106,15 +106,3 @@ def test_every_node_starts_from_there_and_refuses_bad_input(ros, executables, so
         assert process.wait() == 2, process.output()
         assert "nonsense" in process.output(), name
         assert "Traceback" not in process.output()
-
-
-def test_a_node_from_there_works(ros, executables, sourced):
-    from std_srvs.srv import Trigger
-
-    ros.environment |= sourced
-    mapper = ros.start(
-        str(executables / "mapper"), extra=["-p", "field:=example", "-p", "site:=example"], namespace="/robot"
-    )
-    answer = ros.call(Trigger, "/robot/mapper/save")
-    assert "too few samples" in answer.message
-    assert mapper.stop() == 0

@@ -43,8 +43,6 @@ VOLATILE, KEPT = Qos(), Qos(depth=1, durability="transient_local")
 
 @pytest.fixture
 def play(ros, tmp_path):
-    """Starts ``soilmoist bag play``."""
-
     def start(bag, *options):
         command = [sys.executable, "-m", "soilmoist_ros.cli.main", "bag", "play", str(bag)]
         command += map(str, options)

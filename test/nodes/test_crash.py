@@ -73,13 +73,11 @@ def in_journal(folder):
 
 
 def last_event_s(folder):
-    """Time of the last event in a journal."""
     entries = decode((folder / "journal.jsonl").read_bytes()).entries
     return max(entry.payload["now_s"] for entry in entries if "now_s" in entry.payload)
 
 
 def recover(bag, target):
-    """Recover as a user does."""
     main(["bag", "recover", str(bag), "--out", str(target)], standalone_mode=False)
     return target
 
@@ -102,14 +100,12 @@ def require_progress(before, asking, last_s=math.inf):
 
 
 def on_disk(bag, topic, kind):
-    """Messages of a topic that the file of a bag has now."""
     path = bag / f"{bag.name}_0.mcap"
     found = [message.data for message in McapScan(path).messages() if message.topic.name == topic]
     return [deserialize_message(data, kind) for data in found]
 
 
 def recorded_stamps(bag):
-    """Stamps of the records that the file of a bag has now."""
     messages = on_disk(bag, "/counts", PointCloud2)
     return [record.stamp_s for message in messages for record in counts_from_message(message)]
 
@@ -135,22 +131,8 @@ def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path):
         world.rate = RATE
         asking.wait(lambda status: status.time_used_s > used_s + 20, "time to pass")
         assert (navigation.goals, world.goal, asking.status.phase) == (goals, None, Phase.PAUSED)
-        asking.process.kill()
-        world.rate = SLOW_RATE
-        before, last_s = asking.status, last_event_s(folder)
-
-        going_on = Planning(
-            ros, tmp_path, journal_dir=str(folder), resume="auto", exit_when_finished=True, **MISSION
-        )
-        going_on.wait(lambda status: status.phase not in (Phase.IDLE, Phase.PAUSED))
-        require_progress(before, going_on, last_s)
-        world.rate = RATE
-        ros.wait_for(lambda: len(navigation.goals) > len(goals), message="another goal")
-        world.rate = LAST_RATE
-        assert going_on.process.wait(END_S) == 0
-        going_on.wait_phase(Phase.FINISHED)
-        require_progress(before, going_on, last_s)
         assert navigation.most_at_once == 1
+        asking.process.kill()
     stamps = in_journal(folder)
     assert stamps == sorted(set(stamps)), "no record twice"
     ros.wait_for(lambda: set(stamps) <= set(received.stamps), message="all records of the journal to be heard of")

@@ -27,7 +27,6 @@ LIMIT_S = 480.0
 
 
 def run_demo(out, options):
-    """Run a demonstration; returns what it prints."""
     command = [sys.executable, "-m", "soilmoist_ros.cli.main", "demo", *options.split(), "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
     logs = {path.name: path.read_text(errors="replace") for path in (out / "log").glob("*.log")}

@@ -213,7 +213,6 @@ def go_home(ada):
 
 
 def take_home(ada, folder):
-    """The downloaded bag and summary."""
     ada.open("Results")
     ada.page.get_by_role("button", name="Reload").click()
     expect(ada.page.get_by_role("link", name="Open the map page")).to_be_visible(timeout=LIMIT_S * 1000)

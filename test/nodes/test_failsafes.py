@@ -71,7 +71,6 @@ class FaultyWorld(World):
 
 
 def alarms_of(message):
-    """Causes whose alarms are on in a message of the mission."""
     values = {pair.key: pair.value for pair in message.values}
     return set(json.loads(values.get("alarms", "{}")))
 
@@ -174,8 +173,6 @@ PLAIN = {  # what is wrong in the world, and whether it stops the robot
 
 
 def plain(cause):
-    """A fault that comes and goes."""
-
     def check(watched):
         wrong, stops = PLAIN[cause]
         right = {name: getattr(watched.world, name) for name in wrong}

@@ -158,7 +158,6 @@ class Goal:
         return answer.status, answer.result.success
 
     def cancel(self):
-        """Goals in the answer to a cancel request."""
         return self._wait(self._ask(self.handle.cancel_goal_async)).goals_canceling
 
 
@@ -303,18 +302,3 @@ def test_without_the_action_it_still_drives_to_goal_poses(ros, field, tmp_path):
     publisher.publish(pose)
     ros.wait_for(lambda: "in frame 'odom'" in simulated.process.output())
     assert simulated.is_at((33.0, 21.0))
-
-
-def test_a_link_that_is_cut_can_be_opened_again(ros, field, tmp_path):
-    scenario = tmp_path / "cut.yaml"
-    scenario.write_text("logger: {outages: [{kind: cut, at_s: 60, for_s: 40}]}")
-    simulated = field(speed=50.0, scenario=str(scenario))
-    first = simulated.logger
-    ros.wait_for(lambda: not first.connected, message="the end of the connection")
-    first.close()
-    ros.wait_for(lambda: simulated.now_s > 101)
-    simulated.listeners[0] = simulated.logger = simulated.listen_to("logger", RecordParser(FORMAT_NAME))
-    ros.wait_for(lambda: simulated.logger.found)
-    assert [record.record_number for record in first.found] == [1, 2, 3, 4, 5]
-    assert simulated.logger.found[0].record_number >= 10
-    assert simulated.gnss.connected

@@ -62,7 +62,6 @@ def by_name(started):
 
 
 def ended(node, code=0, context=None):
-    """What a launch does when a node has ended."""
     return node.on_exit(stand_in.ProcessExited(returncode=code), context or stand_in.LaunchContext())
 
 

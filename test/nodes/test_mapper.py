@@ -270,29 +270,6 @@ def test_save_writes_the_outputs_and_a_later_mapper_starts_from_them(ros, start,
     assert soil_map_from_message(again.soil_map[-1]).tobytes() == map_before.tobytes()
 
 
-def test_a_site_without_n0_has_moisture_by_the_general_calibration(ros, field, start, tmp_path):
-    site = tmp_path / "site.yaml"
-    site.write_text('{"sensor_sensitivity": 9, "irrigation": {"texture": "loam"}}')
-    records, outputs = survey_records(), Outputs(ros)
-    health = ros.collect(DiagnosticArray, "/diagnostics", DEFAULT)
-    _, publisher = start(site=str(site))
-    ros.wait_for(lambda: "general, waits for the air pressure" in str(health[-1:]), message="what it waits for")
-    publish(publisher, records)
-    ros.wait_for(lambda: outputs.complete(records[-1].stamp_s), message="the last map")
-    survey = surveyed(field, records, str(site))
-    soil_map = survey.map.compute(survey.map.state)
-    assert soil_map_from_message(outputs.soil_map[-1]).tobytes() == map_cells(soil_map.grid, soil_map).tobytes()
-    assert np.isfinite(soil_map.vwc_p05[soil_map.grid.mask]).all()
-    basis = model_from_message(outputs.model[-1]).dose_basis
-    assert basis["site"]["calibration"]["method"] == "general"
-    ros.wait_for(lambda: "default ranges, not measured: intensity, biomass, bulk density" in str(health[-1:]))
-    assert ros.call(Trigger, "mapper/save").success
-    summary = json.loads((tmp_path / "saved" / "summary.json").read_text())
-    assert summary["calibration"]["method"] == "general"
-    assert summary["calibration"]["n0_cps"] == soil_map.curve.n0_cps
-    assert "general_calibration" in summary["warning_codes"]
-
-
 def test_an_earlier_survey_informs_the_map_and_the_report_names_it(ros, field, start, tmp_path):
     before = open_survey(str(field), "example")
     for one in survey_records(48, seed=7):
@@ -438,7 +415,6 @@ EARLIER = EarlierRun(EarlierSurvey("may", 0.0, SAMPLES), Path("may"), 0.0, [])
 
 
 def survey(west_m):
-    """A field with an earlier survey."""
     east_m = west_m + 20
     grid = FieldGrid.from_polygon([(west_m, 0), (east_m, 0), (east_m, 20), (west_m, 20)], cell_m=5.0)
     return SimpleNamespace(earlier=[EARLIER], map=SimpleNamespace(grid=grid))

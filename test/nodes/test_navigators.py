@@ -67,7 +67,6 @@ class Driver:
         executor.shutdown(timeout_sec=2)
 
     def do(self, what):
-        """Call a function in that thread."""
         done = threading.Event()
         self.todo.put((what, done))
         self.ros.wait_for(done.is_set, message="the thread of the navigator")

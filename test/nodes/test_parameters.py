@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter as RosParameter
 from soilmoist_ros.exploration import Cause, Response
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameter_tables import table_of
-from soilmoist_ros.nodes.parameters import NODES, OF_OTHERS, REMOVED, Parameter, Parameters, check_values
+from soilmoist_ros.nodes.parameters import NODES, OF_OTHERS, REMOVED, Parameter, Parameters
 from soilmoist_ros.nodes.planner_parameters import WATCH_PARAMETERS, failsafe_responses
 
 TABLE = (
@@ -120,14 +120,6 @@ def test_the_page_names_the_parameters_that_may_change():
         assert re.findall(r"`(\w+)`", cell) == [row.name for row in table_of(node) if row.live]
 
 
-def test_no_parameter_may_change_while_the_node_runs(ros):
-    node = make(ros)
-    parameters = Parameters(node, TABLE)
-    (result,) = node.set_parameters([RosParameter("speed_mps", value=1.0)])
-    assert not result.successful
-    assert node.get_parameter("speed_mps").value == parameters.number("speed_mps") == 0.6
-
-
 def test_a_live_parameter_is_set_if_its_value_is_allowed_and_used(ros):
     node, given = make(ros), []
     rows = (*TABLE, Parameter(name="hours", default=4.0, description="hours", low=0.01, live=True))
@@ -170,11 +162,3 @@ def test_failsafes_are_read_as_before_and_as_a_list(ros, capfd):
     for wrong in ("ofroute:pause", "off_route:paus", "off_route"):
         with pytest.raises(InputError, match="write CAUSE:RESPONSE"):
             failsafe_responses(Parameters(make(ros, failsafes=[wrong]), table))
-
-
-def test_values_without_a_node():
-    values, mistakes = check_values(
-        {row.name: row for row in TABLE}, {"speed_mps": 1, "use_sim_time": True}, ["use_sim_time"]
-    )
-    assert values["speed_mps"] == 1.0
-    assert not mistakes

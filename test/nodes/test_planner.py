@@ -216,23 +216,6 @@ def test_what_is_missing_is_said_and_services_steer_the_mission(ros, tmp_path):
         ros.wait_for(lambda: world.goal is None, message="the robot to stop with its planner")
 
 
-def test_failures_ask_the_operator_and_rule_stops_out(ros, tmp_path):
-    with World(ros, rate=20.0) as world, VirtualNavigation(ros, world) as navigation:
-        navigation.rejects = True
-        planning = Planning(ros, tmp_path, autostart=True, hours=3.0, strategy="random", seed=3)
-        planning.wait(lambda status: status.phase is Phase.PAUSED and "5 failures" in status.reason)
-        assert planning.messages[-1].level == b"\x02"
-        navigation.rejects, navigation.lies = False, True
-        ros.wait_for(lambda: planning.call("resume").success, every=0.5)
-        ros.wait_for(lambda: any("reported as reached, but the robot is" in one for one in planning.reasons))
-        assert planning.status.samples == 0, "a robot that did not move does not count"
-        navigation.lies, navigation.blocked = False, {stop.name for stop in STOPS}
-        ros.wait_for(lambda: "aborted" in navigation.ends or not planning.call("resume"), every=0.5)
-        navigation.blocked = set()
-        ros.wait_for(lambda: planning.status.samples >= 1 or not planning.call("resume"), every=0.5)
-        assert planning.status.blacklisted
-
-
 def test_other_robots_are_heard_if_they_have_the_same_datum(ros, tmp_path):
     said = ros.collect(DiagnosticArray, "/diagnostics")
     others = {name: ros.node.create_publisher(DiagnosticStatus, f"{name}/mission", LATCHED)

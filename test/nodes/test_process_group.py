@@ -205,7 +205,6 @@ with ProcessGroup({"PYTHONPATH": sys.argv[1]}, Path(sys.argv[1]) / "log") as nod
 
 @contextmanager
 def program(folder, *arguments):
-    """A separate process with a group."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(folder), *arguments],

@@ -112,22 +112,6 @@ def test_a_kill_costs_nothing_that_was_flushed(ros, tmp_path, published):
     assert path.read_bytes() == left
 
 
-def test_a_folder_that_cannot_be_written_is_reported_and_retried(ros, tmp_path):
-    (tmp_path / "bags").write_text("in the way")
-    found = ros.collect(DiagnosticArray, "/diagnostics")
-    process = ros.start("recorder", params=params(tmp_path))
-    ros.wait_for(
-        lambda: any(s.level == b"\2" and "no recording can be made" in s.message for m in found for s in m.status)
-    )
-    answer = ros.call(Trigger, "/recorder/start")
-    assert not answer.success
-    assert "no recording can be made" in answer.message
-    (tmp_path / "bags").unlink()
-    ros.wait_for(lambda: found[-1].status[0].level == b"\0")
-    assert process.stop() == 0
-    assert (tmp_path / "bags" / "run" / "metadata.yaml").is_file()
-
-
 def test_messages_that_never_came_are_counted(ros, tmp_path):
     path = tmp_path / "bags" / "run" / "run_0.mcap"
     publisher = ros.node.create_publisher(String, "/notes", BEST_EFFORT)

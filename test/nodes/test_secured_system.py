@@ -67,7 +67,6 @@ STRANGER_S = 6.0
 
 
 def keystore(folder, domain, *options):
-    """A keystore for a domain, made as an operator makes it."""
     command = [sys.executable, str(ROOT / "scripts" / "keystore"), str(folder), *options]
     made = subprocess.run(
         command, env={**os.environ, "ROS_DOMAIN_ID": str(domain)}, capture_output=True, text=True, check=False

@@ -64,7 +64,6 @@ def full_name(name, namespace, node):
 
 
 def permitted(profile):
-    """Names by kind in a profile of the policy."""
     namespace, node = profile.attrib["ns"], profile.attrib["node"]
     found = {kind: set() for kind in KINDS.values()}
     for block in profile:

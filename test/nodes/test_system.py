@@ -67,7 +67,6 @@ class Robot:
         self.start("sensor_driver", **files, **uris, **time)
 
     def start(self, name, /, **params):
-        """Start a node."""
         write_parameters(self.folder, name, params)
         self.processes[name] = self.ros.start(name, params=params)
 

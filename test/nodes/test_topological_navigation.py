@@ -73,7 +73,6 @@ class Localisation:
 
 @pytest.fixture
 def driver(ros, tmp_path):
-    """A navigator, with the server as its process."""
     script = tmp_path / "navigation"
     script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m topological_navigation.scripts.navigation2 "$@"\n')
     script.chmod(0o755)

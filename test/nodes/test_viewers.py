@@ -53,7 +53,6 @@ def foxglove_layout():
 
 @pytest.fixture
 def fields():
-    """Fields of the point clouds by topic."""
     pytest.importorskip("rclpy")
     import numpy as np
 

@@ -26,11 +26,8 @@ from soilmoist_ros.pipeline.bag_map import robot_survey
 from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.pipeline.properties import PropertyComparison, ReplayedProperty
 from soilmoist_ros.pipeline.run import FailedRun, NoMapError, NoteCode
-from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording import CONFIGURATION, RECEIVED, BagReader, BagWriter, MapRecords, write_parameters
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
-from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.recording.stored_records import write_records
 from soilmoist_ros.reporting.outputs import write_failed
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, DoubtOutcome
@@ -310,15 +307,6 @@ def test_other_corrections_need_the_raw_lines(edited_site):
     assert raw.comparisons[0].same is None
     assert not raw.run.notes
     assert raw.run.logger_format
-
-
-@pytest.mark.slow
-def test_raw_lines_give_the_records_of_the_driver():
-    counts, raw = (replay_bag(GOLDEN / "raw_lines", ReplaySettings(source=name)) for name in ("counts", "raw"))
-    for one, other in zip(counts.run.track, raw.run.track, strict=True):
-        assert one.raw_counts == other.raw_counts
-        assert (one.stamp_s, one.x_m, one.y_m) == pytest.approx((other.stamp_s, other.x_m, other.y_m), abs=1e-4)
-        assert one.effective_exposure_s == pytest.approx(other.effective_exposure_s)
 
 
 @pytest.mark.slow

@@ -11,13 +11,7 @@ import pytest
 
 from soilmoist_ros.foundation import LocalFrame, Mistake, config_folder
 from soilmoist_ros.mapping import Field, PositionSource, load_field
-from soilmoist_ros.pipeline.file_facts import (
-    contradictions,
-    field_findings,
-    log_findings,
-    logger_findings,
-    site_findings,
-)
+from soilmoist_ros.pipeline import contradictions, field_findings, log_findings, logger_findings, site_findings
 from soilmoist_ros.pipeline.logs import log_positions, read_logs
 from soilmoist_ros.sensing import Calibration, Site, load_logger_format, load_site
 

@@ -15,12 +15,10 @@ from click.testing import CliRunner
 from soilmoist_ros import sensing
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.mapping import load_field
-from soilmoist_ros.mapping.soil_map import make_bands
-from soilmoist_ros.pipeline import ReplaySettings, map_logs, open_survey, planning_curve, replay_bag
+from soilmoist_ros.mapping import load_field, make_bands
+from soilmoist_ros.pipeline import map_logs, open_survey, planning_curve
 from soilmoist_ros.pipeline.field_survey import with_general_calibration
 from soilmoist_ros.pipeline.log_map import MapSettings, survey_air, with_sensor
-from soilmoist_ros.recording import read_parameters
 from soilmoist_ros.sensing import Calibration, Site, SurveyAir, load_site, read_log
 
 LOG = Path("examples/station_kansas_2021-10.dat")
@@ -34,7 +32,6 @@ def logs():
 
 
 def without(site, **keys):
-    """A site file without its calibration."""
     known = {name: getattr(site, name) for name in site.model_fields_set - {"calibration"}}
     return Site.model_validate(known | keys)
 
@@ -227,26 +224,3 @@ def test_the_robot_a_replay_and_a_log_have_one_calibration(tmp_path):
     health = live.health(live.map.state)[0]
     assert "default ranges, not measured: intensity, biomass" in health.message
     assert health.values["pressure"].endswith("hPa +- 1.5, measured, ± assumed")
-
-
-@pytest.mark.slow
-def test_a_replay_with_a_known_sensor_is_the_map_of_a_mapper(tmp_path):
-    bag, site = Path("test/golden/drive_and_stop"), tmp_path / "site.yaml"
-    site.write_text('{"sensor_sensitivity": 9, "soil": {"bulk_density_gcm3": 1.4}}')
-    had = read_parameters(bag / "configuration", "mapper")
-    replayed = replay_bag(bag, ReplaySettings(site=str(site))).run
-    live = open_survey(had.pop("field"), str(site), recorded=had)
-    for record in replayed.track:
-        live.map.add(record)
-    run = live.run(live.map.snapshot())
-    assert replayed.calibration.method == "general"
-    assert run.calibration == replayed.calibration
-    assert np.isfinite(run.soil_map.vwc_p95[run.soil_map.grid.mask]).all()
-    assert run.soil_map.bands.vwc.tobytes() == replayed.soil_map.bands.vwc.tobytes()
-
-
-def test_a_mapper_that_will_never_know_the_pressure_says_so_at_its_start(tmp_path):
-    site = tmp_path / "site.yaml"
-    site.write_text('{"sensor_sensitivity": 1, "corrections": {"pressure": null}}')
-    with pytest.raises(InputError, match="'altitude_m' in 'location'"):
-        open_survey("example", str(site))

@@ -52,7 +52,6 @@ def lz4_of(piece, times):
 
 
 def file_of(*records, summary=b"", start=None):
-    """A closed file."""
     begin = MAGIC + record(1, text("ros2") + text("by hand")) + b"".join(records) + record(15, bytes(4))
     start = (len(begin) if summary else 0) if start is None else start
     return begin + summary + record(2, struct.pack("<QQI", start, 0, 0)) + MAGIC

@@ -16,7 +16,6 @@ from soilmoist_ros.recording.bag.writer import BagWriter
 
 @pytest.fixture
 def bag(tmp_path):
-    """A closed bag."""
     sample = Sample(tmp_path / "whole")
     with BagWriter(sample.folder) as writer:
         fill(writer, sample)
@@ -25,7 +24,6 @@ def bag(tmp_path):
 
 @pytest.fixture
 def unclosed(tmp_path):
-    """A bag whose recorder was killed."""
     sample = Sample(tmp_path / "unclosed")
     writer = BagWriter(sample.folder)
     fill(writer, sample)

@@ -22,16 +22,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_stored_records import write_bag
 
-from soilmoist_ros.exploration.mission.events import Command, Moved, RecordArrived
-from soilmoist_ros.exploration.mission.journal import MissionJournal
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import MissionRules, Verb
+from soilmoist_ros.exploration import Command, Mission, MissionJournal, MissionRules, Moved, RecordArrived, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap
-from soilmoist_ros.recording import map_sources
+from soilmoist_ros.recording import RECEIVED, MapRecords, map_sources
 from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
-from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.map_sources import DRIVER, SESSION, MapSources, RecordLog, RecordTail, open_session
 from soilmoist_ros.recording.stored_records import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
@@ -41,7 +37,6 @@ RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60"))
 
 
 def published(n, seed=1):
-    """Records of a drive, as receivers have them."""
     rng = np.random.default_rng(seed)
     xy = np.cumsum(rng.normal(0, 3, (n, 2)), axis=0) % [60, 50]
     return [
@@ -316,8 +311,6 @@ def test_records_of_a_sync_that_failed_are_written_again_and_count_once(tmp_path
 
 
 def refuse(code):
-    """A system call that fails."""
-
     def call(*_):
         raise OSError(code, os.strerror(code))
 

@@ -43,11 +43,15 @@ def test_parameters_come_back_as_they_were(tmp_path, values):
     assert repr(found) == repr(values)
 
 
-def test_ros_reads_them_as_well(tmp_path):
+def test_ros_reads_them_as_well(tmp_path, monkeypatch):
     rclpy = pytest.importorskip("rclpy")
     from rclpy.context import Context
     from rclpy.node import Node
 
+    from soilmoist_ros.nodes.process_group import loopback_environment
+
+    for name, value in loopback_environment(0).items():  # for later tests, too: a process reads its profile once
+        monkeypatch.setenv(name, value)
     values = {
         "small": 1e-05, "whole": 3, "number": 2.0, "none": math.nan, "most": -math.inf, "flag": True,
         "path": "/a b/c:d #e/ä.yaml", "quoted": 'a "b" \\n c', "names": ["x", "true", "1"], "empty": "",

@@ -9,13 +9,9 @@ from dataclasses import replace
 
 import pytest
 
+from soilmoist_ros.exploration import Choice, Mission, MissionJournal, Stop, parse_dwell
 from soilmoist_ros.exploration.mission.events import RESTART, AlarmOver, Command, GoalFailed, Moved, Planned, Tick
-from soilmoist_ros.exploration.mission.journal import MissionJournal
-from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import Alarm, MissionRules, Phase, Response, Verb
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.recording.journal import ENTRIES, Journal
 from soilmoist_ros.recording.stored_mission import MAX_CRASHES, WINDOW_S, ProcessMark, StoredMission
 

@@ -11,10 +11,7 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from soilmoist_ros.exploration.mission.events import Command, Moved, RecordArrived
-from soilmoist_ros.exploration.mission.journal import MissionJournal
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import MissionRules, Verb
+from soilmoist_ros.exploration import Command, Mission, MissionJournal, MissionRules, Moved, RecordArrived, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording import COLUMNS, RECORDS, Journal, read_earlier, read_records, write_records
@@ -95,7 +92,6 @@ def earlier(n=8):
 
 
 def write_bag(folder, many):
-    """A bag with the earlier on the topic ``counts``."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
     layout = np.dtype(

@@ -126,7 +126,6 @@ class Faults:
         self.spans = tuple(sorted(spans, key=lambda span: span.at_s))
 
     def span(self, fault: Fault, now_s: float) -> Span | None:
-        """The span of a fault that is on now."""
         for span in self.spans:
             if span.fault is fault and span.at_s <= now_s < span.end_s:
                 return span

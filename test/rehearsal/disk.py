@@ -43,7 +43,6 @@ _FILES = {name: getattr(journal_files, name) for name in ("_write", "write_whole
 
 
 def counts_message(record: CountRecord, frame: str) -> bytes:
-    """A record as the message ``counts`` in CDR, without ROS."""
     types, whole_s = STORE.types, math.floor(record.stamp_s)
     row = (record.x_m, record.y_m, record.z_m, record.raw_counts, record.exposure_s, record.effective_exposure_s)
     table = np.array([(*row, record.corrected_rate, 1.0, 1.0, 1.0, record.stamp_s - whole_s)], POINT)

@@ -144,7 +144,6 @@ class Judge:
         self._saved = False
 
     def blame(self, kind: Kind, now_s: float, what: str) -> None:
-        """Note a violation; at most one of each kind."""
         self._counts[kind] += 1
         if self._counts[kind] == 1:
             self.violations.append(Violation(kind, now_s, what))
@@ -362,7 +361,6 @@ class Judge:
             self.blame(Kind.DEAD, now_s, f"{status.phase}: {status.reason}")
 
     def visited(self, now_s: float, visit: Visit) -> None:
-        """A stop is complete."""
         self._progress_s = now_s
         if visit.ended is VisitEnd.UNKNOWN or not visit.outcome:
             self.blame(Kind.NO_REASON, now_s, f"{visit.name}: nobody says why counting ended")
@@ -373,11 +371,9 @@ class Judge:
         self._counted.clear()
 
     def saved(self) -> None:
-        """The mission lets the map be saved."""
         self._saved = True
 
     def finished(self, now_s: float, finish: Finish) -> None:
-        """The mission has ended."""
         if not self._saved:
             self.blame(Kind.NO_SAVE, now_s, "no request to save came before the end")
         used_s = now_s - self._started_s

@@ -186,13 +186,11 @@ class _Rehearsal:
             self.mapper.store.doubt(doubt)
 
     def close(self) -> None:
-        """End all processes."""
         if self.mapper is not None:
             self.mapper.store.close()
         self.store.close_journal()
 
     def outcome(self) -> Outcome:
-        """How it went so far."""
         return Outcome(
             violations=tuple(self.judge.violations),
             visits=self._visits + (self.planner.visits if self.planner is not None else 0),
@@ -258,7 +256,6 @@ class _Rehearsal:
         return self.planner.finished
 
     def _begin(self, span: Span) -> None:
-        """A fault begins that is an event."""
         match span.fault:
             case Fault.KILL_PLANNER if self.planner is not None:
                 self._visits += self.planner.visits

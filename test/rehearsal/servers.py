@@ -39,7 +39,6 @@ class Driven:
 
     @property
     def drives(self) -> bool:
-        """Whether it is on a way."""
         return bool(self.way)
 
     @property
@@ -59,7 +58,6 @@ class Driven:
         self.way = list(way)
 
     def stop(self) -> None:
-        """Stay here."""
         self.way, self.right, self.astray, self.by_hand, self.arrived = [], [], False, False, False
 
     def advance(self, for_s: float) -> list[Place]:
@@ -170,7 +168,6 @@ class ActionServer:
 
     @property
     def active(self) -> bool:
-        """Whether it works on a goal."""
         return self._active is not None
 
     def is_known(self, now_s: float) -> bool:
@@ -183,7 +180,6 @@ class ActionServer:
         return self._active is not None and self._active.foreign
 
     def lists(self, goal: int) -> bool:
-        """Whether its list has a goal as active."""
         return self._active is not None and self._active.goal == goal
 
     def send(self, target: str | Place, now_s: float, foreign: Status | None = None) -> int:
@@ -422,7 +418,6 @@ class Misled:
 
 
 def _towards(span: Span, far_m: float) -> Place:
-    """A step in the direction of a fault."""
     angle = 2 * math.pi * (7.3 * span.size % 1)
     return far_m * math.cos(angle), far_m * math.sin(angle)
 

@@ -10,11 +10,8 @@ import pytest
 
 from rehearsal.cases import Ground
 from rehearsal.judge import Judge, Kind
-from soilmoist_ros.exploration.mission.events import Finish
-from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response
+from soilmoist_ros.exploration import Alarm, Finish, MissionEnd, MissionStatus, Phase, Response, Stop, TravelGraph
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples import as_samples
@@ -179,7 +176,6 @@ def test_a_refused_resume_sends_nothing(judge):
 
 
 def drive(judge, ways, status, **how):
-    """Drive from place to place, one a second."""
     for second, (before, place) in enumerate(pairwise(ways)):
         judge.drove(10.0 + second, before, [place] if place != before else [], status, led=True, **how)
 

@@ -30,7 +30,6 @@ from soilmoist_ros.exploration.guard.motion import Motion, Standing
 
 @pytest.fixture(scope="module")
 def safety(load_script):
-    """The script ``scripts/safety`` as a module."""
     return load_script("safety")
 
 
@@ -65,7 +64,6 @@ def test_wild_graphs_know_nothing_of_the_field_and_islands_are_not_joined():
 
 
 def quiet(number, **changes):
-    """A case without faults."""
     return replace(make_case(7, number), faults=Faults(), **{"budget_s": 600.0, **changes})
 
 
@@ -120,7 +118,6 @@ EVERYWHERE = 1000.0 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
 
 
 def open_fence(field, *margins):
-    """Everything is allowed."""
     return Fence(replace(field, polygon=EVERYWHERE, no_go=()), *margins)
 
 
@@ -167,8 +164,6 @@ def test_the_script_ends_with_the_sum(safety, monkeypatch, capsys):
 
 
 def ignore(*causes):
-    """Answer causes with nothing."""
-
     def switch_off(monkeypatch):
         made = Watch.__init__
 

@@ -157,7 +157,6 @@ class World:
         return self._arrived(self._fix(), self._held_fixes)
 
     def records(self) -> list[CountRecord]:
-        """Records that the driver publishes now."""
         records = self._arrived(self._record(), self._held_records)
         self.published += records
         return records
@@ -196,7 +195,6 @@ class World:
         return place, self.now_s
 
     def _record(self) -> CountRecord | None:
-        """A record that the logger sends, if one is due."""
         if self.time_s % CADENCE_S or self.fixed is None:
             return None
         x, y = self.robot.place

@@ -16,13 +16,11 @@ Array = NDArray[np.float64]
 
 
 def unpack(packed: dict[str, Any], shape: tuple[int, int]) -> Array:
-    """The raster of :func:`pack`."""
     codes = np.frombuffer(base64.b64decode(packed["data"]), "<u2").reshape(shape)
     return np.where(codes == NOTHING, np.nan, packed["offset"] + packed["step"] * codes)
 
 
 def unpack_bits(text: str, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """The mask of :func:`pack_bits`."""
     if not text:
         return np.zeros(shape, bool)
     bits = np.unpackbits(np.frombuffer(base64.b64decode(text), np.uint8), bitorder="little")

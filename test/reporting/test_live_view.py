@@ -55,7 +55,6 @@ def shown(of, width=80, **options):
 
 
 def lightness(colour):
-    """CIE L* of a colour."""
     linear = [((c / 255 + 0.055) / 1.055) ** 2.4 if c > 10 else c / 255 / 12.92 for c in colour]
     return 116 * np.cbrt(np.dot([0.2126, 0.7152, 0.0722], linear)) - 16
 
@@ -88,7 +87,6 @@ STATUS = {
 
 
 def cells(mask=None, west=4.0, south=-8.0, cell=2.0, moist=True):
-    """A map; cells outside the mask are all NaN."""
     mask = np.ones((3, 5), bool) if mask is None else np.asarray(mask, bool)
     table = np.full(mask.shape, np.nan, [(name, "<f4") for name in BANDS])
     row, column = np.nonzero(mask)

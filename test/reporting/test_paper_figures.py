@@ -31,7 +31,6 @@ def run():
 
 
 def streams(pdf):
-    """The text of a PDF with its compressed streams unpacked."""
     parts = [pdf]
     for packed in re.findall(rb"stream\r?\n(.*?)\r?\nendstream", pdf, re.DOTALL):
         try:

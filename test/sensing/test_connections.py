@@ -168,21 +168,18 @@ RETRY = Retry(0.01, 0.05, silence_s=0.2)
 
 @pytest.fixture
 def port():
-    """A free UDP port."""
     with socket.socket(type=socket.SOCK_DGRAM) as probe:
         probe.bind(("0.0.0.0", 0))
         return probe.getsockname()[1]
 
 
 def send(data, port, sender):
-    """A datagram from an address of this machine."""
     with socket.socket(type=socket.SOCK_DGRAM) as one:
         one.bind((sender, 0))
         one.sendto(data, ("127.0.0.1", port))
 
 
 def listening(source):
-    """The source, bound."""
     assert source.read_line(0.0) is None
     read_until(source, lambda: source.status.connections == 1)
 

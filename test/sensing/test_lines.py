@@ -1,14 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes in pieces of any size become whole lines."""
+"""Bytes in pieces of any size become whole lines (lines.py); records and problems.py."""
 
+import math
 import threading
 import time
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scripted_server import LIMIT_S, QUICK, ScriptedServer, opened, read, sends
 
+from soilmoist_ros import sensing
+from soilmoist_ros.foundation.errors import Mistake
+from soilmoist_ros.sensing import CountRecord, Kind, LoggerRecord, Problem, Severity
 from soilmoist_ros.sensing.connections import open_source
 from soilmoist_ros.sensing.lines import (
     MAX_WAITING,
@@ -118,3 +123,47 @@ def test_recordings_that_share_a_clock_stay_in_step_at_any_speed(tmp_path):
         (0.0, "a", b"0"), (0.0, "a", b"header"), (1.0, "b", b"2"),
         (2.0, "a", b"4"), (2.5, "b", b"5"), (3.0, "a", b"6"),
     ]  # fmt: skip
+
+
+# Records -------------------------------------------------------------------------------------------------------
+
+NAN = math.nan
+MAX_LINE = 115
+
+
+@pytest.mark.parametrize(
+    ("thing", "text"),
+    [
+        (CountRecord(1714557610.0, 1.0, -2.25, NAN, 60, 10.0, 8.0),
+         "CountRecord(2024-05-01 10:00:10Z, x=1.0 m, y=-2.2 m, 60 counts, 7.50 counts/s)"),
+        (CountRecord(NAN, NAN, NAN, NAN, 60, 10.0, 10.0),
+         "CountRecord(nan s, x=nan m, y=nan m, 60 counts, 6.00 counts/s)"),
+        (LoggerRecord(1714557610.0, (5.0, NAN, 6.0), (10.0, NAN, 10.0), line=7),
+         "LoggerRecord(2024-05-01 10:00:10Z, 11 counts of 2 of 3 tubes, line 7)"),
+        (sensing.Site(name="north"), "Site(name='north')"),
+        (sensing.Track(), "Track(0 positions)"),
+        (sensing.load_logger_format("thorvald_crs"), None),
+    ],
+)  # fmt: skip
+def test_the_text_of_a_result_fits_a_line(thing, text) -> None:
+    assert len(repr(thing)) <= MAX_LINE
+    assert text is None or repr(thing) == text
+
+
+# Problems ------------------------------------------------------------------------------------------------------
+
+
+def test_a_kind_is_its_code_and_has_a_text_and_a_severity() -> None:
+    assert Kind("no_position") is Kind.NO_POSITION
+    assert str(Kind.NO_POSITION) == "no_position"
+    assert Kind.NO_POSITION.text == "no position"
+    assert [kind.value for kind in Kind] == [kind.name.lower() for kind in Kind]
+    assert len({kind.text for kind in Kind}) == len(Kind)
+
+
+@pytest.mark.parametrize("kind", Kind)
+def test_what_is_lost_is_an_error_but_for_duplicates(kind) -> None:
+    mistake = Mistake("something")
+    assert Problem(kind, mistake).severity is kind.severity
+    expected = kind.severity if kind is Kind.DUPLICATE else Severity.ERROR
+    assert Problem(kind, mistake, lost=True).severity is expected

@@ -28,7 +28,6 @@ def rng_of(settings):
 
 
 def simulate(settings, progress=None, cell_m=2.0):
-    """A mission that depends on its settings alone."""
     rng = rng_of(settings)
     size = (210.0, 330.0) if settings.field == "validation" else (60.0, 50.0)
     low = settings.field == "synthetic-low"

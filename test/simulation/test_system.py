@@ -12,11 +12,8 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 from soilmoist_ros.sensing.position.nmea import NmeaParser
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.simulator import simulate_mission
+from soilmoist_ros.simulation import GoalEnded, MissionSettings, Sent, simulate_mission
 from soilmoist_ros.simulation.robot.scenario import Scenario, load_scenario
-from soilmoist_ros.simulation.robot.simulated_links import Sent
-from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded
 from soilmoist_ros.simulation.system import GNSS, LOGGER, PropertyCounted, VirtualSystem
 
 START_S = 1_780_000_000.0
@@ -24,7 +21,6 @@ SETTINGS = MissionSettings(field="half-wet", seed=5, travel="graph", cell_m=2.0)
 
 
 def advance(system, to_s):
-    """Output of the only robot."""
     (outputs,) = system.advance(to_s)
     return outputs
 

@@ -84,7 +84,6 @@ class Around(StandIn):
         return self.shown[-1][0]
 
     def planned(self):
-        """Wait for the thread that plans."""
         deadline = time.monotonic() + 60
         while self.status.phase is Phase.PLANNING and time.monotonic() < deadline:
             time.sleep(0.005)

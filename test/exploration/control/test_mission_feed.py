@@ -51,7 +51,6 @@ class Watched:
         self.places, self.motion = SimpleNamespace(sd_m=lambda sd_m: sd_m), Motion()
 
     def fix(self, fix):
-        """A watch that believes all places."""
         return fix.xy if math.isfinite(fix.x_m) else None
 
     def note(self, mission, event):

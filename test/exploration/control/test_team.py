@@ -193,7 +193,6 @@ class Robot(StandIn):
         self.control.show()
 
     def asked(self, where):
-        """Drive there now."""
         there = {"stops": (where,)} if isinstance(where, str) else {"place": where}
         assert self.control.request(OperatorRequest(Verb.MEASURE, dwell="60", **there)).code == "accepted"
         if self.goal_id is not None and "requested" not in self.shown.reason:

@@ -272,7 +272,6 @@ STANDING = [(10.0, 20.0)] * 20
 
 
 def loop(length_m=60.0, step_m=1.0):
-    """A loop: places every second."""
     along = np.arange(0.0, length_m, step_m)
     return [(float(x), 5.0 * math.sin(x / 10)) for x in along]
 

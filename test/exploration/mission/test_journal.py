@@ -52,7 +52,6 @@ class Pages:
 
 
 def travelling():
-    """A mission on its way, and its events."""
     mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
     choice = Choice(Stop("east", 30.0, 0.0), "far")
     events = [Moved(1.0, 0.0, 0.0), Command(2.0, Verb.START), Planned(3.0, 1, choice), Moved(9.0, 4.0, 0.0)]

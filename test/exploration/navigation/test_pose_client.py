@@ -31,7 +31,6 @@ def make(settle_s=5.0):
 
 
 def drive(client, places, start_s=0.0):
-    """One position a second; what is reported."""
     return [
         request for number, place in enumerate(places) for request in client.moved(place, start_s + number, 0.02)
     ]

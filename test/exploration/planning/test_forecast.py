@@ -59,7 +59,6 @@ CURVE = CalibrationCurve(n0_cps=7.0, bulk_density_gcm3=1.4)
 
 
 def samples_of(rate, seed=0, exposure_s=100.0, places=PLACES):
-    """Counts of a rate, a number or one for each place."""
     exposures = np.full(len(places), exposure_s)
     counts = np.random.default_rng(seed).poisson(np.broadcast_to(rate, len(places)) * exposures)
     return as_samples(places, counts, exposures)

@@ -146,7 +146,6 @@ PRIOR = RobotMotion(0.6, 12.0, 1.0, stop_cost_s=5.0)
 
 
 def drive(learned, truth, legs, rng, late_s=0.0, noise_s=1.0):
-    """Legs of 5 to 80 m, every fourth one with an obstacle."""
     for number in range(legs):
         length, turn = rng.uniform(5.0, 80.0), rng.uniform(0.0, 3.0)
         time_s = float(truth.travel_s(length, turn)) + rng.normal(0.0, noise_s)

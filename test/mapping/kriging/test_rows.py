@@ -57,7 +57,6 @@ class Mission:
         row[2:4] += self.rng.poisson(MEAN_RATE * 10), 10.0
 
     def move(self, back):
-        """The same, not quite at its place."""
         self.grow(back)
         self.columns[-1 - back % len(self.columns), :2] += self.rng.normal(0, 0.1, 2)
 

@@ -207,7 +207,6 @@ def stretched(xy, ratio, angle_deg):
 
 
 def moments(spread, ratio, angle_deg):
-    """Second moments of stretched areas."""
     plane = stretched(np.eye(2), ratio, angle_deg)
     matrices = plane.T @ spread[:, [0, 1, 1, 2]].reshape(-1, 2, 2) @ plane
     return matrices.reshape(-1, 4)[:, [0, 1, 3]]

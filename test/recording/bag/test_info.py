@@ -31,13 +31,11 @@ from msg_adapters.environment import health_to_status
 from msg_adapters.point_cloud import points_to_message
 from soilmoist_ros.exploration import Visit, VisitEnd
 from soilmoist_ros.foundation import Health, InputError, Level
-from soilmoist_ros.recording import PlainTopics, count_records, find_definition
+from soilmoist_ros.recording import BagReader, BagWriter, PlainTopics, count_records, find_definition
 from soilmoist_ros.recording.bag.info import info_table, print_plain, recovery_table
 from soilmoist_ros.recording.bag.plain_topics import GNSS_FRAME
 from soilmoist_ros.recording.bag.playback import INPUTS, Pacer, Playback, TopicChoice
-from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.verify import bag_info, find_gaps, recover_bag
-from soilmoist_ros.recording.bag.writer import BagWriter
 from soilmoist_ros.sensing import CountRecord, fix_from_message
 
 

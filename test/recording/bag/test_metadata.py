@@ -52,8 +52,6 @@ LINE = "=" * 80
 
 @pytest.fixture
 def prefix(tmp_path):
-    """An installation with two packages."""
-
     def install(name, text, **type_hash):
         package, kind = name.split("/")
         path = tmp_path / "share" / package / "msg" / f"{kind}.msg"

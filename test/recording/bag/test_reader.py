@@ -16,12 +16,8 @@ from rich.console import Console
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.info import info_table
-from soilmoist_ros.recording.bag.messages import count_records, points
+from soilmoist_ros.recording import BagReader, BagWriter, bag_info, count_records, info_table, points
 from soilmoist_ros.recording.bag.metadata import Definition, Extent, Topic
-from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.verify import bag_info
-from soilmoist_ros.recording.bag.writer import BagWriter
 from soilmoist_ros.recording.stored_records import quarantine_reasons, stored_counts
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -149,14 +145,6 @@ def test_quarantined_records_are_read_with_the_others_and_their_reasons(tmp_path
     assert [record.quarantine for record in stored] == [record.quarantine for _, record in found]
 
 
-def test_our_own_bags_are_read(bag):
-    for path in (bag.folder, bag.path):
-        with BagReader(path) as reader:
-            assert [(m.topic, m.log_ns, m.data) for m in reader.messages()] == bag.messages
-            assert reader.read_texts("model")[0] == "model 0 "
-            assert list(reader.messages([])) == []
-
-
 def test_bags_of_a_folder_are_merged_by_time_whatever_their_storage(foreign, tmp_path):
     with BagWriter(tmp_path / "run") as writer:
         for number in range(4):
@@ -210,18 +198,6 @@ def test_a_definition_of_very_many_fields_is_refused_before_code_is_made_for_the
         writer.write(topic, START_NS, START_NS, b"\0\1\0\0")
     with BagReader(tmp_path / "bag") as reader, pytest.raises(InputError, match="more than 100,000 fields"):
         reader.decode(next(reader.messages()))
-
-
-def test_counts_of_another_frame_can_be_left_out(tmp_path):
-    topic = make_topic("/counts", CLOUD)
-    with BagWriter(tmp_path / "bag") as writer:
-        for number, frame in enumerate(("map", "odom", "/map")):
-            message = cloud(counts())
-            message.header.frame_id = frame
-            writer.write(topic, START_NS + number, START_NS, bytes(STORE.serialize_cdr(message, CLOUD)))
-    with BagReader(tmp_path / "bag") as reader:
-        assert len(reader.read_counts_of(["/counts"])) == 6
-        assert len(reader.read_counts_of(["/counts"], "map")) == 4
 
 
 @pytest.mark.parametrize("order", ["<", ">"])

@@ -15,9 +15,8 @@ from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.errors import InputError, Level
+from soilmoist_ros.recording import BagReader, TopicChoice, bag_info, recover_bag
 from soilmoist_ros.recording.bag.metadata import Extent
-from soilmoist_ros.recording.bag.playback import TopicChoice
-from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recorder import (
     BagRecorder,
     Excess,
@@ -31,7 +30,6 @@ from soilmoist_ros.recording.bag.recorder import (
     recorder_health,
 )
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.bag.verify import bag_info, recover_bag
 from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagWriter
 
 DATA = text_message("x" * 90)
@@ -51,7 +49,6 @@ def stamps(folder):
 
 @pytest.fixture
 def make(tmp_path):
-    """Recorders to ``tmp_path/run``; all are stopped."""
     made = []
 
     def new(**settings):

@@ -33,7 +33,6 @@ def gpkg(exported, tmp_path_factory):
 
 
 def read(path, layer=None):
-    """Shapes and columns of a layer."""
     about, _, wkb, columns = pyogrio.raw.read(path, layer=layer)
     return about, shapely.from_wkb(wkb), dict(zip(about["fields"], columns, strict=True))
 

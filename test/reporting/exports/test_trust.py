@@ -16,10 +16,7 @@ from scipy.io import netcdf_file
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.pipeline.run import CalibrationInfo
-from soilmoist_ros.reporting import open_run, write_outputs
-from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run
-from soilmoist_ros.reporting.exports.source import ExportSettings
-from soilmoist_ros.reporting.moisture_steps import moisture_of_all
+from soilmoist_ros.reporting import EXPORTS, ExportSettings, export_run, moisture_of_all, open_run, write_outputs
 from soilmoist_ros.reporting.page.field_dose import field_dose
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.sensing import Irrigation
@@ -36,7 +33,6 @@ def columns(path, layer=None):
 
 
 def texts(path):
-    """All text in an archive."""
     with zipfile.ZipFile(path) as archive:
         return {name: archive.read(name).decode("utf-8", "replace") for name in archive.namelist()}
 

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from nodes.browser import PHONE, chromium
 from soilmoist_ros.mapping import EarlierSurvey, PoissonKriging, Samples
 from soilmoist_ros.pipeline.run import CalibrationInfo, EarlierRun
+from soilmoist_ros.reporting import irrigation, summary
 from soilmoist_ros.reporting.certainty import CERTAIN
 from soilmoist_ros.reporting.dose import DoseSettings, find_dose, saved_zones
 from soilmoist_ros.reporting.page.field_dose import (
@@ -28,11 +29,8 @@ from soilmoist_ros.reporting.page.field_dose import (
     field_dose,
     soil_water_index,
 )
-from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.report import render_report, write_report
-from soilmoist_ros.reporting.run_summary import summary
-from soilmoist_ros.sensing import Irrigation
-from soilmoist_ros.sensing.moisture.footprint import SensedSoil
+from soilmoist_ros.sensing import Irrigation, SensedSoil
 
 LIMITS = Irrigation(wilting_point=0.12, field_capacity=0.30, width_m=6, efficiency=0.8)
 DEEP = SensedSoil((40.0, 35.0, 45.0), (10.0, 9.0, 11.0))

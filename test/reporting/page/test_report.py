@@ -16,11 +16,8 @@ import numpy as np
 import pytest
 
 from reporting.packed import unpack
-from soilmoist_ros.mapping import Variogram, make_soil_map
+from soilmoist_ros.mapping import EarlierSurvey, Samples, Variogram, estimate_variogram, make_soil_map
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.knowledge import EarlierSurvey
-from soilmoist_ros.mapping.samples import Samples
-from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.pipeline.earlier_runs import run_change
 from soilmoist_ros.pipeline.field_survey import input_file
 from soilmoist_ros.pipeline.run import EarlierRun, InputFile, LossRow, Note, NoteCode

@@ -10,8 +10,7 @@ import math
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping import FieldMap, FieldMapSettings, PoissonKriging, Samples, make_soil_map
-from soilmoist_ros.mapping.covariates import Covariates
+from soilmoist_ros.mapping import Covariates, FieldMap, FieldMapSettings, PoissonKriging, Samples, make_soil_map
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge import Knowledge

@@ -18,7 +18,6 @@ LONG_NORTH = Variogram("matern32", 0.02, 12.0, 0.5, 6.0, 90.0)
 
 
 def survey(variogram, n=150, seed=3, exposure_s=60.0):
-    """A map of a field drawn from the variogram."""
     rng = np.random.default_rng(seed)
     xy = rng.uniform(0, 60, (n, 2))
     places = Samples(xy, np.zeros(n), np.full(n, exposure_s))

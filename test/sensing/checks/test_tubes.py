@@ -181,13 +181,3 @@ def test_what_two_checks_find_is_taken_back_once() -> None:
     clean = TubeChecks(3)
     check(good, checks=clean)
     np.testing.assert_allclose(checks.shares, clean.shares, atol=0.01)
-
-
-def test_what_a_bad_tube_counted_before_it_was_found_is_taken_back() -> None:
-    counts = draw(80, 3, rate_cps=8.0)
-    clean, bad = TubeChecks(3), TubeChecks(3)
-    missing = np.where((np.arange(80) >= 60)[:, None] & (np.arange(3) == 1), NAN, counts)
-    check(missing, checks=clean)
-    found = check(np.where(np.isnan(missing), np.round(1.7 * counts), counts), checks=bad)
-    assert 3 <= found.index({1: Kind.NOISY_TUBE}) - 60 < 20
-    np.testing.assert_allclose(bad.shares, clean.shares, atol=0.01)

@@ -12,11 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing import Kind, Severity, format_header, load_logger_format
 from soilmoist_ros.sensing.checks.tubes import combine_tubes, tube_shares
-from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser, detect_format, parse_log, read_log
-from soilmoist_ros.sensing.formats.robot_logger import format_header
-from soilmoist_ros.sensing.problems import Kind, Severity
 
 FORMATS = {
     name: load_logger_format(name)

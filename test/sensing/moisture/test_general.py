@@ -44,7 +44,6 @@ class Calibrated:
 
 
 def calibrated(row):
-    """A row, corrected and calibrated by this package alone."""
     of = {name: float(text) for name, text in row.items() if name not in ("site", "date", "land_use")}
     density = of["bulk_density_kgm3"] / 1000
     site = Site.model_validate({
@@ -86,7 +85,6 @@ def table():
 
 
 def by_site(value):
-    """Mean over the rows of each site."""
     values = defaultdict(list)
     for one in table():
         values[one.name].append(value(one))

@@ -203,22 +203,6 @@ def test_uncertainty_of_n0_is_that_of_repeated_calibrations(unit_curve):
     assert estimate.n0_sd_cps == pytest.approx(np.std(repeated), rel=0.07)
 
 
-def test_writing_keeps_comments_and_other_settings(tmp_path):
-    path = tmp_path / "site.yaml"
-    path.write_text(
-        "# my site\nname: north field # the wet one\nsoil: {bulk_density_gcm3: 1.4}\nlongitude: west\n"
-    )
-    write_calibration(path, Calibration(n0_cps=6.25, n0_sd_cps=0.05, note="3 cores"))
-    text = path.read_text()
-    assert "# my site" in text
-    assert "# the wet one" in text
-    site = load_site(path)
-    assert site.calibration is not None
-    assert site.calibration.n0_cps == 6.25
-    assert site.longitude == "west"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["site.yaml"]
-
-
 def test_method_parts_and_bound_water_return_from_a_site_file(tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text("name: a field\n")

@@ -28,7 +28,6 @@ LIMITS = PlaceLimits()
 
 
 def confirmed(now_s=0.0):
-    """A filter that knows a place."""
     places = PlaceJudge(LIMITS)
     for number in range(LIMITS.first_fixes):
         verdict = places.take(PlaceFix(now_s - LIMITS.first_fixes + 1 + number, 0.0, 0.0))
@@ -244,7 +243,6 @@ class Survey:
 
     @property
     def errors_m(self):
-        """Errors of the records that are mapped."""
         trusted = [(self.doubts.placed(record), place) for record, place in self.records]
         return [math.dist((one.x_m, one.y_m), place) for one, place in trusted if not one.quarantine]
 

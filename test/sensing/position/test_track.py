@@ -10,11 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.gnss import Fix, FixStatus
-from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing import Fix, FixStatus, Kind, LoggerRecord, Position, Site
 from soilmoist_ros.sensing.position.track import CheckedTrack, Course, LeverArms, Track
-from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.survey import Survey
 
 
@@ -69,7 +66,6 @@ def position(x_m, y_m, sd_m=0.02):
 
 
 def seen_from(base, offset, heading):
-    """Place of a thing on the robot."""
     cosine, sine = math.cos(heading), math.sin(heading)
     return base[0] + cosine * offset[0] - sine * offset[1], base[1] + sine * offset[0] + cosine * offset[1]
 

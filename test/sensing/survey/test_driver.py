@@ -11,14 +11,9 @@ import time
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
-from soilmoist_ros.sensing.formats.log_layout import LogHeader
-from soilmoist_ros.sensing.formats.robot_logger import format_record
+from soilmoist_ros.foundation import InputError, Level, LocalFrame
+from soilmoist_ros.sensing import PHONE, LatestIntensity, LogHeader, PhoneReceiver, Site, format_record, load_site
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, utc_text
-from soilmoist_ros.sensing.moisture.site import Site, load_site
-from soilmoist_ros.sensing.position.phone import PHONE, PhoneReceiver
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings, fix_health, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream

@@ -13,12 +13,7 @@ import pytest
 from crnpy import crnpy
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.formats.logger_format import load_logger_format
-from soilmoist_ros.sensing.formats.logger_reader import read_log
-from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing import Kind, Site, Track, format_header, format_record, load_logger_format, read_log
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.logs import calibration_counts, log_doubts, process_logs
 
@@ -148,33 +143,12 @@ def test_a_stationary_probe_has_the_position_of_the_site_file(tmp_path):
     np.testing.assert_allclose(survey.frame.to_geographic(survey.xy_m), [[50, 10], [50, 10]], atol=1e-9)
 
 
-def test_a_log_without_any_position_says_so(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
-    with pytest.raises(InputError) as caught:
-        process_logs([log], NO_CORRECTIONS)
-    text = str(caught.value)
-    assert "not one of 2 records can be placed" in text
-    assert "--nmea" in text
-    assert "a.log" in text
-
-
 def test_two_files_of_one_probe_join_in_order_of_time_and_without_repeats(tmp_path):
     first = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
     second = write_log(tmp_path / "b.log", [record(20.0), record(30.0)])
     survey = process_logs([second, first], NO_CORRECTIONS, track=track((0, 50.0), (30, 50.0)))
     assert [r.stamp_s - T0 for r in survey.records] == [10.0, 20.0, 30.0]
     assert [problem.kind for problem in survey.problems] == [Kind.DUPLICATE]
-
-
-def test_records_that_cannot_be_corrected_are_lost_with_the_remedy(tmp_path):
-    records = [record(10.0), *[record(4000.0 + 10 * k, pressure_hpa=NAN) for k in range(3)]]
-    log = write_log(tmp_path / "a.log", records)
-    survey = process_logs([log], Site(), track=track((0, 50.0), (5000, 50.0)))
-    assert len(survey.records) <= 1
-    lost = [problem for problem in survey.problems if problem.kind is Kind.NO_CORRECTION]
-    assert len(lost) == 3
-    assert "there is no air pressure" in str(lost[0].mistake)
-    assert "write null" in lost[0].mistake.remedy
 
 
 def test_only_records_between_two_times_count_for_a_calibration(tmp_path):

@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
-from soilmoist_ros.sensing.formats.logger_reader import read_log
+from soilmoist_ros.sensing import Fix, FixStatus, LatestIntensity, LoggerRecord, Position, Site, Track, read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
-from soilmoist_ros.sensing.gnss import Fix, FixStatus
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.sensing.survey.survey import MAX_EDGE_TOLERANCE_S, Survey
 

@@ -21,7 +21,6 @@ POND = [[30, 25], [60, 25], [60, 60], [30, 60]]
 
 
 def field_file(folder, polygon, no_go, cell_m=5.0):
-    """A field file with a truth."""
     content = {
         "datum": {"latitude_deg": 53.0, "longitude_deg": -0.5}, "polygon": np.asarray(polygon, float).tolist(),
         "no_go": [np.asarray(ring, float).tolist() for ring in no_go], "cell_m": cell_m,
@@ -46,7 +45,6 @@ def pond_lattice():
 
 
 def outside_m(result, polygon, no_go):
-    """Metres driven outside, and visits outside."""
     area = shapely.Polygon(polygon).difference(shapely.union_all([shapely.Polygon(ring) for ring in no_go]))
     area = area.buffer(1e-4)
     tracks = [shapely.LineString(track) for track in result.tracks if len(track) > 1]

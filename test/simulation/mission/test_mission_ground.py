@@ -10,12 +10,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from soilmoist_ros.exploration import ROBOT_RADIUS_M, RobotMotion, Stop, keep_apart_m, make_topological_map
 from soilmoist_ros.exploration.control.field_access import PAST_M, AccessRules, FieldAccess, cell_stops
-from soilmoist_ros.exploration.control.team import keep_apart_m
-from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.topological_map import make_topological_map
-from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.field import Field

@@ -14,7 +14,6 @@ from soilmoist_ros.simulation import MissionSettings, SurrogateField, simulate_m
 
 
 def field(side_m, rate_cps, cell_m=None):
-    """A square whose rate rises from one side to the other."""
     square = np.array([[0, 0], [side_m, 0], [side_m, side_m], [0, side_m]], float)
     grid = Field("square", LocalFrame(53.0, 0.0), square, (), cell_m or side_m / 15)
     return SurrogateField(

@@ -7,12 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from soilmoist_ros.exploration import FieldAccess, RequestPlan, RobotMotion, parse_dwell
 from soilmoist_ros.exploration.control.explorer import ExplorerSettings, make_explorer, strategy_stream
-from soilmoist_ros.exploration.control.field_access import FieldAccess
-from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.simulation import MissionSettings, simulate_mission, surrogate_field
 from soilmoist_ros.simulation.mission.streams import device_stream, field_stream, gnss_stream, sensor_stream
 

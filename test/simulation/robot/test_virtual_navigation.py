@@ -8,9 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, polyline_length_m
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.exploration import FreeTravel, GraphTravel, RobotMotion, Stop, TravelGraph, polyline_length_m
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 from soilmoist_ros.simulation.robot.scenario import NavigationFaults
