@@ -50,7 +50,7 @@ PARAMETERS = {
     "earlier": "earlier runs of the field, which inform map and plan: [FOLDER, FOLDER]",
     "covariates": "files that may explain the map: [FILE:BAND, FILE]",
     "home": "stop to return to at the end",
-    "navigator": "how goals are sent: goto_node, navigate_to_pose (Nav2), goal_pose or person",
+    "navigator": "how goals are sent: goto_node, navigate_to_pose or follow_route (Nav2), goal_pose or person",
     "action_name": "name of the navigation's action, such as /robot/navigate_to_pose",
     "map_topic": "topic of the navigation's topological map",
     "intensity_topic": "topic of the incoming cosmic-ray intensity (std_msgs/Float64)",

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Navigators: nodes of a topological map (GotoNode), Nav2 (NavigateToPose), plain poses (goal_pose), people."""
+"""Navigators: nodes of a topological map (GotoNode), Nav2 (NavigateToPose), plain poses (goal_pose), people.
+
+Nav2's Route Server has a file of its own.
+"""
 
 from __future__ import annotations
 
@@ -41,12 +44,17 @@ from soilmoist_ros.foundation import InputError, foreign_text
 from soilmoist_ros.nodes.action_navigator import ActionNavigator, action_class
 from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.planner_parameters import PERSON, failsafe_responses
+from soilmoist_ros.nodes.route_navigator import FollowRouteNavigator
 from soilmoist_ros.nodes.topics import DEFAULT, ros_now_s
 
 GOTO_NODE: Final = "topological_navigation"
 GOTO_NODE_TYPE: Final = "topological_navigation_msgs/action/GotoNode"
 NAVIGATE_TO_POSE: Final = "navigate_to_pose"
 NAVIGATE_TO_POSE_TYPE: Final = "nav2_msgs/action/NavigateToPose"
+FOLLOW_ROUTE: Final = "compute_and_track_route"
+FOLLOW_ROUTE_TYPE: Final = "nav2_msgs/action/ComputeAndTrackRoute"
+FOLLOW_PATH: Final = "follow_path"
+FOLLOW_PATH_TYPE: Final = "nav2_msgs/action/FollowPath"
 TOPIC: Final = "goal_pose"
 KEPT_POSES: Final = 100  # own poses that are recognised when they come back
 POSE_OBSERVERS: Final = (
@@ -255,13 +263,24 @@ def make_navigator(
     if text("navigator") == "goal_pose":
         poses = PoseClient(radius_m, SETTLE_S, speed_mps)
         return GoalPoseNavigator(node, text("action_name") or NAVIGATE_TO_POSE, poses, report, frame, yields)
-    by_pose = text("navigator") == "navigate_to_pose"
-    if not by_pose and text("graph") == "free":
-        raise InputError("goto_node goes to nodes of a map, but graph is free", "set graph: topic, or a map file")
-    make: type[ActionNavigator] = NavigateToPoseNavigator if by_pose else GotoNodeNavigator
-    default, field = (NAVIGATE_TO_POSE_TYPE, "pose") if by_pose else (GOTO_NODE_TYPE, "target")
+    which = text("navigator")
+    if which != "navigate_to_pose" and text("graph") == "free":
+        raise InputError(f"{which} goes to nodes of a map, but graph is free", "set graph: topic, or a map file")
+    default_name, default, field, make = _ACTIONS[which]
     kind = action_class(text("action_type") or default, field)
-    name = text("action_name") or (NAVIGATE_TO_POSE if by_pose else GOTO_NODE)
-    track = RobotTrack(speed_mps, radius_m)
-    there_m = track.still_m if by_pose else radius_m
-    return make(node, name, kind, GoalClient(radius_m, GoalLimits()), track, there_m, report, frame, yields)
+    name = text("action_name") or default_name
+    track, client = RobotTrack(speed_mps, radius_m), GoalClient(radius_m, GoalLimits())
+    there_m = radius_m if which == "goto_node" else track.still_m
+    if which == "follow_route":
+        drives, reach_m = f"{name.removesuffix(FOLLOW_ROUTE)}{FOLLOW_PATH}", radius_m
+        controller, given = action_class(FOLLOW_PATH_TYPE, "path"), (client, track, there_m, report, frame, yields)
+        return FollowRouteNavigator(node, drives, controller, *given, routes=(name, kind), reach_m=reach_m)
+    return make(node, name, kind, client, track, there_m, report, frame, yields)
+
+
+_ACTIONS: Final[dict[str, tuple[str, str, str, type[ActionNavigator]]]] = {
+    "goto_node": (GOTO_NODE, GOTO_NODE_TYPE, "target", GotoNodeNavigator),
+    "navigate_to_pose": (NAVIGATE_TO_POSE, NAVIGATE_TO_POSE_TYPE, "pose", NavigateToPoseNavigator),
+    "follow_route": (FOLLOW_ROUTE, FOLLOW_ROUTE_TYPE, "use_poses", FollowRouteNavigator),
+}
+"""Name, type and a field of the action of each navigator, and its class."""

@@ -90,13 +90,15 @@ PARAMETERS: Final = (
     row("keepout_topic", "", "topic on which the fence is published as a keep-out mask for Nav2, with "
         "costmap_filter_info, if any"),
     row("navigator", "goto_node", "how goals are sent: to the nodes of a topological map (goto_node), to Nav2 "
-        "(navigate_to_pose), as poses without any answer (goal_pose: a stop is then only a pose where the "
-        "robot is), or shown to a person with the sensor on the operator's page (person)",
-        choices=("goto_node", "navigate_to_pose", "goal_pose", PERSON)),
-    row("action_name", "", "name of the navigation's action; empty for topological_navigation (goto_node) or "
-        "navigate_to_pose"),
+        "(navigate_to_pose), along routes of Nav2's Route Server that the fence allows (follow_route), as poses "
+        "without any answer (goal_pose: a stop is then only a pose where the robot is), or shown to a person "
+        "with the sensor on the operator's page (person)",
+        choices=("goto_node", "navigate_to_pose", "follow_route", "goal_pose", PERSON)),
+    row("action_name", "", "name of the navigation's action; empty for topological_navigation (goto_node), "
+        "navigate_to_pose, or compute_and_track_route (follow_route; follow_path is beside it)"),
     row("action_type", "", "type of the navigation's action; empty for "
-        "topological_navigation_msgs/action/GotoNode (goto_node) or nav2_msgs/action/NavigateToPose"),
+        "topological_navigation_msgs/action/GotoNode (goto_node), nav2_msgs/action/NavigateToPose, or "
+        "nav2_msgs/action/ComputeAndTrackRoute (follow_route)"),
     row("frame", "map", "frame of plan, markers, visits and records: east, north, up about the field's datum"),
     row("navigation_frame", "", "frame of the navigation's map and goals; empty if it is the same as frame"),
     row("navigation_datum", "field", "origin of the navigation's frame: field (the field's datum), "

@@ -22,6 +22,10 @@ PACKAGES = sorted(folder for folder in (ROOT / "interfaces").iterdir() if folder
 TYPE_HASHES = {
     "topological_navigation_msgs/action/GotoNode":
         "RIHS01_97efcb9cbd4eed92186f675fe1a7417bc263a0737bc1b503107614ae3ebf88c2",
+    "nav2_msgs/action/ComputeAndTrackRoute":
+        "RIHS01_eb358f9e4b7f7db475c3340bebf11c650f0641a8577da6eb3f9faa0a20805857",
+    "nav2_msgs/action/FollowPath":
+        "RIHS01_9d95513552fb578cfb933d7e0160273911269cbdf4b348f1acb87d8a903b13cf",
     "nav2_msgs/action/NavigateToPose":
         "RIHS01_a56dba8a3234a1215e610180dc703ae25bbf406dded8b54887891c9732857eab",
     "nav2_msgs/msg/CostmapFilterInfo":

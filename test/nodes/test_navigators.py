@@ -14,18 +14,19 @@ pytest.importorskip("topological_navigation_msgs")
 pytest.importorskip("nav2_msgs")
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
-from nav2_msgs.action import NavigateToPose
+from nav2_msgs.action import ComputeAndTrackRoute, FollowPath, NavigateToPose
 from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from topological_navigation_msgs.action import GotoNode
-from virtual_navigation import SPEED_MPS, STOPS, Nav2, VirtualNavigation, World
+from virtual_navigation import SPEED_MPS, STOPS, Nav2, RouteServer, VirtualNavigation, World
 
 from soilmoist_ros.exploration import GoalClient, GoalLimits, PoseClient, RobotTrack, Stop, Way
 from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.action_navigator import action_class
 from soilmoist_ros.nodes.navigators import GoalPoseNavigator, GotoNodeNavigator, NavigateToPoseNavigator
+from soilmoist_ros.nodes.route_navigator import FollowRouteNavigator
 
 # rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -342,6 +343,89 @@ def test_nav2_arrives_by_way_points_facing_along_the_way(ros, world, nav2, drive
     driver.cancel(3)
     assert driver.end_of(3).outcome is Outcome.CANCELED
     assert nav2.ends[-1] == "canceled"
+
+
+@pytest.fixture
+def routes(ros, world):
+    with RouteServer(ros, world) as server:
+        yield server
+
+
+@pytest.fixture
+def following(ros, world, routes):
+    def make(node, report):
+        track, named = RobotTrack(SPEED_MPS, 2.0), ("compute_and_track_route", ComputeAndTrackRoute)
+        given = node, "follow_path", FollowPath, GoalClient(2.0, LIMITS), track, 0.5, report
+        return FollowRouteNavigator(*given, routes=named, reach_m=2.0)
+
+    driver = Driver(ros, world, make)
+    ros.wait_for(lambda: not driver.navigator.waiting_for, message="both servers")
+    driver.judged = []
+    yield driver
+    driver.close()
+
+
+POND = (25.0, 15.0)
+
+
+def test_an_announced_route_is_followed_only_while_it_is_allowed(ros, world, routes, following):
+    def judge(path, nodes):
+        following.judged.append((path.tolist(), nodes.tolist()))
+        return "it enters no-go area 1" if POND in map(tuple, path.tolist()) else ""
+
+    def go(goal_id, stop=FAR):
+        way = Way(np.array([world.place, stop.xy]), judge=judge)
+        routes.goals.clear()
+        following.go(goal_id, stop, way)
+
+    routes.via = ((5.0, 5.0), (35.0, 5.0))
+    go(1)
+    ros.wait_for(lambda: "edge 0 to node 7, 12.5 m to go" in following.navigator.on_the_way)
+    assert following.end_of(1).outcome is Outcome.SUCCEEDED
+    assert following.judged == [([[5.0, 5.0], [35.0, 5.0], [35.0, 25.0]], [[5, 5], [35, 5], [35, 5], [35, 25]])]
+    [path] = routes.goals
+    assert path[0] == START, "the path begins where the robot is"
+    assert world.place == FAR.xy
+
+    routes.via = (FAR.xy, POND)
+    go(2, OTHER)
+    assert following.end_of(2).outcome is Outcome.FAILED
+    assert "the route of the navigation is not allowed: it enters no-go area 1" in following.end_of(2).reason
+    routes.via, routes.frame = (FAR.xy,), "odom"
+    go(3, OTHER)
+    assert "in the frame 'odom'" in following.end_of(3).reason
+    routes.frame = "map"
+    following.go(4, OTHER, Way(np.array([world.place, OTHER.xy]), judge=lambda path, nodes: "it has no places"))
+    assert "it has no places" in following.end_of(4).reason
+    routes.error_code = 405
+    go(5, OTHER)
+    assert "no route of its graph leads to the stop (Nav2 error 405)" in following.end_of(5).reason
+    assert routes.goals == [], "the robot was given no path"
+    assert world.place == FAR.xy
+
+
+def test_a_new_route_replaces_the_path_and_stops_the_robot_if_it_is_not_allowed(ros, world, routes, following):
+    world.rate, routes.via = 5.0, (START,)
+    way = Way(
+        np.array([world.place, FAR.xy]),
+        judge=lambda path, nodes: "it enters no-go area 1" if POND in map(tuple, path.tolist()) else "",
+    )
+    following.go(1, FAR, way)
+    ros.wait_for(lambda: world.goal is not None)
+    routes.via = ((5.0, 5.0), (5.0, 25.0))
+    ros.wait_for(lambda: len(routes.goals) == 2, message="the path of the new route")
+    assert not following.ends, "the path before has ended, the goal has not"
+    routes.via = ((5.0, 5.0), POND)
+    assert following.end_of(1).outcome is Outcome.FAILED
+    ros.wait_for(lambda: routes.ends == ["aborted", "canceled"] and routes.tracked == ["canceled"])
+    assert world.goal is None
+    routes.via = (START,)
+    following.go(2, FAR, way)
+    ros.wait_for(lambda: world.goal is not None, message="the next goal, as all before are over")
+    following.cancel(2)
+    assert following.end_of(2).outcome is Outcome.CANCELED
+    assert world.goal is None
+    assert routes.tracked == ["canceled", "canceled"]
 
 
 @pytest.fixture

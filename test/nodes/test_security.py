@@ -30,6 +30,7 @@ FIELD = {"field": "smooth"}
 PLANNERS = (
     {"navigator": "goto_node"},
     {"navigator": "navigate_to_pose", "keepout_topic": "keepout"},
+    {"navigator": "follow_route"},
     {"navigator": "goal_pose"},
 )
 USED = {
@@ -46,7 +47,7 @@ USED = {
     ],
 }  # fmt: skip
 """Parameters with which a node makes all its topics and services."""
-_ACTIONS = ("navigate_to_pose", "topological_navigation")
+_ACTIONS = ("compute_and_track_route", "follow_path", "navigate_to_pose", "topological_navigation")
 ON_A_ROBOT = {
     ("planner", "client"): {"/toLL"},
     ("watchdog", "client"): {f"/{name}/_action/cancel_goal" for name in _ACTIONS},

@@ -17,9 +17,9 @@ pytest.importorskip("topological_navigation_msgs")
 from diagnostic_msgs.msg import DiagnosticStatus
 from std_msgs.msg import Bool
 from test_planner import Planning
-from virtual_navigation import VirtualNavigation, World
+from virtual_navigation import FIELD, RouteServer, VirtualNavigation, World, make_map
 
-from soilmoist_ros.exploration import Phase
+from soilmoist_ros.exploration import Phase, route_graph_text
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED
 from soilmoist_ros.nodes.watchdog import AGAIN_S, ALL_GOALS, ALL_S, FIRST_S, RELEASE_S, TICK_S, Heartbeats
 
@@ -146,6 +146,27 @@ def test_the_robot_of_a_dead_planner_stops_and_waits_for_people(ros, tmp_path, w
         ros.wait_for(lambda: heard[-1].level == DiagnosticStatus.OK, message="the watchdog to let go")
         ros.wait_for(lambda: again.call("resume").success, message="people to be obeyed")
         ros.wait_for(lambda: len(navigation.goals) > len(goals), message="another goal")
+
+
+def test_along_routes_of_nav2_the_fence_judges_each_and_the_watchdog_stops_both_servers(ros, tmp_path):
+    (tmp_path / "pond.yaml").write_text(f"{FIELD}no_go: [[[9, 9], [11, 9], [11, 11], [9, 11]]]\n")
+    (tmp_path / "lanes.geojson").write_text(route_graph_text(make_map().graph))
+    given = {"field": str(tmp_path / "pond.yaml"), "graph": str(tmp_path / "lanes.geojson"), "hours": 2.0}
+    told = ros.collect(Bool, "/warning/heartbeat", DEFAULT)
+    ros.start("watchdog", params={"heartbeat_out": "/warning/heartbeat", "silent_s": SILENT_S})
+    with World(ros, rate=5.0) as world, RouteServer(ros, world, ((5.0, 5.0), (10.0, 10.0))) as navigation:
+        start = world.place
+        planning = Planning(ros, tmp_path, navigator="follow_route", autostart=True, **given)
+        planning.wait(lambda status: "is not allowed: it enters no-go area 1 at (" in status.reason, "a refusal")
+        assert (navigation.goals, world.place) == ([], start), "the robot has got no path"
+        navigation.via = lambda stop: ((5.0, 5.0), (5.0, stop[1]))
+        ros.wait_for(lambda: world.goal is not None, message="the robot to drive")
+        ros.wait_for(lambda: told and told[-1].data, message="the watchdog to hear the planner")
+        world.rate = 0.5
+        planning.process.process.kill()
+        ros.wait_for(lambda: navigation.ends == ["canceled"], message="the controller to stop")
+        ros.wait_for(lambda: navigation.tracked[-1:] == ["canceled"], message="the Route Server to end")
+        assert world.goal is None
 
 
 def stuck(ros, folder, given):

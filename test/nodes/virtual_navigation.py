@@ -13,9 +13,13 @@ import threading
 import time
 from collections import Counter
 from datetime import UTC, datetime
+from itertools import pairwise
 
 import numpy as np
-from nav2_msgs.action import NavigateToPose
+from geometry_msgs.msg import Point
+from nav2_msgs.action import ComputeAndTrackRoute, FollowPath, NavigateToPose
+from nav2_msgs.msg import Route, RouteEdge
+from nav_msgs.msg import Path
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
@@ -25,7 +29,7 @@ from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
 from std_msgs.msg import String
 from topological_navigation_msgs.action import GotoNode
 
-from msg_adapters import Model, counts_to_message, model_to_message, samples_to_message, to_time
+from msg_adapters import Model, counts_to_message, model_to_message, pose_stamped, samples_to_message, to_time
 from soilmoist_ros.exploration import Stop, TravelGraph, make_topological_map
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import Variogram, VariogramFit
@@ -279,3 +283,76 @@ class Nav2(VirtualNavigation):
 
     def feed_back(self, target):
         self.handle.publish_feedback(NavigateToPose.Feedback(distance_remaining=7.5, number_of_recoveries=2))
+
+
+class RouteServer(VirtualNavigation):
+    """Context manager of Nav2's controller (``follow_path``) and Route Server (``compute_and_track_route``).
+
+    The Route Server drives nobody: it announces a path through ``via`` (of the stop), with edges between them, and
+    once more when ``via`` is replaced. With an ``error_code`` it aborts instead.
+    """
+
+    kind, name = FollowPath, "follow_path"
+
+    def __init__(self, ros, world, via=()):
+        super().__init__(ros, world)
+        self.cancels, self.via, self.error_code, self.frame, self.tracked = "properly", via, 0, "map", []
+        self.routes = ActionServer(
+            self.node, ComputeAndTrackRoute, "compute_and_track_route", self.track,
+            callback_group=ReentrantCallbackGroup(), cancel_callback=lambda handle: CancelResponse.ACCEPT,
+        )  # fmt: skip
+
+    def track(self, handle):
+        result, goal, told = ComputeAndTrackRoute.Result(error_code=self.error_code), handle.request.goal, None
+        assert handle.request.use_poses
+        stop = goal.pose.position.x, goal.pose.position.y
+        while self._alive and not self.error_code:
+            if handle.is_cancel_requested:
+                handle.canceled()
+                self.tracked.append("canceled")
+                return result
+            if told is not self.via:
+                told = self.via
+                via = told(stop) if callable(told) else told
+                handle.publish_feedback(self.announcement([*via, stop]))
+            if math.dist(self.world.place, stop) < 0.5:
+                handle.succeed()
+                self.tracked.append("succeeded")
+                return result
+            time.sleep(0.01)
+        if self._alive:
+            handle.abort()
+        return result
+
+    def announcement(self, nodes):
+        edges = [
+            RouteEdge(edgeid=number, start=Point(x=a[0], y=a[1]), end=Point(x=b[0], y=b[1]))
+            for number, (a, b) in enumerate(pairwise(nodes))
+        ]
+        path = Path(poses=[pose_stamped(*place, 0.0, self.frame) for place in nodes])
+        path.header.frame_id = self.frame
+        return ComputeAndTrackRoute.Feedback(next_node_id=7, route=Route(edges=edges), path=path, rerouted=True)
+
+    def target(self, handle):
+        self.handle = handle
+        return [(pose.pose.position.x, pose.pose.position.y) for pose in handle.request.path.poses]
+
+    def result(self, success):
+        return FollowPath.Result()
+
+    def drive(self, target, identity):
+        """Drive past the places, until the next path comes; the robot is there within centimetres."""
+        number = len(self.goals)
+        self.handle.publish_feedback(FollowPath.Feedback(distance_to_goal=12.5))
+        for place in [*target[1:-1:20], *target[-3:]]:
+            self.world.goal = goal = place
+            while self.world.goal is goal and self._alive:
+                if identity in self._stopped:
+                    self.world.goal = None
+                    return "canceled"
+                if len(self.goals) > number:
+                    break
+                time.sleep(0.005)
+            if len(self.goals) > number:
+                return "aborted"
+        return "succeeded" if self._alive else "gone"

@@ -18,7 +18,7 @@ import numpy as np
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph, Outside
 from soilmoist_ros.exploration.travel.lanes import LaneTravel
-from soilmoist_ros.exploration.travel.stop import Stop, Way, stops_xy
+from soilmoist_ros.exploration.travel.stop import Array, Stop, Way, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import InputError, did_you_mean
@@ -159,6 +159,20 @@ class FieldAccess:
             return Way(corners, (stop,))
         names = self._fenced.nodes_to_send(place, stop, self._rules.entry_m)
         return Way(corners, tuple(map(self.stop, names)), self._fenced.choices(place, names))
+
+    def refusal_of_route(self, place: tuple[float, float], path: Array, nodes: Array) -> str:
+        """Reason why a route that the navigation announces is not allowed; empty if it is.
+
+        :param place: where the robot is; it drives straight to the begin of the path [m]
+        :param path: what it will drive along, shape (k, 2) [m]
+        :param nodes: nodes of its graph on the way, shape (n, 2) [m]
+        """
+        if not len(path):
+            return "it has no places"
+        refusal = self.fence.refusal_of_entry(place, path[0], self._rules.entry_m) or self.fence.refusal(path)
+        if not refusal and len(nodes):
+            refusal = self.fence.refusal(nodes) or (self._fenced.refusal(nodes) if self._fenced else "")
+        return refusal
 
     def check_origins(self, place: tuple[float, float]) -> None:
         """Check that the navigation plans from allowed nodes only.

@@ -48,7 +48,7 @@ from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator, Out
 from soilmoist_ros.exploration.navigation.pose_client import MAX_AGE_S
 from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop, Way, inside_any
+from soilmoist_ros.exploration.travel.stop import Array, Stop, Way, inside_any
 from soilmoist_ros.exploration.travel.travel import LearnedMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, PlaneMove, other_datum
@@ -727,11 +727,26 @@ class MissionControl:
         self._learned.set_off(self._clock.now_s(), way.corners)
         self.team.set_off()
         self._watching.sent(way)
+        way = replace(way, judge=self._judge_route)
         stop, way = self._reached(goal.stop), replace(way, nodes=tuple(map(self._reached, way.nodes)))
         if self._frames is not None:
             assert self._frames.move is not None, "no mission starts before it is known"
             stop, way = in_frame(stop, way, self._frames.move)
         self.navigator.go(goal.goal_id, stop, way)
+
+    def _judge_route(self, path: Array, nodes: Array) -> str:
+        """Reason why a route that the navigation announces is not allowed; one that is becomes the watched one."""
+        access, place = self._access, self._feed.place
+        if access is None or place is None:
+            return "the robot's place is not known"
+        if refusal := access.refusal_of_route(place, path, nodes):
+            return refusal
+        way = Way(np.concatenate([[place], path]))
+        for name, at in self.team.standing():
+            if way.passes_m(at) < self.team.apart_m:
+                return f"{name} stands in the way"
+        self._watching.sent(way)
+        return ""
 
     def _reached(self, stop: Stop) -> Stop:
         """The stop with the distance at which the mission takes the robot to be there, by the noise of now."""

@@ -28,6 +28,7 @@ Flags = NDArray[np.bool_]
 
 AT_NODE_M = 1.5  # a robot this close to a node is at the node: the navigation plans from there [m]
 ON_EDGE_M = 1.5  # the navigation may also plan from an end of an edge this close to the robot [m]
+SAME_NODE_M = 0.5  # a place this close to a node of the map is the node [m]
 _MAX_HOME_M = 5000.0  # distance of the home from the field beyond which it is a mistake [m]
 _LONGER, _LONGER_M = 1.1, 2.0
 """A navigation that counts lengths differently may prefer a route that is longer by this factor, and metres."""
@@ -266,6 +267,16 @@ class FencedGraph:
         edges = np.stack([whole.xy[begin[used]], whole.xy[end[used]]], axis=1)
         first = np.stack(np.broadcast_arrays(np.asarray(place, float), whole.xy[entered]), axis=1)
         return np.concatenate([edges, first])
+
+    def refusal(self, nodes: Array) -> str:
+        """Reason why straight lines between nodes, shape (k, 2) [m], are not allowed: edges that the map bars."""
+        names, xy, edges, barred = self.whole.names, self.whole.xy, self.whole.edges, self.whole.barred
+        for begin, end in pairwise(nodes):
+            at = np.hypot(*(xy[edges] - np.array([begin, end])).T).max(axis=0) < SAME_NODE_M
+            if barred is not None and at.any() and barred[at].all():
+                start, stop = edges[np.argmax(at)]
+                return f"it takes the edge {names[start]} - {names[stop]}, which is not for this robot"
+        return ""
 
     def origins(self, place: tuple[float, float]) -> list[int]:
         """Nodes from which the navigation may plan: the nearest one, then the ends of edges at the robot."""

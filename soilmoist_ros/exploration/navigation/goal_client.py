@@ -203,6 +203,13 @@ class GoalClient:
             self._fail(goal, f"the navigation {_said(status, success, why)}")
         return self._go_on(now_s)
 
+    def refuse(self, goal_id: int, reason: str, now_s: float) -> tuple[Request, ...]:
+        """The goal has failed by what the server announces; it is cancelled until its end is known."""
+        goal = self._goals.get(goal_id)
+        if goal is not None and not goal.reported:
+            self._give_up(goal, Outcome.FAILED, reason, now_s)
+        return self._go_on(now_s)
+
     def cancel_answered(self, goal_id: int, code: int, now_s: float, accepted: bool = True) -> tuple[Request, ...]:
         """The server has answered a cancellation.
 
@@ -452,9 +459,13 @@ _CAUSES: Final[Mapping[int, str]] = MappingProxyType({
     201: "there is no such planner", 202: "a transform is missing", 203: "the robot is off Nav2's map",
     204: "the stop is off Nav2's map", 205: "the robot is in an obstacle", 206: "the stop is in an obstacle",
     207: "the planner took too long", 208: "no path leads to the stop",
+    401: "a transform is missing", 402: "the Route Server has no graph",
+    403: "no node of its graph is near the robot or the stop", 404: "it took too long",
+    405: "no route of its graph leads to the stop", 406: "an operation on the way failed",
+    407: "a scorer of its edges cannot be used",
     9001: "its behaviour tree cannot be loaded", 9002: "a transform is missing", 9003: "it took too long",
 })  # fmt: skip
-"""Error codes of driving to a pose in nav2_msgs 1.3 (Jazzy) to 1.5; recoveries and routes are named as tasks."""
+"""Error codes of driving to a pose, of paths and of routes in nav2_msgs 1.3 (Jazzy) to 1.5."""
 
 
 def failure(code: int, text: str = "") -> str:

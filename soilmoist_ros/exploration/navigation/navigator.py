@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Protocol
 
-from soilmoist_ros.exploration.travel.stop import Stop, Way
+from soilmoist_ros.exploration.travel.stop import Array, Stop, Way
 from soilmoist_ros.foundation import PlaneMove
 
 
@@ -85,5 +85,8 @@ def in_frame(stop: Stop, way: Way, move: PlaneMove) -> tuple[Stop, Way]:
         x_m, y_m = move.place((one.x_m, one.y_m))
         return replace(one, x_m=x_m, y_m=y_m)
 
+    def judge(path: Array, nodes: Array) -> str:
+        return way.judge(move.inverse.places(path), move.inverse.places(nodes))
+
     corners = move.places(way.corners) if len(way.corners) else way.corners
-    return moved(stop), replace(way, corners=corners, nodes=tuple(map(moved, way.nodes)))
+    return moved(stop), replace(way, corners=corners, nodes=tuple(map(moved, way.nodes)), judge=judge)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
@@ -78,11 +78,14 @@ class Way:
         than one where the navigation's own route to the stop would leave the fence; empty without a travel graph
     :param choices: straight lines of which a navigation that plans its own route may take any, shape (k, 2, 2)
         [m]; ``None`` where it takes the corners
+    :param judge: takes a route that the navigation announces, its path and its nodes, each of shape (k, 2) [m],
+        and returns why it is not allowed, empty if it is
     """
 
     corners: Array
     nodes: tuple[Stop, ...] = ()
     choices: Array | None = None
+    judge: Callable[[Array, Array], str] = lambda path, nodes: ""
 
     @property
     def leads(self) -> tuple[float, float, float]:
