@@ -95,7 +95,7 @@ PARAMETERS: Final = (
         "with the sensor on the operator's page (person)",
         choices=("goto_node", "navigate_to_pose", "follow_route", "goal_pose", PERSON)),
     row("action_name", "", "name of the navigation's action; empty for topological_navigation (goto_node), "
-        "navigate_to_pose, or compute_and_track_route (follow_route; follow_path is beside it)"),
+        "navigate_to_pose, or compute_and_track_route (follow_route; follow_path is next to it)"),
     row("action_type", "", "type of the navigation's action; empty for "
         "topological_navigation_msgs/action/GotoNode (goto_node), nav2_msgs/action/NavigateToPose, or "
         "nav2_msgs/action/ComputeAndTrackRoute (follow_route)"),
