@@ -38,13 +38,17 @@ import numpy as np
 import results
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping import expected_counts
+from soilmoist_ros.exploration import sample_from_text
+from soilmoist_ros.exploration.planning.sealed_sample import drawn
+from soilmoist_ros.mapping import Knowledge, expected_counts
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.variogram import reml
+from soilmoist_ros.pipeline import map_certificate
 from soilmoist_ros.simulation.fields.catalogue import DATUM
 from soilmoist_ros.simulation.fields.formulas import random_field
 from soilmoist_ros.simulation.fields.surrogate_field import RateGrid, SurrogateField
+from soilmoist_ros.simulation.mission.mission_result import MissionResult
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
@@ -128,13 +132,18 @@ COMPARISONS = {
     "earlier": Comparison("3 earlier surveys, correlation 0.9", SERIES, STILL, True),
     "covariates-unrelated": Comparison("2 covariates, unrelated", {**STILL, "useless_covariates": 2}, STILL),
     "covariates": Comparison("covariate, correlation 0.8", {**STILL, "covariate_correlation": 0.8}, STILL, True),
+    "certificate": Comparison("certificate of 12 places", {"certify": 12}, {}),
     "footprint": Comparison(
         "de-convolution, footprint of 10 m", MEANS, {**MEANS, "change": "not de-convolved"}, True
     ),
     "footprint-wrong": Comparison("de-convolution, point sensor", {**STILL, "change": "de-convolved"}, STILL),
 }
 KEY, FIRED = ("field", "mission", "seed", "arm"), ("drifts", "jumps", "local", "anisotropic", "held")
-COLUMNS = (*KEY, "mse", "coverage95", *FIRED)
+REDRAWN = ("mean covered", "bound of error held", "of map with sample", "half width", "bound", "rmse", "kurtosis")
+"""Certificate of a mission, its sample and counts drawn 200 times over the same map, which knows none of them:
+shares of the draws, rates as shares of the mean, and kurtosis of the errors of the map."""
+DRAWS = 200
+COLUMNS = (*KEY, "mse", "coverage95", *FIRED, *REDRAWN)
 
 
 def arm(settings: Values) -> str:
@@ -189,7 +198,32 @@ class Job:
             fit.variogram.anisotropy > 1,
             sum(bool(record.quarantine) for record in result.records),
         )
-        return [*self.key, f"{last.mse:.6g}", f"{last.coverage95:.4f}", *(str(int(one)) for one in fired)]
+        stated = redrawn(result) if result.certificate else [""] * len(REDRAWN)
+        return [*self.key, f"{last.mse:.6g}", f"{last.coverage95:.4f}", *(str(int(one)) for one in fired), *stated]
+
+
+def redrawn(result: MissionResult) -> list[str]:
+    """Values of :data:`REDRAWN` for a mission; each place is counted at for as long as those of its sample."""
+    soil_map, sample = result.soil_map, sample_from_text(result.certificate)
+    assert soil_map is not None
+    grid, choices = soil_map.grid, FieldMapSettings.chosen(result.settings)
+    others = map_certificate._without_sample(result.records, result.visits, sample, stops_only=False)
+    alone = map_certificate._map(others, grid, choices, Knowledge())
+    assert alone is not None
+    p, truth = alone.rate[grid.mask], result.truth_rate[grid.mask]
+    error, rng = truth - p, np.random.default_rng(result.settings.seed)
+    counted_s = [visit.effective_exposure_s for visit in result.visits if visit.name in sample.names]
+    exposure_s = np.full(len(sample.cells), np.median(counted_s))
+    found = []
+    for _ in range(DRAWS):
+        at = drawn(grid.mask, len(exposure_s), int(rng.integers(2**53)))
+        made = map_certificate.state(p, at, rng.poisson(truth[at] * exposure_s).astype(float), exposure_s)
+        bound = made.rmse_below
+        held = bound**2 >= np.mean(error**2), bound**2 >= result.series[-1].mse
+        found.append((abs(made.mean - truth.mean()) <= made.half_width, *held, made.half_width, bound))
+    values = np.mean(found, axis=0) / [1, 1, 1, truth.mean(), truth.mean()]
+    rmse = np.sqrt(np.mean(error**2))
+    return [f"{one:.5g}" for one in (*values, rmse / truth.mean(), np.mean(error**4) / rmse**4)]
 
 
 def real_surfaces(folder: Path | None) -> list[str]:
@@ -377,6 +411,25 @@ def main() -> None:
     ratios = {about: found.ratios for about, found in scores.items() if about in harmless}
     rows = [(name, *(f"{of[name]:.3f}" if name in of else "" for of in ratios.values())) for name in fields]
     results.publish("zoo_fields", ("field", *ratios), rows, f"{settings}; ratios of squared errors", given.save)
+    rows = certificates(done)
+    if rows:
+        about = f"{settings}; {DRAWS} draws over each map, rates as shares of the mean"
+        results.publish("certificate", ("field", "missions", *REDRAWN), rows, about, given.save)
+
+
+def certificates(done: Rows) -> list[tuple[str, ...]]:
+    """Certificates of ``gcb`` by field: the means over its missions; the bound of the error, the worst first."""
+    arms = {arm(COMPARISONS["certificate"].on)}
+    found: dict[str, list[list[float]]] = {}
+    for (name, mission, _, one), row in done.items():
+        if one in arms and mission == "gcb":
+            found.setdefault(name, []).append([float(cell) for cell in row[-len(REDRAWN) :]])
+    means = {name: (len(rows), np.mean(rows, axis=0)) for name, rows in found.items()}
+    ordered = sorted(means.items(), key=lambda item: float(item[1][1][1]))
+    return [
+        (name, str(count), *(f"{one:.1%}" for one in values[:-1]), f"{values[-1]:.1f}")
+        for name, (count, values) in ordered
+    ]
 
 
 if __name__ == "__main__":

@@ -301,6 +301,15 @@ def rate_error(mse: float, coverage95: float) -> str:
     return f"MSE {mse:.4f} (counts/s)2, {100 * coverage95:.0f} % of the cells within their 95 % interval"
 
 
+def print_certificate(run: MapRun) -> None:
+    """Print what the certificate of a run states, if it has one."""
+    from soilmoist_ros.reporting import certificate_of, sample_text, statement_text
+
+    if (found := certificate_of(run)) is not None:
+        say(f"certified  {statement_text(found, run.calibrated)}")
+        say(f"           {sample_text(found)}")
+
+
 def print_knowledge(run: MapRun) -> None:
     """Print what a reference sensor, earlier surveys and covariates contributed to a map, and what has changed."""
     from soilmoist_ros.pipeline import REFERENCE

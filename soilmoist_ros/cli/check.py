@@ -41,6 +41,7 @@ Value = TypeVar("Value")
               help="Log of the probe of --site, or a folder or ZIP archive of logs. Repeatable.")  # fmt: skip
 @click.option("--nmea", "--track", type=FILE, multiple=True,
               help="Positions of --log: NMEA, GPX, CSV, RTKLIB or a bag. Repeatable.")  # fmt: skip
+@click.option("--run", type=FILE, help="Folder of a run with a certificate, which is made again.")
 @position_options
 @answering
 def command(
@@ -52,6 +53,7 @@ def command(
     robot_radius_m: float,
     logs: tuple[Path, ...],
     nmea: tuple[Path, ...],
+    run: Path | None,
     logger_topic: str,
     fix_topic: str,
     gnss_shift_s: float,
@@ -63,7 +65,7 @@ def command(
     """
     of_logs = {"nmea": nmea, "logger-topic": logger_topic, "fix-topic": fix_topic, "gnss-shift": gnss_shift_s}
     for wrong, text in (
-        (not (logger or site or field or logs), "give at least one of --logger, --site, --field, --log"),
+        (not (logger or site or field or logs or run), "give one of --logger, --site, --field, --log, --run"),
         (logs and (len(site) > 1 or len(logger) > 1), "give one --site and one --logger at most with --log"),
         (graphs and len(field) != 1, "give one --field with --graph"),
         (home and not graphs, "--home requires --graph"),
@@ -79,7 +81,9 @@ def command(
     for place in (one for one in fields if one is not None):
         for graph in graphs:
             _checked(graph.name, partial(_graph, place, graph, robot_radius_m, home), mistakes)
-    if not mistakes and len(sites) < 2:
+    if run is not None:
+        _checked(str(run), partial(_certificate, run), mistakes)
+    if not mistakes and len(sites) < 2 and (logger or site or field or logs):
         pairs, topics = list(zip(field, fields, strict=True)), (logger_topic, fix_topic)
         _compare(next(iter(sites), None), pairs, logger, logs, nmea, topics, gnss_shift_s, mistakes)
     if mistakes:
@@ -142,6 +146,19 @@ def _graph(field: Field, path: Path, robot_radius_m: float, home: str) -> tuple[
         return None, list(graph_findings(field, path, robot_radius_m, home))
     except InputError as error:
         raise InputError([replace(one, path=one.path or path) for one in error.mistakes]) from None
+
+
+def _certificate(folder: Path) -> tuple[None, Iterable[FileFinding]]:
+    from soilmoist_ros.pipeline import FileFinding
+    from soilmoist_ros.reporting import check_certificate, sample_text, statement_text
+
+    made, compared = check_certificate(folder)
+    return None, [
+        FileFinding("certificate", compared),
+        *(FileFinding(name, statement_text(made, name == "moisture")) for name, one in
+          (("rate", made.rate), ("moisture", made.vwc)) if one is not None),
+        FileFinding("sample", sample_text(made)),
+    ]  # fmt: skip
 
 
 def _compare(

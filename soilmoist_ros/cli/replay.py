@@ -13,6 +13,7 @@ import click
 from soilmoist_ros.cli import options
 from soilmoist_ros.cli.answer import (
     answering,
+    print_certificate,
     print_knowledge,
     print_losses,
     print_notes,
@@ -114,6 +115,7 @@ def print_replay(replay: Replay) -> None:
         say(f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {stops}: {mission.ended}")
         if math.isfinite(last.vwc_rmse):
             say(f"moisture   RMSE {100 * last.vwc_rmse:.2f} % by volume with the true N0")
+    print_certificate(replay.run)
     for run, comparison in zip(replay.run.properties, replay.comparisons, strict=True):
         what = run.name if run.soil_map.curve else f"{run.name}, rates only: it needs a calibrated --site"
         samples = len(run.soil_map.samples)

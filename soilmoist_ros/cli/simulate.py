@@ -17,6 +17,7 @@ from soilmoist_ros.cli import options
 from soilmoist_ros.cli.answer import (
     answering,
     echo,
+    print_certificate,
     print_knowledge,
     print_notes,
     progress_bar,
@@ -152,6 +153,7 @@ def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun
     if run.soil_map.curve is not None:
         say(f"irrigation {irrigation(run).steps[0]}")
     say(f"deviation  {forecast_text(result.forecasts, 3600 * settings.hours)}")
+    print_certificate(run)
     if (plan := mission_efficiency(result)) is not None:
         say(f"efficiency {100 * plan.reached:.0f} % of the best possible plan, which need not drive")
     for one in run.properties:

@@ -228,13 +228,14 @@ class GuidedSurvey:
                     "hours": mission.hours, "seed": mission.seed, "target": mission.target,
                     "graph": mission.graph or mission.travel, "lanes": mission.travel == "lanes",
                     "preset": mission.preset, "until_sd": mission.until_sd, "until_gain": mission.until_gain,
-                    "navigator": "person",
+                    "certify": mission.certify, "navigator": "person",
                 },
             }
         )  # fmt: skip
         explorer = ExplorerSettings(
             strategy=str(mission.strategy), preset=mission.preset, seed=mission.seed, motion=mission.motion,
             curve=curve if mission.target == "vwc" else None, calibration=curve, knowledge=survey.map.knowledge,
+            certify=mission.certify,
             access=AccessRules(entry_m=PERSON_ENTRY_M, outside=Outside.WAY, lanes=mission.travel == "lanes"),
         )  # fmt: skip
         self.board = Board()

@@ -12,6 +12,7 @@ from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
     # fmt: off
+    from soilmoist_ros.exploration.control.certified_stops import CertifiedStops as CertifiedStops
     from soilmoist_ros.exploration.control.explorer import STREAMS_PER_ROBOT as STREAMS_PER_ROBOT, Explorer as Explorer, ExplorerSettings as ExplorerSettings, nominal_rate_cps as nominal_rate_cps, planning_grid as planning_grid, strategy_stream as strategy_stream
     from soilmoist_ros.exploration.control.field_access import PAST_M as PAST_M, AccessRules as AccessRules, FieldAccess as FieldAccess, cell_stops as cell_stops
     from soilmoist_ros.exploration.control.mission_control import DATUM as DATUM, EXPOSURE as EXPOSURE, GUIDED as GUIDED, LEADS as LEADS, PLACE_TIME as PLACE_TIME, RECORD_STAMP as RECORD_STAMP, MissionControl as MissionControl, MissionSetup as MissionSetup
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS as MIN_RATE_CPS, spread_cells as spread_cells
     from soilmoist_ros.exploration.planning.properties import Property as Property, correction_factor as correction_factor, property_name as property_name, property_weights as property_weights
     from soilmoist_ros.exploration.planning.prospect import Counting as Counting
+    from soilmoist_ros.exploration.planning.sealed_sample import MIN_PLACES as MIN_PLACES, SealedSample as SealedSample, check_places as check_places, sample_from_text as sample_from_text
     from soilmoist_ros.exploration.strategies.registry import BUILT_IN as BUILT_IN, STRATEGIES as STRATEGIES, StrategyKind as StrategyKind, make_strategy as make_strategy, strategy_kind as strategy_kind, warm_up as warm_up
     from soilmoist_ros.exploration.strategies.strategy import Choice as Choice, Situation as Situation, Strategy as Strategy
     from soilmoist_ros.exploration.travel.lanes import LaneTravel as LaneTravel, read_travel_map as read_travel_map
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
+        "control.certified_stops": "CertifiedStops",
         "control.explorer": "Explorer ExplorerSettings STREAMS_PER_ROBOT nominal_rate_cps planning_grid strategy_stream",
         "control.field_access": "AccessRules FieldAccess PAST_M cell_stops",
         "control.mission_control": "DATUM EXPOSURE GUIDED LEADS MissionControl MissionSetup PLACE_TIME RECORD_STAMP",
@@ -79,6 +82,7 @@ __getattr__, __dir__, __all__ = open_door(
         "planning.planning_model": "MIN_RATE_CPS spread_cells",
         "planning.properties": "Property correction_factor property_name property_weights",
         "planning.prospect": "Counting",
+        "planning.sealed_sample": "MIN_PLACES SealedSample check_places sample_from_text",
         "strategies.registry": "BUILT_IN STRATEGIES StrategyKind make_strategy strategy_kind warm_up",
         "strategies.strategy": "Choice Situation Strategy",
         "travel.lanes": "LaneTravel read_travel_map",

@@ -28,13 +28,14 @@ from soilmoist_ros.exploration import (
     Reply,
     Verb,
     boot_id,
+    check_places,
     property_weights,
     read_travel_map,
 )
 from soilmoist_ros.foundation import Health, Level
 from soilmoist_ros.nodes.navigators import make_navigator
 from soilmoist_ros.nodes.node_process import run
-from soilmoist_ros.nodes.parameters import Parameters, Value
+from soilmoist_ros.nodes.parameters import Parameters, Value, other_namespaces
 from soilmoist_ros.nodes.planner_inputs import PlannerFrames, PlannerInputs
 from soilmoist_ros.nodes.planner_outputs import PlannerKeepout, PlannerOutputs
 from soilmoist_ros.nodes.planner_parameters import (
@@ -111,6 +112,7 @@ class Planner(Node):
         graph = self._values.text("graph")
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
+        check_places(self._values.whole("certify"), 1 + len(other_namespaces(self, others)))
         by_name = self._values.text("navigator") == "goto_node"
         robot = self._values.texts("robot_properties")
         self._inputs = PlannerInputs(

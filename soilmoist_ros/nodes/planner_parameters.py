@@ -26,6 +26,7 @@ from soilmoist_ros.exploration import (
     Team,
     Watch,
     WatchLimits,
+    check_places,
     keep_apart_m,
     make_strategy,
     parse_dwell,
@@ -69,6 +70,7 @@ PARAMETERS: Final = (
         live=True),
     of_setting("until_sd", high=MAX_UNTIL_SD, live=True),
     of_setting("until_gain", live=True),
+    of_setting("certify"),
     row("others", [], "namespaces of other robots whose planners explore the same field: where one is going or "
         "counting, this one does not go; the own namespace is ignored"),
     row("properties", [], "namespaces in which further properties of the field are mapped, as NAMESPACE or "
@@ -142,6 +144,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
     """Settings for the choice of stops."""
     text, number = parameters.text, parameters.number
     make_strategy(text("strategy"), text("preset"))
+    check_places(parameters.whole("certify"))
     site, of_moisture = load_site(text("site")) if text("site") else Site(), text("target") == "vwc"
     calibration = planning_curve(site, field, of_moisture)
     return ExplorerSettings(
@@ -158,6 +161,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
         curve=calibration if of_moisture else None,
         calibration=calibration,
         knowledge=_knowledge(parameters, field, site.curve),
+        certify=parameters.whole("certify"),
         access=AccessRules(
             robot_radius_m=number("robot_radius_m"),
             outside=Outside(text("outside")),

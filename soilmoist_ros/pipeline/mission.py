@@ -54,6 +54,7 @@ class Status(NamedTuple):
     last_command: str = ""
     last_command_s: float = math.nan
     forecast_data: str = ""
+    certificate: str = ""
 
 
 _MAY_BE_UNKNOWN = {"target_x_m", "target_y_m", "stamp_s", "last_command_s"}
@@ -228,6 +229,7 @@ def replay_mission(
         ],
         frame=survey.field.frame, ended="; ".join(ends), log=mission_log(robots, later_s),
         forecasts=tuple(_forecasts([(time_s, status.forecast_data) for _, status, time_s in course])),
+        certificate=next((one.certificate for one in reversed(robots[0].statuses) if one.certificate), ""),
     )  # fmt: skip
 
 
@@ -277,6 +279,6 @@ def _settings(
         target=had.get("target", usual.target), preset=had.get("preset", usual.preset),
         **{name: made[name] for name in ("model", "fit", "noise", "local", "drift_model")},
         travel="free" if had.get("graph") == "free" else "graph", until_sd=float(had.get("until_sd", 0.0)),
-        until_gain=float(had.get("until_gain", 0.0)),
+        until_gain=float(had.get("until_gain", 0.0)), certify=int(had.get("certify", 0)),
         properties=tuple(PropertySettings(one.name, one.weight) for one in others),
     )  # fmt: skip

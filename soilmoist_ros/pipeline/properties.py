@@ -39,7 +39,7 @@ _ROUNDING = 1e-4  # relative difference below which maps differ only by rounding
 Array = NDArray[np.float64]
 
 FIRST = "moisture"  # name of the property with the topic counts in the robot's own namespace
-_NUMBERS: Final = ("hours", "seed", "until_sd", "until_gain")
+_NUMBERS: Final = ("hours", "seed", "until_sd", "until_gain", "certify")
 _TEXTS: Final = ("target", "preset")  # parameters of a planner that a report shows
 
 

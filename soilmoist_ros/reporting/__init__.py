@@ -10,6 +10,7 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.reporting.budget import Budget as Budget, make_budget as make_budget
+    from soilmoist_ros.reporting.certified import certificate_of as certificate_of, check_certificate as check_certificate, sample_text as sample_text, statement_text as statement_text
     from soilmoist_ros.reporting.colours import BLUE as BLUE, FAINT as FAINT, INK as INK, ORANGE as ORANGE, RATE as RATE, SOFT as SOFT, UNCERTAIN as UNCERTAIN, between as between, data_uri as data_uri, palette_png as palette_png, robust_range as robust_range
     from soilmoist_ros.reporting.core_plan import CorePlan as CorePlan, LevelOfPlaces as LevelOfPlaces, n0_at_places as n0_at_places, plan_cores as plan_cores, write_plan as write_plan
     from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS, Export as Export, export_run as export_run
@@ -36,6 +37,7 @@ _open, __dir__, __all__ = open_door(
     __name__,
     {
         "budget": "Budget make_budget",
+        "certified": "certificate_of check_certificate sample_text statement_text",
         "colours": "BLUE FAINT INK ORANGE RATE SOFT UNCERTAIN between data_uri palette_png robust_range",
         "core_plan": "CorePlan LevelOfPlaces n0_at_places plan_cores write_plan",
         "exports.registry": "EXPORTS Export export_run",

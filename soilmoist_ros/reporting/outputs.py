@@ -28,12 +28,14 @@ from soilmoist_ros.pipeline import (
 )
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, NO_LEVEL, calibration_of
+from soilmoist_ros.reporting.certified import certificate_content
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import ExportedProperty
 from soilmoist_ros.reporting.geotiff import CHANGES, write_cell_raster, write_geotiff
 from soilmoist_ros.reporting.moisture_steps import at_one_place, write_moisture
 from soilmoist_ros.reporting.opened_run import OpenedRun
 from soilmoist_ros.reporting.output_folder import (
+    CERTIFICATE_NAME,
     MISSION_NAMES,
     NAMES,
     PROJECT_NAME,
@@ -74,6 +76,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     """
     names = writable((
         *NAMES, *(MISSION_NAMES if run.mission else ()), *((SERIES_NAME,) if at_one_place(run) else ()),
+        *((CERTIFICATE_NAME,) if run.mission and run.mission.certificate else ()),
         *(name for other in run.others for name in property_names(other.name)),
         *(_change_name(run, one) for one in run.properties if one.change is not None),
     ))  # fmt: skip
@@ -107,6 +110,8 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
         if run.mission is not None:
             write_series(workshop / "series.csv", run.mission)
             write_visits(workshop / "visits.csv", run.mission)
+            if run.mission.certificate:
+                write_json(workshop / CERTIFICATE_NAME, certificate_content(run))
         write_json(workshop / SUMMARY, summary(run, "" if target is None else target.to_string(), names))
     return [folder / name for name in names]
 

@@ -18,6 +18,7 @@ from soilmoist_ros.foundation import __version__, shown_path
 from soilmoist_ros.mapping import FieldChange, SurveysEstimate
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, NoteCode, track_xy
 from soilmoist_ros.reporting.budget import make_budget
+from soilmoist_ros.reporting.certified import certificate_of
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
@@ -69,6 +70,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         and {"rmse_cps": loo.rmse, "standardised_sd": loo.standardised_sd, "coverage95": loo.coverage95},
         "truth": _truth(soil_map, run.truth_rate),
         "mission": None if run.mission is None else mission_summary(run.mission),
+        "certificate": None if (stated := certificate_of(run)) is None else stated.values,
         "properties": [
             {
                 "name": one.name, "label": one.label, "n_records": len(one.track),

@@ -15,10 +15,12 @@ from functools import cache, lru_cache, reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.control.certified_stops import CertifiedStops, without_visits
 from soilmoist_ros.exploration.control.field_access import NO_MARGIN, AccessRules, FieldAccess
 from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, taken
 from soilmoist_ros.exploration.mission.events import Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, PlanKind
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
 from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster, prior_forecast
@@ -56,6 +58,7 @@ class Explorer:
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
     :param forecasts: whether plans have forecasts of the map
     :param grid: the field, where the maps are only of the cells of :func:`planning_grid`; their grid if ``None``
+    :param certified: takes the stops of a certificate into the plans; ``None`` without one
     """
 
     def __init__(
@@ -71,6 +74,7 @@ class Explorer:
         counting: Counting = _ON_THE_WAY_TOO,
         forecasts: bool = True,
         grid: FieldGrid | None = None,
+        certified: CertifiedStops | None = None,
     ) -> None:
         self.properties = list(properties)
         mapped = self.properties[0].field_map.grid
@@ -82,6 +86,7 @@ class Explorer:
         self.rng = rng
         self.nominal_rate_cps = nominal_rate_cps
         self.counting = counting
+        self.certified = certified
         self._xy = stops_xy(stops)
         self._numbers = {stop.name: number for number, stop in enumerate(stops)}
         self._map_xy = self.grid.cells
@@ -101,7 +106,7 @@ class Explorer:
 
         :param same_strategy: whether the strategy goes on with what it has planned, too
         """
-        self.rng, self._forecaster = earlier.rng, earlier._forecaster
+        self.rng, self._forecaster, self.certified = earlier.rng, earlier._forecaster, earlier.certified
         if same_strategy:
             self.strategy, self.warm_up = earlier.strategy, earlier.warm_up
 
@@ -117,21 +122,42 @@ class Explorer:
 
     def plan(self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()) -> Planned:
         """Choose the next stop for a robot at a place [m]; the time of the answer is 0."""
+        if self.certified is None:
+            planned = self.choose(request, position_xy, others)
+        else:
+            planned = self.certified.plan(self, request, position_xy, others)
+        if not self._forecasts:
+            return planned
+        times_s = request.time_used_s, request.time_left_s
+        forecast = self._forecaster.forecast(self.properties[0], *times_s, 1 + len(others))
+        return replace(planned, forecast=forecast)
+
+    def home_s(self, stop: str) -> float:
+        """Travel time home from a stop, by its name [s]; 0 if it is not known."""
+        number = self._numbers.get(stop)
+        return 0.0 if number is None else float(self._to_home_s[number])
+
+    def fits(self, stop: Stop, position_xy: Place, request: RequestPlan) -> bool:
+        """True if a trip to a stop, the shortest dwell and the way home fit into the time of a request."""
+        travel_s = float(self.travel.travel_s(position_xy, [stop])[0])
+        home_s = self.rules.way_home_s(stop.xy, self.home_s(stop.name))
+        return travel_s + self.rules.needed_dwell_s + home_s <= request.budget_left_s
+
+    def choose(
+        self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()
+    ) -> Planned:
+        """What the strategy chooses, without a forecast."""
         situation = self.situation(request, position_xy, others)
         strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
-        choice, forecast = self._checked(strategy.choose(situation, self.rng), strategy), None
-        if self._forecasts:
-            times_s = request.time_used_s, request.time_left_s
-            forecast = self._forecaster.forecast(self.properties[0], *times_s, 1 + len(others))
-        number = self._numbers.get(request.staying if choice is None else choice.stop.name)
-        home_s = 0.0 if number is None else float(self._to_home_s[number])
+        choice = self._checked(strategy.choose(situation, self.rng), strategy)
+        home_s = self.home_s(request.staying if choice is None else choice.stop.name)
         if choice is None:
-            return Planned(0.0, request.plan_id, None, forecast=forecast, home_s=home_s)
+            return Planned(0.0, request.plan_id, None, home_s=home_s)
         if isinstance(self.rules.dwell, Optimal) and choice.dwell is None:
             choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
         stays = bool(request.staying) and choice.stop.name == request.staying
         travel_s = 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0])
-        return Planned(0.0, request.plan_id, choice, travel_s, forecast=forecast, home_s=home_s)
+        return Planned(0.0, request.plan_id, choice, travel_s, home_s=home_s)
 
     def _checked(self, choice: Choice | None, strategy: Strategy) -> Choice | None:
         """The choice of a strategy, which may be a plug-in's; an :class:`InputError` if it is none."""
@@ -149,7 +175,7 @@ class Explorer:
         self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()
     ) -> Situation:
         """Situation for the strategy, without stops ruled out or taken; pending measurements appear as counted."""
-        maps = self._maps(others)
+        maps = self._maps(others, request.certified)
         counted = maps[0].field_map
         free = ~taken(self._xy, others, self.grid.cell_m)
         if request.blacklisted:
@@ -197,13 +223,15 @@ class Explorer:
             ),
         )
 
-    def _maps(self, others: Sequence[PendingMeasurement]) -> list[Property]:
+    def _maps(self, others: Sequence[PendingMeasurement], certified: Sequence[Visit]) -> list[Property]:
         """The properties that matter, as far as there are maps; pending measurements seem counted.
+
+        Visits of a certificate seem not counted.
 
         Their weights are in units of the variance of the first, which is always among them.
         """
         counted, *more = (
-            replace(each, field_map=foreseen(each.field_map, others, each.factor))
+            replace(each, field_map=foreseen(without_visits(each.field_map, certified), others, each.factor))
             for each in self.properties
             if each is self.properties[0] or (each.weight > 0 and each.field_map.soil_map is not None)
         )
@@ -294,7 +322,8 @@ class Explorer:
             place = (*situation.position_xy.tolist(),)
             stops = [self.stops[number] for number in numbers.tolist()]
             trips = self._trips(place, stops, self._row(request.staying, numbers))
-            prospect = self._prospect(self._maps(others), numbers, *trips, place, request, np.arange(len(numbers)))
+            maps = self._maps(others, request.certified)
+            prospect = self._prospect(maps, numbers, *trips, place, request, np.arange(len(numbers)))
         return None if prospect is None else prospect.dwell(stop, self.rules.dwell.longest_s)
 
     def _shape(self, of: Property) -> Array:
@@ -366,6 +395,7 @@ class ExplorerSettings:
     calibration: MoistureCurve | None = None  # for an operator who asks for the map of the moisture
     learn_travel: bool = True  # whether speed, turning time and stop overhead are learned from the legs driven
     knowledge: Knowledge = field(default_factory=Knowledge)  # knowledge of the field before the survey
+    certify: int = 0  # number of places of a certificate; 0 for none
 
     @property
     def needs_map(self) -> bool:
@@ -417,6 +447,7 @@ def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: Missio
         rules,
         strategy_stream(settings.seed),
         nominal_rate_cps(settings.calibration),
+        certified=CertifiedStops(settings.certify) if settings.certify else None,
     )
 
 

@@ -53,6 +53,8 @@ class Planned:
     reason: str = ""  # why there is no choice
     forecast: Forecast | None = None  # a new one of the map, ``None`` if the last one is recent
     home_s: float = 0.0  # travel time home from the choice, or from where the robot stays [s]; 0 if not known
+    certificate: str = ""  # sealed sample of the mission, see :class:`SealedSample`; empty without a certificate
+    to_certify: int = 0  # number of its stops that are left: the mission does not end early before them
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +206,9 @@ class RequestPlan:
     ruled_out: Polygons = ()  # polygons in which no stop must be chosen, corners [m]
     staying: str = ""
     time_used_s: float = 0.0  # time since the start of the mission [s]
+    certificate: str = ""  # sealed sample of the mission; empty before the first plan
+    certified: tuple[Visit, ...] = ()  # visits at stops of the sealed sample
+    certify_now: bool = False  # whether the mission may end once the sealed sample is complete
 
 
 @dataclass(frozen=True, slots=True)

@@ -340,10 +340,14 @@ class _Step:
         if event.forecast is not None:
             end = satisfied(self.rules, event.forecast)
             good = 0 if end is None else self.state.good_forecasts + 1
+            if end is not None and end[0] is MissionEnd.NOTHING_VARIES:
+                good = max(good, GOOD_FORECASTS)
             self.set(forecast=event.forecast, forecast_s=self.now_s, good_forecasts=good)
-            if end is not None and (good >= GOOD_FORECASTS or end[0] is MissionEnd.NOTHING_VARIES):
+            if end is not None and good >= GOOD_FORECASTS and not event.to_certify:
                 self.end(*end)
                 return
+        if event.certificate and not self.state.certificate:
+            self.set(certificate=event.certificate)
         staying = self.staying
         if staying is not None and (choice is None or choice.stop.name == staying.stop.name):
             staying = replace(staying, home_s=event.home_s)
@@ -363,7 +367,10 @@ class _Step:
                 self.end_or_count_on(MissionEnd.TIME_UP, f"no time is left for {choice.stop.name}")
                 return
             self.settle()
-            target = Target(choice.stop, choice.reason, travel_s, dwell=choice.dwell, home_s=event.home_s)
+            target = Target(
+                choice.stop, choice.reason, travel_s, dwell=choice.dwell, home_s=event.home_s,
+                certifies=choice.certifies,
+            )  # fmt: skip
             self.set(target=target)
             if self.rules.stays and math.dist(self.place, choice.stop.xy) <= UNDER_THE_WHEELS_M:
                 self.arrive()
@@ -757,6 +764,9 @@ class _Step:
             state.ruled_out,
             "" if staying is None else staying.stop.name,
             state.time_used_s,
+            state.certificate,
+            state.certified,
+            state.good_forecasts >= GOOD_FORECASTS,
         )
         self.do(request)
         plan = PendingPlan(request.plan_id, self.now_s + self.rules.plan_limit_s)
@@ -986,8 +996,10 @@ class _Step:
             code, reason = counting.met, counting.outcome
         self.set(counting_s=self.state.counting_s + counting.before_s)
         if counting.records > 0:  # zero is a count, too
-            self.set(samples=self.state.samples + 1, failures=0)
-            self.do(events.VisitDone(self.visit(target, counting, code, reason)))
+            visit = self.visit(target, counting, code, reason)
+            certified = (*self.state.certified, visit) if target.certifies else self.state.certified
+            self.set(samples=self.state.samples + 1, failures=0, certified=certified)
+            self.do(events.VisitDone(visit))
         return counting.records
 
     def visit(self, target: Target, counting: OpenVisit, code: VisitEnd, reason: str) -> Visit:

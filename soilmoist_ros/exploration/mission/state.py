@@ -63,6 +63,7 @@ class Target:
     attempts: int = 0  # number of failed attempts to go there
     dwell: StopRule = None  # its own dwell rule, ``None`` for the mission's
     home_s: float = 0.0  # travel time from it to the home [s]; 0 if the planner has not given it
+    certifies: bool = False  # whether it is of the sealed sample of a certificate
 
 
 @dataclass(frozen=True)
@@ -180,6 +181,8 @@ class MissionState:
     forecast: Forecast | None = None  # the last one of the map's standard deviation
     forecast_s: float | None = None  # time of the forecast [s]
     good_forecasts: int = 0  # the last forecasts by which the mission may end, in a row
+    certificate: str = ""  # sealed sample of the mission; empty without a certificate
+    certified: tuple[Visit, ...] = ()  # visits at its stops
 
     @property
     def time_used_s(self) -> float:
@@ -288,6 +291,7 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         forecast_s=state.forecast_s,
         place=state.position,
         yields=state.phase is Phase.PAUSED and any(alarm.cause == OTHER_ROBOT for alarm in state.alarms),
+        certificate=state.certificate,
     )
 
 

@@ -290,6 +290,7 @@ class MissionStatus:
     place: tuple[float, float] | None = None  # place of the robot [m]; ``None`` if it is unknown
     yields: bool = False  # whether it is paused until another robot is away
     hindered: bool = False  # whether no mission is running and a start would be refused now
+    certificate: str = ""  # sealed sample of the mission; empty without a certificate
 
 
 # The status as values, for the topic ``mission`` of the planner and of recordings --------------------------------
@@ -332,6 +333,7 @@ def status_health(status: MissionStatus, more: Mapping[str, str] | None = None) 
         **{key: _text(getattr(status, name)) for key, name in STATUS_FLOATS.items()},
         **{name: str(int(getattr(status, name))) for name in STATUS_COUNTS},
         **{name: str(bool(getattr(status, name))) for name in STATUS_FLAGS},
+        **({"certificate": status.certificate} if status.certificate else {}),
         **(more or {}),
     }
     return Health("mission", status_level(status), f"{status.phase}: {status.reason}", values)

@@ -77,6 +77,7 @@ class Choice:
     reason: str  # why, in a short sentence for operators and reports
     ahead: tuple[Stop, ...] = ()  # the stops planned after it, in order
     dwell: StopRule = None  # dwell rule of this stop, ``None`` for the mission's
+    certifies: bool = False  # whether it is of the sealed sample of a certificate
 
 
 class Strategy(Protocol):

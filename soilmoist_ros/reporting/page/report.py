@@ -17,6 +17,7 @@ from soilmoist_ros.mapping import FieldChange, SurveysEstimate, possible_moistur
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, RunChange, track_xy
 from soilmoist_ros.reporting.budget import make_budget
 from soilmoist_ros.reporting.certainty import NO_LEVEL, calibration_of
+from soilmoist_ros.reporting.certified import certificate_text
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page import wording
 from soilmoist_ros.reporting.page.charts import (
@@ -71,7 +72,8 @@ def render_report(run: MapRun) -> str:
         covariates=_covariate_rows(run), map_data=None if still else viewer_data(run, found),
         pictures=() if still else list(pictures(run)),
         budgets=[part for one in run.properties if (part := budget_part(one)) is not None],
-        earlier=earlier_part(run), mission=mission_part(run), variograms=[chart for chart, _ in variograms],
+        certified=certificate_text(run), earlier=earlier_part(run), mission=mission_part(run),
+        variograms=[chart for chart, _ in variograms],
         classes=[classes for _, classes in variograms], charts=list(_charts(run)),
         truths=[
             (one.label or one.name or "the map", truth_score(one.soil_map, one.truth_rate))

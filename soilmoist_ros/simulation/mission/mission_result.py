@@ -190,6 +190,7 @@ class MissionResult:
     motion: Sequence[LearnedMotion] = ()  # motion of each robot, as its planner has learned it
     log: Sequence[str] = field(default_factory=tuple)  # lines of the mission log
     forecasts: Sequence[TimedForecast] = ()
+    certificate: str = ""  # sealed sample of its certificate; empty without one
 
     @property
     def records(self) -> Sequence[CountRecord]:

@@ -372,6 +372,11 @@ class MissionSettings:
         0.0, "End when the standard deviation of the map will fall by less than this in ten minutes. Or when the "
         "counts show no differences within the field after a fifth of the time; 0: never.", unit="%", low=0,
     )  # fmt: skip
+    certify: int = _setting(
+        0, "Number of places of a certificate: drawn at random before the mission, counted at whatever the "
+        "strategy, and compared with the map. They state its mean and its error without a model; at least 5, and "
+        "0 for none.", low=0,
+    )  # fmt: skip
     random_field: bool = _setting(
         False, "Draw what is random in the field (patches, random fields) from the seed as well."
     )
@@ -412,6 +417,8 @@ class MissionSettings:
 
         :raises InputError: with every mistake
         """
+        from soilmoist_ros.exploration import check_places
+
         mistakes = []
         for setting in SETTINGS.values():
             try:
@@ -423,6 +430,10 @@ class MissionSettings:
             mistakes.append(Mistake(text, "choose travel graph"))
         if self.travel == "lanes" and self.graph is None:
             mistakes.append(Mistake("travel lanes needs a file of lanes", "give it as graph"))
+        try:
+            check_places(self.certify, self.robots)
+        except InputError as error:
+            mistakes += error.mistakes
         if self.drift_hour is not None and self.drift == 0:
             text = "an hour of the drift is given, but the rate does not drift"
             mistakes.append(Mistake(text, "give drift, for rain -0.1"))

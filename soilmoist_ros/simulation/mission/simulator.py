@@ -18,6 +18,7 @@ from soilmoist_ros.exploration import (
     PUBLISHED_MIN_LAST_DWELL_S,
     Action,
     CancelGoal,
+    CertifiedStops,
     Command,
     Counting,
     Event,
@@ -67,7 +68,7 @@ from soilmoist_ros.simulation.mission.mission_result import (
     Watch,
 )
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.streams import person_stream, position_errors, sensor_stream
+from soilmoist_ros.simulation.mission.streams import person_stream, position_errors, sealed_seed, sensor_stream
 from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
 from soilmoist_ros.simulation.robot.virtual_navigation import Habits, VirtualPerson, VirtualRobot
 
@@ -223,6 +224,7 @@ class _Simulation:
             Counting(settings.cadence_s, settings.map_from == "records"),
             forecasts=self.forecasts_wanted,
             grid=self.grid,
+            certified=CertifiedStops(settings.certify, lambda: sealed_seed(seed)) if settings.certify else None,
         )
         body = VirtualRobot(settings.real_motion, start.xy)
         if settings.person is not None:
@@ -415,5 +417,5 @@ class _Simulation:
             properties=tuple(channel.mapped(self.now_s) for channel in self.channels), frame=self.field.frame,
             motion=tuple(robot.learned for robot in self.robots),
             ended="; ".join(f"{self.named(robot)}{robot.ended}" for robot in self.robots), log=tuple(self.log),
-            forecasts=tuple(self.forecasts),
+            forecasts=tuple(self.forecasts), certificate=self.robots[0].mission.state.certificate,
         )  # fmt: skip

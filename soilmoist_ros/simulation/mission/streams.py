@@ -11,7 +11,7 @@ import numpy as np
 from soilmoist_ros.exploration import STREAMS_PER_ROBOT
 
 _SENSOR, _GNSS = 0, 2  # between them is the stream of the strategy
-_EARLIER, _COVARIATE, _PERSON = 0, 1, 2  # keys of three numbers; the others have fewer
+_EARLIER, _COVARIATE, _PERSON, _SEALED = 0, 1, 2, 3  # keys of three numbers; the others have fewer
 
 
 def field_stream(seed: int, number: int) -> np.random.Generator:
@@ -53,6 +53,11 @@ def position_errors(seed: int, robot: int, sd_m: float) -> Iterator[tuple[float,
 def person_stream(seed: int, robot: int) -> np.random.Generator:
     """Random stream for the trips of a person with the sensor of one robot, numbered from 0."""
     return _stream(seed, _PERSON, 0, robot)
+
+
+def sealed_seed(seed: int) -> int:
+    """Seed of the sealed sample of a certificate; that of a real mission cannot be foreseen."""
+    return int(_stream(seed, _SEALED, 0, 0).integers(2**53))
 
 
 def device_stream(seed: int, device: int, robot: int = 0, robots: int = 1) -> np.random.Generator:

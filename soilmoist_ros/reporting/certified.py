@@ -1,0 +1,164 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The certificate of a run: in words, as a file, and made again from the folder of the run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from soilmoist_ros.exploration import sample_from_text
+from soilmoist_ros.foundation import InputError, read_json
+from soilmoist_ros.mapping import FieldGrid, FieldMapSettings, Knowledge
+from soilmoist_ros.pipeline import REMEDY, Certificate, Statement, certify, curve_of, run_certificate
+from soilmoist_ros.recording import read_records
+from soilmoist_ros.reporting.certainty import NO_LEVEL, calibration_of, once_a_run
+from soilmoist_ros.reporting.opened_run import open_run
+from soilmoist_ros.reporting.output_folder import CERTIFICATE_NAME
+
+if TYPE_CHECKING:
+    from soilmoist_ros.pipeline import MapRun
+
+_SETTINGS = ("model", "fit", "noise", "local", "drift_model")
+_SAME = 1e-6  # relative difference of two statements that are the same but for rounding in the files
+
+
+@once_a_run
+def certificate_of(run: MapRun) -> Certificate | None:
+    """The certificate of a run, ``None`` without a sealed sample."""
+    return run_certificate(run)
+
+
+def statement_text(certificate: Certificate, moist: bool) -> str:
+    """Mean and error in one sentence."""
+    statement = certificate.vwc if moist else certificate.rate
+    measured, places = len(certificate.measured), len(certificate.sample.cells)
+    if statement is None:
+        return f"no statement: {measured} of {places} places were counted at, or nothing else was"
+    unit, factor = ("% by volume", 100.0) if moist else ("counts/s", 1.0)
+    values = {name: factor * value for name, value in asdict(statement).items()}
+    text = f"mean {_figure(values['mean'], values['half_width'])} ± {_figure(values['half_width'])} {unit}"
+    seen = f"RMSE of the map {_figure(values['rmse'])}" if values["rmse"] > 0 else "RMSE too small to be seen"
+    return f"{text} (95 %), whatever the model; {seen} (95 %: below {_figure(values['rmse_below'])}) {unit}"
+
+
+def sample_text(certificate: Certificate) -> str:
+    """Number of places, and the seal of the sample."""
+    sample = certificate.sample
+    return f"{len(certificate.measured)} of {len(sample.cells)} places, seal {sample.digest}"
+
+
+def _figure(value: float, like: float | None = None) -> str:
+    """A figure with two digits, or with the decimals of another one."""
+    size = abs(value if like is None else like)
+    decimals = 1 - math.floor(math.log10(size)) if size > 0 else 1
+    return f"{value:.{min(max(decimals, 0), 4)}f}"
+
+
+def certificate_text(run: MapRun) -> list[str]:
+    """What the certificate of a run states, of what, and what it leaves out; empty without one."""
+    found = certificate_of(run)
+    if found is None:
+        return []
+    sample, curve = found.sample, run.soil_map.curve
+    measured, places = len(found.measured), len(sample.cells)
+    text = statement_text(found, curve is not None)
+    sentences = [
+        f"{text[:1].upper()}{text[1:]}.",
+        f"Sample: {places} places, drawn before the mission with the seed {sample.seed} (seal {sample.digest}); "
+        f"{'all' if measured == places else measured} were counted at.",
+    ]
+    if found.rate is None:
+        return sentences
+    if measured < places:
+        lost = ", ".join(sample.stops[n].name for n in range(places) if n not in found.measured)
+        sentences.append(
+            f"Not counted at: {lost}. The statement leaves out the part of the field that they stand for, about "
+            f"{100 * (1 - measured / places):.0f} %."
+        )
+    if not found.as_drawn:
+        sentences.append("The seed does not draw this sample: do not trust the statement.")
+    sentences.append(
+        "The mean is of what the sensor sees from each place of the field, so ground within its reach outside the "
+        "border counts too. The error is that of the map made without these places; the map here has them, too."
+    )
+    if curve is not None:
+        origin = (
+            "the level is not known at all" if calibration_of(run) in NO_LEVEL else "its uncertainty comes on top"
+        )
+        sentences.append(f"The calibration (N0) is taken as it is: {origin}.")
+    if sample.visitable < 0.995:
+        sentences.append(
+            f"{100 * (1 - sample.visitable):.0f} % cannot be visited, and counts as the nearest place that is."
+        )
+    if found.drifts:
+        sentences.append(
+            "Counts were corrected for the change of the rate that the map has found, which is a model."
+        )
+    return sentences
+
+
+def certificate_content(run: MapRun) -> dict[str, Any]:
+    """Sample, statements and all that is needed to make them again from the records and visits of the folder."""
+    found, mission = certificate_of(run), run.mission
+    assert found is not None
+    assert mission is not None
+    grid, settings = run.soil_map.grid, mission.settings
+    return {
+        **found.values, "sample": read_json(found.sample.text),
+        "map": {
+            "cell_m": grid.cell_m, "polygons": [ring.tolist() for ring in grid.polygons],
+            "holes": [ring.tolist() for ring in grid.holes], "stops_only": settings.map_from == "stops",
+            "knowledge": bool(run.earlier or run.covariates), "calibrated": run.soil_map.curve is not None,
+            **{name: getattr(settings, name) for name in _SETTINGS},
+        },
+    }  # fmt: skip
+
+
+def check_certificate(folder: Path) -> tuple[Certificate, str]:
+    """Draw the sample of a run's certificate again, and make its statements again from records and visits.
+
+    :returns: the certificate as made again, and in a sentence what was compared
+    :raises InputError: if the folder has no certificate, the seed draws another sample, or a statement differs
+    """
+    import json
+
+    path, run = folder / CERTIFICATE_NAME, open_run(folder)
+    if not path.is_file():
+        raise InputError(f"holds no {CERTIFICATE_NAME}", "give the folder of a mission with certify", folder)
+    try:
+        content = read_json(path.read_bytes().decode("utf-8"))
+        about = content["map"]
+        sample = sample_from_text(json.dumps(content["sample"], separators=(",", ":")))
+        grid = FieldGrid.from_polygon(about["polygons"], about["cell_m"], about["holes"])
+        settings = FieldMapSettings(**{name: about[name] for name in _SETTINGS})
+        told = content["sealed"], {name: content.get(name) for name in ("rate_cps", "vwc")}
+        stops_only, knowledge = bool(about["stops_only"]), bool(about["knowledge"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"cannot be read: {error!s:.200}", REMEDY, path) from None
+    if sample.digest != told[0] or not sample.is_as_drawn:
+        raise InputError(f"the seed {sample.seed} does not draw this sample", "do not trust it", path)
+    curve = curve_of(run.summary, folder) if about.get("calibrated") else None
+    records = read_records(folder / "records.csv")
+    made = certify(sample, records, run.visits, grid, settings, curve, Knowledge(), stops_only)
+    if knowledge:
+        return made, "the seed draws the sample; earlier surveys or covariates informed the map: replay to compare"
+    for name, statement in (("rate_cps", made.rate), ("vwc", made.vwc)):
+        if not _agree(statement, told[1][name]):
+            raise InputError(f"records and visits give another statement of {name}", "do not trust it", path)
+    return made, "the seed draws the sample, and records and visits give the statement"
+
+
+def _agree(statement: Statement | None, told: object) -> bool:
+    if statement is None or not isinstance(told, dict):
+        return statement is None and told is None
+    made = asdict(statement)
+    try:
+        values = [float(told[name]) for name in made]
+    except (KeyError, TypeError, ValueError):
+        return False
+    return bool(np.allclose(list(made.values()), values, rtol=_SAME, atol=_SAME))
