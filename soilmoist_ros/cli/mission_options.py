@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Command = Callable[..., None]
 GROUPS: Mapping[str, str] = {
     "Usual options": "field hours strategy live out",
-    "Mission": "dwell preset target robots properties until_sd until_gain certify travel graph speed_mps "
+    "Mission": "dwell preset target threshold robots properties until_sd until_gain certify travel graph speed_mps "
     "turn_s_per_rad stop_overhead_s min_dwell_s learn_travel stop_cost_s metre_cost_s navigator autostart",
     "Map": "model fit noise local drift_model map_from cell_m",
     "Knowledge": "site earlier covariates",
@@ -137,11 +137,18 @@ def with_graph(choices: dict[str, Any]) -> dict[str, Any]:
     return {"travel": "graph", **choices, "graph": None if graph == "lattice" else graph}
 
 
-def chosen_settings(choices: dict[str, Any]) -> MissionSettings:
-    """Mission settings from options; the mission time defaults to that of the field."""
-    from soilmoist_ros.simulation import MissionSettings, surrogate_field
+def chosen_settings(choices: dict[str, Any], irrigation: Irrigation | None = None) -> MissionSettings:
+    """Mission settings from options; the mission time defaults to that of the field.
+
+    :param irrigation: its doses give the thresholds where ``dose`` is given; default: that of a simulated site
+    """
+    from soilmoist_ros.exploration import OF_DOSE
+    from soilmoist_ros.simulation import MissionSettings, simulated_site, surrogate_field
 
     choices = with_graph(choices)
+    if choices.get("threshold") == OF_DOSE:
+        site = simulated_site(surrogate_field(choices.get("field", MissionSettings.field)), irrigation=irrigation)
+        choices["threshold"] = ",".join(f"{value:.4g}" for value in site.irrigation.dose_thresholds)
     settings = MissionSettings(**choices)
     if "hours" not in choices:
         settings = MissionSettings(**choices, hours=surrogate_field(settings.field_name).hours)

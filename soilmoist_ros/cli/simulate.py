@@ -72,14 +72,15 @@ def command(
     """
     if time_factor is not None and not live:
         raise click.UsageError("--time-factor requires --live")
-    settings = chosen_settings(choices)
+    irrigation = irrigation_of(site)
+    settings = chosen_settings(choices, irrigation)
     options.prepare_output(out, overwrite)
     from soilmoist_ros.mapping import CovariateSource
     from soilmoist_ros.pipeline import mission_earlier
     from soilmoist_ros.reporting import mission_run, run_figures, write_figures, write_mission
     from soilmoist_ros.simulation import simulate_mission
 
-    sources, irrigation = list(map(CovariateSource.parse, covariates)), irrigation_of(site)
+    sources = list(map(CovariateSource.parse, covariates))
     with ExitStack() as stack:
         page = stack.enter_context(_live(settings, time_factor or TIME_FACTOR, out)) if live else None
         watch = None if page is None else page.show

@@ -76,7 +76,7 @@ from soilmoist_ros.mapping import (
     map_cells,
     map_health,
 )
-from soilmoist_ros.pipeline import open_survey, planning_curve
+from soilmoist_ros.pipeline import open_survey, planning_curve, planning_thresholds
 from soilmoist_ros.recording import (
     CLOUD,
     CONFIGURATION,
@@ -226,6 +226,7 @@ class GuidedSurvey:
                 "planner": {
                     "field": mission.field_name, "strategy": str(mission.strategy), "dwell": str(mission.dwell),
                     "hours": mission.hours, "seed": mission.seed, "target": mission.target,
+                    "threshold": mission.threshold or "",
                     "graph": mission.graph or mission.travel, "lanes": mission.travel == "lanes",
                     "preset": mission.preset, "until_sd": mission.until_sd, "until_gain": mission.until_gain,
                     "certify": mission.certify, "navigator": "person",
@@ -234,7 +235,8 @@ class GuidedSurvey:
         )  # fmt: skip
         explorer = ExplorerSettings(
             strategy=str(mission.strategy), preset=mission.preset, seed=mission.seed, motion=mission.motion,
-            curve=curve if mission.target == "vwc" else None, calibration=curve, knowledge=survey.map.knowledge,
+            curve=None if mission.target == "rate" else curve, calibration=curve, knowledge=survey.map.knowledge,
+            thresholds=planning_thresholds(mission.target, mission.threshold, survey.site, curve),
             certify=mission.certify,
             access=AccessRules(entry_m=PERSON_ENTRY_M, outside=Outside.WAY, lanes=mission.travel == "lanes"),
         )  # fmt: skip

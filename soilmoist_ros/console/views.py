@@ -127,7 +127,8 @@ def _forecast(one: Forecast | None) -> dict[str, Any] | None:
     if one is None:
         return None
     end = [one.times_s[-1], one.sd_end, *one.band_end] if one.times_s else None
-    return {"sd": one.sd, "moisture": one.moisture, "end": end, "hidden": one.hidden}
+    wrong = [one.wrong, one.wrong_end]
+    return {"sd": one.sd, "moisture": one.moisture, "end": end, "hidden": one.hidden, "wrong": wrong}
 
 
 def _home(text: str) -> list[float] | None:

@@ -37,7 +37,7 @@ from soilmoist_ros.foundation import InputError, did_you_mean, resource
 from soilmoist_ros.mapping import CovariateSource, Field, FieldMapSettings, Knowledge, load_field, read_covariates
 from soilmoist_ros.nodes.parameter_tables import ANTENNA, COVARIATES, EARLIER, of_setting, row
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.pipeline import EarlierTarget, planning_curve, read_earlier_runs
+from soilmoist_ros.pipeline import EarlierTarget, planning_curve, planning_thresholds, read_earlier_runs
 from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, Site, load_site
 
 PERSON: Final = "person"  # navigator of a person: no navigation is needed, and nothing stops the person
@@ -65,6 +65,7 @@ PARAMETERS: Final = (
     of_setting("seed", default=0, description="seed of the strategies' randomness"),
     of_setting("dwell", description="time at a stop: fmi:SECONDS, ami:THRESHOLD or optimal", live=True),
     of_setting("target", live=True),
+    of_setting("threshold", default=""),
     row("site", "", "site file with the calibration, or name of a shipped one; for target vwc"),
     of_setting("hours", description="time of the mission, the way home and pauses included", low=0.01,
         live=True),
@@ -145,8 +146,8 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
     text, number = parameters.text, parameters.number
     make_strategy(text("strategy"), text("preset"))
     check_places(parameters.whole("certify"))
-    site, of_moisture = load_site(text("site")) if text("site") else Site(), text("target") == "vwc"
-    calibration = planning_curve(site, field, of_moisture)
+    site, target = load_site(text("site")) if text("site") else Site(), text("target")
+    calibration = planning_curve(site, field, target == "vwc")
     return ExplorerSettings(
         strategy=text("strategy"),
         preset=text("preset"),
@@ -158,8 +159,9 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
             number("stop_cost_s"),
             number("metre_cost_s"),
         ),
-        curve=calibration if of_moisture else None,
+        curve=None if target == "rate" else calibration,
         calibration=calibration,
+        thresholds=planning_thresholds(target, text("threshold"), site, calibration),
         knowledge=_knowledge(parameters, field, site.curve),
         certify=parameters.whole("certify"),
         access=AccessRules(

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from soilmoist_ros import sensing
+from soilmoist_ros.exploration import OF_DOSE, Thresholds, parse_thresholds
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, __version__, resource, shown_path
 from soilmoist_ros.mapping import (
     CovariateSource,
@@ -261,6 +262,28 @@ def planning_curve(site: sensing.Site, field: Field, required: bool) -> sensing.
         return curve
     what = "the target is vwc, but there is no calibration, and the sensor is unknown"
     raise InputError(what, "give a site file with a calibration, or with sensor_sensitivity, such as the model")
+
+
+def planning_thresholds(
+    target: str, text: str | None, site: sensing.Site, curve: sensing.MoistureCurve | None
+) -> Thresholds | None:
+    """Thresholds of a decision, of the moisture where there is a curve; ``None`` for another target.
+
+    :param text: thresholds, or ``dose`` for those of the site file
+    :raises InputError: if there are none, or the moisture cannot have them
+    """
+    if (target == "decision") != bool(text):
+        what = "target decision and threshold belong together, and only one is given"
+        raise InputError(what, "give both, such as target decision and threshold 0.2")
+    if not text:
+        return None
+    if text != OF_DOSE:
+        return Thresholds.of(parse_thresholds(text), curve)
+    if curve is None:
+        raise InputError(
+            "the threshold is dose, but there is no calibration", "give a site file with a calibration"
+        )
+    return Thresholds.of(site.irrigation.dose_thresholds, curve)
 
 
 def _with_soil(site: sensing.Site, found: tuple[sensing.Calibration, sensing.Soil] | None) -> sensing.Site:

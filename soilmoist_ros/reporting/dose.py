@@ -67,12 +67,6 @@ class DoseSettings(Irrigation):
         full, sd = self.left(1.0)
         return (self.stress, full), (self.stress_sd, math.hypot(self.below_share * self.below_sd, sd))
 
-    @property
-    def doses_mm(self) -> Array:
-        """Gross doses that the machine can apply, rising, without 0 [mm]."""
-        doses: Array = self.steps_mm * np.arange(1.0, math.floor(self.max_dose_mm / self.steps_mm + 1e-9) + 1)
-        return np.asarray(doses[doses >= min(self.min_dose_mm, doses[-1]) - 1e-9])
-
 
 @dataclass(frozen=True, eq=False)
 class Dose:

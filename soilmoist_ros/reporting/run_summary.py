@@ -23,6 +23,7 @@ from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
 from soilmoist_ros.reporting.page import statistics
+from soilmoist_ros.reporting.page.decision import decision
 from soilmoist_ros.reporting.page.field_dose import has_level, root_zone
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.report import relations
@@ -335,7 +336,9 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
         "zone_limits_vwc": found.edges, "root_zone": ground and ground[0].model_dump(), "zones": zones,
         "advice": found.advice,
     }  # fmt: skip
-    return {"irrigation": about, "dose": found.dose and found.dose.content}
+    decided = decision(run)
+    content = {} if decided is None else {"decision": decided.content}
+    return {"irrigation": about, "dose": found.dose and found.dose.content, **content}
 
 
 def _budget(run: MapRun) -> dict[str, Any] | None:

@@ -39,9 +39,10 @@ def test_a_view_has_codes_and_values_of_which_the_page_makes_sentences():
     over = replace(STATUS, phase=Phase.FINISHED, ended=MissionEnd.TIME_UP, reason="as planned")
     assert (mission_view(over, {})["ended"], mission_view(over, {})["reason"]) == ("time_up", "as planned")
     assert {f"ended_{end}" for end in MissionEnd} <= TEXTS.keys()
-    sure = Forecast(0.028, (600.0,), (0.02,), (1.25,), 0.02, 4.0, moisture=True)
+    sure = Forecast(0.028, (600.0,), (0.02,), (1.25,), 0.02, 4.0, moisture=True, wrong=0.12, wrong_end=0.07)
     assert mission_view(replace(over, forecast=sure), {})["forecast"] == {
         "sd": 0.028, "moisture": True, "end": [600.0, 0.02, 0.016, 0.025], "hidden": None,
+        "wrong": [0.12, 0.07],
     }  # fmt: skip
     idle = replace(STATUS, phase=Phase.IDLE)
     assert [mission_view(replace(idle, hindered=one), {})["ready"] for one in (False, True)] == [True, False]

@@ -21,6 +21,7 @@ from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen,
 from soilmoist_ros.exploration.mission.events import Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, PlanKind
 from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.planning.decision import EXPLORING, Thresholds
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
 from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster, prior_forecast
@@ -214,6 +215,8 @@ class Explorer:
             expected_dwell_s=max(self.rules.dwell.expected_s(rate, maps[0].factor), self.rules.min_dwell_s),
             staying=staying,
             rate_cps=rate,
+            map_rate=counted.rate if known_rate else None,
+            thresholds=maps[0].thresholds,
             overhead_s=self.travel.motion.stop_overhead_s,
             counting=self.counting,
             dwell=self.rules.dwell,
@@ -257,6 +260,7 @@ class Explorer:
     ) -> Prospect | None:
         """The stops of these numbers, travel times and costs, as a planner weighs them; ``None`` without a map."""
         places, models = self._xy[numbers], []
+        explores = request.time_used_s < EXPLORING * (request.time_used_s + request.time_left_s)
         shapes = [self._shape(each) for each in maps]
         for each, shape in zip(maps, shapes, strict=True):
             field_map = each.field_map
@@ -272,6 +276,7 @@ class Explorer:
                     places,
                     each.factor,
                     cell_variance=self._smooth_variance(field_map.soil_map, field_map.variance),
+                    thresholds=None if explores else each.thresholds,
                 )
             )
         models[0].others = tuple(models[1:])
@@ -329,7 +334,7 @@ class Explorer:
     def _shape(self, of: Property) -> Array:
         """Relative weight of each cell in the integrated variance; squared slopes make it that of the moisture."""
         weights = np.full(len(self._cells_xy), 1 / len(self._cells_xy))
-        if of.curve is not None and of.field_map.soil_map is not None:
+        if of.curve is not None and of.thresholds is None and of.field_map.soil_map is not None:
             weights = weights * of.curve.weight(of.field_map.rate[self._mapped])
         return weights
 
@@ -393,9 +398,17 @@ class ExplorerSettings:
     )
     access: AccessRules = NO_MARGIN  # rules for the region of the robot
     calibration: MoistureCurve | None = None  # for an operator who asks for the map of the moisture
+    thresholds: Thresholds | None = None  # thresholds of the decision that the map is for, if it is for one
     learn_travel: bool = True  # whether speed, turning time and stop overhead are learned from the legs driven
     knowledge: Knowledge = field(default_factory=Knowledge)  # knowledge of the field before the survey
     certify: int = 0  # number of places of a certificate; 0 for none
+
+    @property
+    def target(self) -> str:
+        """What the map is to be good for, as an operator names it."""
+        if self.thresholds is not None:
+            return "decision"
+        return "rate" if self.curve is None else "vwc"
 
     @property
     def needs_map(self) -> bool:
@@ -416,11 +429,12 @@ def changed_settings(settings: ExplorerSettings, changes: Changes | None) -> Exp
     """Choice of stops after an operator's changes."""
     if changes is None:
         return settings
-    curve = settings.curve
+    curve, thresholds = settings.curve, settings.thresholds
     if changes.target is not None:
-        curve = settings.calibration if changes.target == "vwc" else None
+        curve = None if changes.target == "rate" else settings.calibration
+        thresholds = thresholds if changes.target == "decision" else None
     strategy = settings.strategy if changes.strategy is None else changes.strategy
-    return replace(settings, strategy=strategy, curve=curve)
+    return replace(settings, strategy=strategy, curve=curve, thresholds=thresholds)
 
 
 STREAMS_PER_ROBOT = 3
@@ -439,7 +453,13 @@ def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: Missio
     """An explorer for one mission."""
     planning = FieldMapSettings(for_planning=True)
     return Explorer(
-        [Property(FieldMap(access.grid, planning, settings.knowledge), curve=settings.curve)],
+        [
+            Property(
+                FieldMap(access.grid, planning, settings.knowledge),
+                curve=settings.curve,
+                thresholds=settings.thresholds,
+            )
+        ],
         access.stops,
         access.travel,
         make_strategy(settings.strategy, settings.preset),

@@ -356,7 +356,7 @@ class MissionControl:
             "hours": round(rules.budget_s / 3600, 9),
             "dwell": str(rules.dwell),
             "strategy": explorer.strategy,
-            "target": "rate" if explorer.curve is None else "vwc",
+            "target": explorer.target,
             "home": home,
             "until_sd": rules.until_sd,
             "until_gain": rules.until_gain,

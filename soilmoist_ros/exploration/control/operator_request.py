@@ -27,7 +27,7 @@ Place = tuple[float, float]
 
 ROUNDED_M = 0.02
 """Largest error of a corner that a message or a page has rounded [m]."""
-TARGETS = ("rate", "vwc")  # which map is to be good
+TARGETS = ("rate", "vwc", "decision")  # which map is to be good
 
 
 class ReplyCode(StrEnum):
@@ -283,6 +283,11 @@ class Requests:
         if target == "vwc" and self.settings.calibration is None:
             message = "target is vwc, but there is no calibration"
             raise RequestError(ReplyCode.BAD_SETTING, message, "start the planner with a calibrated site file")
+        if target == "decision" and self.settings.thresholds is None:
+            message = "target is decision, but there are no thresholds"
+            raise RequestError(
+                ReplyCode.BAD_SETTING, message, "start the planner with target decision and threshold"
+            )
         return target
 
     def _home(self, request: OperatorRequest) -> Stop | None:

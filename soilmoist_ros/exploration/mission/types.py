@@ -95,7 +95,7 @@ class MissionEnd(StrEnum):
     SILENT_SENSOR = "silent_sensor"  # no record arrived, and the rules demand an abort
     RETURNED = "returned"  # the operator sent the robot home
     FAILSAFE = "failsafe"  # the guard reported a danger that ends the mission
-    GOOD_ENOUGH = "good_enough"  # the standard deviation of the map is as small as demanded
+    GOOD_ENOUGH = "good_enough"  # the deviation of the map is as small as demanded, or its decision is made
     LITTLE_GAIN = "little_gain"  # the map would become less better than demanded
     NOTHING_VARIES = "nothing_varies"
     """The counts show no differences within the field, and the rules demand a gain."""
@@ -218,7 +218,7 @@ class Changes:
     budget_s: float | None = None  # time of the mission from its start [s]
     dwell: str | None = None  # dwell rule, as text
     strategy: str | None = None  # name of the strategy that chooses stops
-    target: str | None = None  # map that plans improve, ``rate`` or ``vwc``
+    target: str | None = None  # map that plans improve, ``rate`` or ``vwc``, or ``decision``
     home: Stop | None = None  # stop at which the mission ends
     warm_up_stops: int | None = None  # number of stops before the map guides the choice; follows from the strategy
     until_sd: float | None = None  # standard deviation of the map at which the mission ends; 0: never

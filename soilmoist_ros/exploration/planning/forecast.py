@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.planning.decision import EXPLORING
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.foundation import read_json
 from soilmoist_ros.mapping import (
@@ -41,6 +42,8 @@ from soilmoist_ros.mapping import (
 Array = NDArray[np.float64]
 
 SOON_S = 600.0  # time ahead for which a gain is stated [s]
+DECIDED = 0.005
+"""Share of the field that twice the counts must still bring into the right zone; else the decision is made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +67,10 @@ class Forecast:
     moisture: bool = False  # whether the standard deviations are of the moisture
     hidden: float | None = None
     is_guess: bool = False  # whether it is made before there is a map
+    wrong: float | None = None  # share of the field expected in the wrong zone now; ``None`` without thresholds
+    wrong_end: float | None = None  # at the end of the mission
+    outside: tuple[float, ...] = ()  # thresholds that hardly any place of the field is below, or above
+    is_decided: bool = False  # whether even twice the counts would hardly change the zone of a place
 
     @property
     def gain(self) -> float:
@@ -101,6 +108,8 @@ class Forecast:
         text = f"{self.now_text} now"
         if self.times_s:
             text += f", {self.end_text} in {self.times_s[-1] / 60:.0f} min"
+        if self.wrong is not None:
+            text += f"; {self.wrong_text}"
         return text if self.hidden is None else f"{text}; {self.uniform}"
 
     @property
@@ -108,6 +117,16 @@ class Forecast:
         """Standard deviation and band at the end of the mission, as ``±2.0 % (1.7 to 2.4)``."""
         low, high = map(hundredths, self.band_end)
         return f"±{hundredths(self.sd_end)} % ({low} to {high})"
+
+    @property
+    def wrong_text(self) -> str:
+        """Share of the field in the wrong zone, as ``12 % of the field in the wrong zone, 7 % at the end``."""
+        assert self.wrong is not None
+        text = f"{100 * self.wrong:.1f} % of the field in the wrong zone"
+        if self.wrong_end is not None:
+            text += f", {100 * self.wrong_end:.1f} % at the end"
+        outside = " and ".join(f"{value:g}" for value in self.outside)
+        return f"{text}; {outside} is outside what the field has" if outside else text
 
     @property
     def uniform(self) -> str:
@@ -139,8 +158,10 @@ def forecast_from_text(text: str) -> Forecast | None:
         numbers = {name: float(values[name]) for name in ("sd", "sd_soon", "mean_rate_cps")}
         if len(set(map(len, lists.values()))) > 1:
             raise ValueError("its lists differ in length")
-        hidden = values.get("hidden")
-        return Forecast(**{**values, **lists, **numbers, "hidden": None if hidden is None else float(hidden)})
+        known = {name: values.get(name) for name in ("hidden", "wrong", "wrong_end")}
+        numbers |= {name: float(value) for name, value in known.items() if value is not None}
+        outside = tuple(float(value) for value in values.get("outside", ()))
+        return Forecast(**{**values, **known, **lists, **numbers, "outside": outside})
     except (TypeError, KeyError, ValueError, OverflowError) as error:
         raise ValueError(f"{text[:40]!r} is not a forecast: {error}") from None
 
@@ -201,6 +222,8 @@ class Forecaster:
             return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope, expected)
         counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
         share = min(max(counted_s / used_s, _MIN_SHARE), robots) if used_s > 0 else 1.0
+        if used_s < EXPLORING * (used_s + left_s):
+            of = replace(of, thresholds=None)
         hidden = self._hidden(of) if used_s >= UNIFORM_FROM * (used_s + left_s) else None
         return map_forecast(of, self._cells_xy, left_s, share, hidden)
 
@@ -239,7 +262,19 @@ def map_forecast(
     fixed = float(weight @ np.maximum(variance - np.diag(covariance), 0.0))
     counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
     curve = _Curve(covariance, weight, of.factor * rate, fixed, counted_s, share)
-    return curve.forecast(left_s, mean, of.curve is not None, hidden)
+    found = curve.forecast(left_s, mean, of.curve is not None, hidden)
+    if of.thresholds is None:
+        return found
+    smooth, thresholds = np.clip(np.diag(covariance), 0.0, variance), of.thresholds
+
+    def wrong(sd: float) -> float:
+        return thresholds.wrong(rate, variance, smooth * max(1 - (sd / found.sd) ** 2, 0.0))
+
+    now = wrong(found.sd)
+    is_decided = left_s > 0 and now - wrong(curve.sd(max(counted_s / share, left_s))) < DECIDED
+    end = wrong(found.sd_end) if left_s > 0 else None
+    outside = thresholds.outside(rate, variance)
+    return replace(found, wrong=now, wrong_end=end, outside=outside, is_decided=is_decided)
 
 
 def prior_forecast(

@@ -9,7 +9,8 @@ sample of t seconds at x, whose noise is ``rate / t``::
     IV falls by  A t / (B t + rate),    A = sum_g omega_g C(g, x)^2,    B = C(x, x) + nugget
 
 Joint counts at several places S lower IV by ``sum_g omega_g C_gS (C_SS + N)^-1 C_Sg``. Each property
-(:mod:`properties`) has its own model, and the reductions add up.
+(:mod:`properties`) has its own model, and the reductions add up. For a decision (:mod:`decision`), joint counts
+save expected loss instead, and omega is the derivative of the loss by the variance.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.exploration.planning.decision import Thresholds
 from soilmoist_ros.mapping import PoissonKriging, SoilMap
 
 if TYPE_CHECKING:
@@ -33,7 +35,13 @@ Indices = NDArray[np.intp]
 
 MIN_RATE_CPS = 1e-3
 """Lower limit of predicted rates [counts/s]: kriging may undershoot."""
+EVEN_SHARE = 0.05
+"""Share of the weight that all cells share where a decision is planned for: the posterior may be wrong."""
+SHARPNESS = 0.5
+"""Power of their weight by which the stops of a tour are drawn to the cells that matter to a decision, beyond the
+value of a second there."""
 _SAME_M = 1e-9
+_TINY_LOSS = 1e-12
 _NO_TIME_S = 1e-15
 _HALVINGS = 50
 
@@ -82,6 +90,7 @@ class PlanningModel:
     :param others: models of further properties over the same cells and stops; their weights are scaled so that
         the integrated variances add up
     :param cell_variance: variance of the smooth rate at each cell where it is known, shape (g,) [(counts/s)^2]
+    :param thresholds: those of the decision that the map is for; ``None`` if the variance itself is to fall
     """
 
     def __init__(
@@ -93,6 +102,7 @@ class PlanningModel:
         factor: float = 1.0,
         others: Sequence[PlanningModel] = (),
         cell_variance: Array | None = None,
+        thresholds: Thresholds | None = None,
     ) -> None:
         away, nearest = _nearest_cells(cells_xy.tobytes(), stops_xy.tobytes())
         own = away > _SAME_M
@@ -100,11 +110,22 @@ class PlanningModel:
         self._cells = len(cells_xy)
         self.stop_nodes: Indices = np.where(own, self._cells + np.cumsum(own) - 1, nearest)
         self._nodes = np.vstack([cells_xy, stops_xy[own]])
-        self.weight = weight
+        self._weight = weight
+        self.thresholds = thresholds
         self.is_uneven = kriging.variogram.amplitude is not None
         self.factor = factor
         self.others = tuple(others)
         self._cell_variance = cell_variance
+
+    @cached_property
+    def weight(self) -> Array:
+        """Omega of each cell, shape (g,)."""
+        if self.thresholds is None:
+            return self._weight
+        marginal = self.thresholds.marginal(self.rate[: self._cells], self.cell_variance)
+        if not marginal.mean() > _TINY_LOSS:  # no count will change the decision
+            return self._weight
+        return np.asarray(self._weight * (EVEN_SHARE + (1 - EVEN_SHARE) * marginal / marginal.mean()))
 
     @cached_property
     def _kriging(self) -> PoissonKriging:
@@ -145,16 +166,40 @@ class PlanningModel:
             return self._cell_variance
         return np.maximum(np.diag(self.covariance)[: self._cells], 0.0)
 
+    def _value(self, variance: Array) -> float:
+        """Weighted sum over the cells of variances, or of the expected losses that they cause."""
+        if self._loss_unit > 0:
+            assert self.thresholds is not None
+            variance = self.thresholds.loss(self.rate[: self._cells], variance) / self._loss_unit
+        return float(self._weight @ variance)
+
+    @cached_property
+    def _loss_unit(self) -> float:
+        """Expected loss of the map divided by its variance: losses and variances of other properties add up.
+
+        It is 0 without a decision, or if no count will change the decision.
+        """
+        if self.thresholds is None:
+            return 0.0
+        loss = float(self.thresholds.loss(self.rate[: self._cells], self.cell_variance).mean())
+        return loss / float(self.cell_variance.mean()) if loss > _TINY_LOSS else 0.0
+
     @property
     def integrated_variance(self) -> float:
-        """Weighted sum of the variances of the cells."""
-        own = float(self.weight @ np.diag(self.covariance)[: self._cells])
+        """Weighted sum of the variances of the cells, or of their expected losses."""
+        own = self._value(np.diag(self.covariance)[: self._cells])
         return own + sum(model.integrated_variance for model in self.others)
 
     @cached_property
     def gain(self) -> Array:
         """A of each node: the diagonal of :meth:`gram`."""
         return np.asarray(self.weight @ self.covariance[: self._cells] ** 2)
+
+    @property
+    def cell_gain(self) -> Array:
+        """Value of the first second at each cell, up to a factor, shape (g,)."""
+        shape = 1.0 if self.thresholds is None else (self.weight / self._weight) ** SHARPNESS
+        return np.asarray(self.weight * self.cell_variance**2 * shape)
 
     def gram(self, nodes: Indices) -> Array:
         """``sum_g omega_g C(g, a) C(g, b)`` of every two of some nodes."""
@@ -182,7 +227,7 @@ class PlanningModel:
 
         noisy = self.covariance[np.ix_(nodes, nodes)] + np.diag(self.noise(nodes, exposure_s))
         solved = solve_triangular(cholesky(noisy, lower=True), self.covariance[nodes, : self._cells], lower=True)
-        own = float((solved**2).sum(axis=0) @ self.weight)
+        own = self._value((solved**2).sum(axis=0))
         return own + sum(model.fall(nodes, exposure_s) for model in self.others)
 
     def worth(self, trips: Trips) -> Worth:

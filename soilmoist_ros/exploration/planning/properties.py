@@ -23,6 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.planning.decision import Thresholds
 from soilmoist_ros.foundation import InputError, squared_distances
 from soilmoist_ros.mapping import FieldMap, Variogram
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
@@ -45,6 +46,7 @@ class Property:
     factor: float = 1.0  # product of the correction factors of its sensor now, ``raw rate = rate / factor`` [-]
     curve: MoistureCurve | None = None
     name: str = ""  # namespace of its mapper, empty for the mapper of the robot
+    thresholds: Thresholds | None = None  # those of the decision that its map is for, if it is for one
 
 
 def correction_factor(record: CountRecord) -> float:

@@ -56,7 +56,7 @@ class Ground:
     """The situation of a tour; its stops, at which the robot could still count, are numbered by rows.
 
     ``mass`` is the share of the stops that each cell should attract: the squared posterior variance times the
-    weight of the cell; equal without a map.
+    weight of the cell, for a decision the value of the first second there; equal without a map.
     """
 
     def __init__(self, situation: Situation) -> None:
@@ -73,7 +73,7 @@ class Ground:
             self.stops = self.prospect.reachable_stops
             self._index = self.prospect.of_candidates[self.prospect.reachable]
             self.cells_xy = model.cells_xy
-            self.mass = np.asarray(sum(each.weight * each.cell_variance**2 for each in (model, *model.others)))
+            self.mass = np.asarray(sum(each.cell_gain for each in (model, *model.others)))
         self.xy = situation.candidates_xy[self._index]
         self.travel_s = situation.travel_s[self._index]  # from the robot, stop overhead included [s]
 
@@ -89,9 +89,10 @@ class Ground:
 
     @property
     def is_uneven(self) -> bool:
-        """True if the map says that the field varies more here than there."""
+        """True if the map says that places matter more here than there."""
         return self.prospect is not None and any(
-            model.is_uneven for model in (self.prospect.model, *self.prospect.model.others)
+            model.is_uneven or model.thresholds is not None
+            for model in (self.prospect.model, *self.prospect.model.others)
         )
 
     @property
@@ -330,7 +331,7 @@ MIN_STAGED_STOPS = 40
 """A pass is divided into finer ones if the mission time would suffice for at least this many stops in one tour.
 With fewer, driving decides; a few counts tell too little of the field to choose the number of stops by the map."""
 REDESIGN_EVERY = 5
-"""Number of stops after which a tour is compared with a new one, in fields that vary more here than there."""
+"""Number of stops after which a tour is compared with a new one, where places matter more here than there."""
 MIN_STOPS = 3  # least number of stops of a pass that is not the last
 
 

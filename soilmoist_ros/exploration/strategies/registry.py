@@ -37,6 +37,7 @@ class StrategyKind:
     whole_map: bool = True
     """True if it looks at the variance of every cell. Otherwise cells that represent the field to the look-ahead
     suffice, and a simulation maps the others at its end only."""
+    decides: bool = True  # whether it plans for a decision where the mission has thresholds
     plans_dwell: bool = False
     """True if it chooses the dwell of every stop itself where the mission's rule is ``optimal``."""
     warm_up_stops: int | None = None  # stops before the map guides it; ``None`` for as many as the preset has
@@ -57,29 +58,31 @@ def _with_solver(strategy: Callable[[Preset], Strategy]) -> Callable[[Preset], S
 
 BUILT_IN = {
     "greedy": StrategyKind(
-        Greedy, "Greedy", "Goes where the map is most uncertain, however far that is.", colour="#d55e00"
+        Greedy, "Greedy", "Goes where the map is most uncertain, however far that is.", colour="#d55e00",
+        decides=False,
     ),
     "monte_carlo": StrategyKind(
-        MonteCarlo, "Monte Carlo", "Draws a place; uncertain ones come more often.", colour="#0072b2"
+        MonteCarlo, "Monte Carlo", "Draws a place; uncertain ones come more often.", colour="#0072b2",
+        decides=False,
     ),
     "adaptive_sampling": StrategyKind(
         _with_solver(AdaptiveSampling), "Adaptive sampling", "Drives tours through the most uncertain places.",
-        colour="#009e73",
+        colour="#009e73", decides=False,
     ),
     "random": StrategyKind(
         Random, "Random", "Goes to any place; for comparisons.", needs_map=False, whole_map=False,
-        warm_up_stops=0, is_baseline=True, colour="#5d6b78", dashes=(0, (1.2, 1.6)), width=1.7,
+        warm_up_stops=0, is_baseline=True, decides=False, colour="#5d6b78", dashes=(0, (1.2, 1.6)), width=1.7,
     ),
     "lattice": StrategyKind(
         _with_solver(lambda _: Lattice()), "Lattice", "Evenly spread stops, planned once for the whole time.",
         needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True,
-        colour="#8c4a8c", dashes=(0, (5, 2)), width=1.5,
+        colour="#8c4a8c", decides=False, dashes=(0, (5, 2)), width=1.5,
     ),
     "two_pass": StrategyKind(
         _with_solver(lambda _: Lattice((0.25, 1.0))), "Two lattices",
         "Evenly spread stops, coarse in the first quarter of the time, then between them.",
         needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True,
-        colour="#b0718f", dashes=(0, (5, 1, 1, 1)), width=1.5,
+        colour="#b0718f", decides=False, dashes=(0, (5, 1, 1, 1)), width=1.5,
     ),
     # These make do with the map of one stop, which lies in the middle of the field.
     "ivr": StrategyKind(

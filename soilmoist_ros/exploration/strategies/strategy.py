@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.planning.decision import Thresholds
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule
 from soilmoist_ros.exploration.planning.prospect import Counting, Prospect
 from soilmoist_ros.exploration.strategies.route import ITERATIONS, Route, open_route
@@ -38,6 +39,8 @@ class Situation:
     :param staying: index of the candidate at which the robot stands and may count on without a trip: its travel
         time is 0, and no goal is sent when it is chosen; ``None`` if there is none
     :param prospect: computes the look-ahead, which is slow; ``None`` while there is no map
+    :param map_rate: rate of each cell of the map: with ``map_variance`` the posterior of each place. The model of
+        the prospect has the covariances of cells that represent the field
     :param legs_s: travel times from candidate to candidate of a route: ``legs_s(indices)``, shape (m - 1,) [s];
         ``None``: from ``travel_between_s``, which takes longer
     """
@@ -62,6 +65,8 @@ class Situation:
     travel_cost_s: Array | None = None
     staying: int | None = None
     legs_s: Callable[[NDArray[np.intp]], Array] | None = None
+    map_rate: Array | None = None  # [counts/s], shape (g,); ``None`` while there is no map
+    thresholds: Thresholds | None = None  # those of the decision that the map is for, if it is for one
 
     @cached_property
     def variance(self) -> Array:

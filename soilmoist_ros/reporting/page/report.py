@@ -31,6 +31,7 @@ from soilmoist_ros.reporting.page.charts import (
     moisture_chart,
     rate_chart,
 )
+from soilmoist_ros.reporting.page.decision import decision
 from soilmoist_ros.reporting.page.frame import (
     duration,
     dwell_text,
@@ -67,7 +68,7 @@ def render_report(run: MapRun) -> str:
         "report.html.j2", title=run.title, version=run.version, place=run.field_name,
         when=wording.survey_time(run), where=wording.place(run), simulated=run.simulated, run=run, curve=curve,
         facts=wording.facts(run), headline=wording.headline(run), notes=notes(run), irrigation=found,
-        guessed=calibration_of(run) in NO_LEVEL,
+        guessed=calibration_of(run) in NO_LEVEL, decision=decision(run),
         series=moisture_chart(moisture_series(run.track, curve)) if still and curve is not None else None,
         covariates=_covariate_rows(run), map_data=None if still else viewer_data(run, found),
         pictures=() if still else list(pictures(run)),

@@ -30,6 +30,7 @@ from soilmoist_ros.reporting.colours import (
 from soilmoist_ros.reporting.dose import dose_at
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts import round_ticks
+from soilmoist_ros.reporting.page.decision import DecisionMap, decision
 from soilmoist_ros.reporting.page.field_dose import FieldDose, has_level
 from soilmoist_ros.reporting.page.frame import percent, plain, round_step
 from soilmoist_ros.reporting.page.irrigation import IrrigationAdvice
@@ -169,6 +170,8 @@ def _layers(run: MapRun, found: IrrigationAdvice) -> Iterator[dict[str, Any]]:
         first, *more = _of_property(one, index, name)
         yield first
         if index == 0:
+            if (decided := decision(one)) is not None:
+                yield from _decision(one, decided)
             yield _layer(
                 one, 0, "zone", found.number, title="Irrigation zones", kind="zones",
                 hatch=_hatch(one, np.isfinite(found.number) & ~found.sure), hatchText="zone not certain",
@@ -209,6 +212,22 @@ def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]
     look = shown_as(f"{name}Rate uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(sd)[1]))
     about = "One standard deviation of the true rate, given all counts."
     yield _layer(run, index, "rate_sd", sd, **look, about=about)
+
+
+def _decision(run: MapRun, found: DecisionMap) -> Iterator[dict[str, Any]]:
+    """The zones by the thresholds of the mission, and the probability that a place is in the right one."""
+    inside = np.isfinite(found.number)
+    yield _layer(
+        run, 0, "decision", found.number, title="Decision", kind="zones", hatchText="zone not certain",
+        hatch=_hatch(run, inside & (found.probability < CERTAIN)),
+        zones=[{"name": zone.name, "limits": percent(zone.share), "colour": zone.colour} for zone in found.zones],
+        about=f"Zones by the thresholds of the mission. Hatched: the probability of the zone is below "
+        f"{percent(CERTAIN)}.",
+    )  # fmt: skip
+    yield _layer(
+        run, 0, "right", 100 * found.probability, **shown_as("Decision: how sure", "%", 0, WATER, (0.0, 100.0)),
+        about="Probability that the true value of a place lies in its zone: dark is sure.",
+    )  # fmt: skip
 
 
 def _dose(run: MapRun, found: FieldDose) -> dict[str, Any]:

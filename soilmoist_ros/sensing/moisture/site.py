@@ -14,6 +14,8 @@ from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from ruamel.yaml import YAML
 
@@ -342,6 +344,27 @@ class Irrigation(Section):
     def full(self) -> float:
         """Moisture to fill the root zone to [m^3/m^3]; NaN if it is not known."""
         return self.left(self.target_share)[0] if self.target is None else self.target
+
+    @property
+    def doses_mm(self) -> NDArray[np.float64]:
+        """Gross doses that the machine can apply, rising, without 0 [mm]."""
+        doses = self.steps_mm * np.arange(1.0, math.floor(self.max_dose_mm / self.steps_mm + 1e-9) + 1)
+        return np.asarray(doses[doses >= min(self.min_dose_mm, doses[-1]) - 1e-9])
+
+    @property
+    def dose_thresholds(self) -> tuple[float, ...]:
+        """Moistures below which a place gets the next higher dose [m^3/m^3]; several steps at once occur as often.
+
+        :raises InputError: if wilting point and field capacity are not known
+        """
+        if not math.isfinite(self.stress + self.full):
+            what = "thresholds of the dose need the water that plants use"
+            raise InputError(
+                what, "give wilting_point and field_capacity, or texture, in the site file (irrigation)"
+            )
+        doses = np.concatenate([[0.0], self.doses_mm])
+        moistures = self.full - (doses[1:] + doses[:-1]) / 2 * self.efficiency / self.root_depth_mm
+        return tuple(np.minimum(moistures, self.stress)[moistures > 0][::-1].tolist())
 
 
 class Site(Section):

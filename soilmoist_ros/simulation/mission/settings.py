@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from soilmoist_ros.foundation import InputError, Mistake, did_you_mean
 
 if TYPE_CHECKING:
-    from soilmoist_ros.exploration import DwellRule, RobotMotion, Strategy
+    from soilmoist_ros.exploration import DwellRule, RobotMotion, Strategy, StrategyKind
     from soilmoist_ros.mapping import DriftModel, FitMethod, LocalModel, ModelName, NoiseModel
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
     from soilmoist_ros.simulation.robot.scenario import RateDrift
@@ -150,6 +150,12 @@ def _strategies() -> Sequence[str]:
     return STRATEGIES.names()
 
 
+def _kind(strategy: Any) -> StrategyKind:
+    from soilmoist_ros.exploration import strategy_kind
+
+    return strategy_kind(strategy)
+
+
 def _models() -> Sequence[str]:
     from soilmoist_ros.mapping import VARIOGRAM_MODELS
 
@@ -172,6 +178,12 @@ def _share(value: float) -> float:
     if value > 1:
         raise InputError(f"must be at most 1, but it is {value!r}")
     return value
+
+
+def _plain_thresholds(text: str) -> str:
+    from soilmoist_ros.exploration import OF_DOSE, parse_thresholds
+
+    return text if text == OF_DOSE else ",".join(f"{value:g}" for value in parse_thresholds(text))
 
 
 def _not_percent(value: float) -> float:
@@ -303,9 +315,15 @@ class MissionSettings:
         None, "What is mapped: the counts at the stops only, as published, or all records.", str,
         choices=("stops", "records"),
     )  # fmt: skip
-    target: Literal["rate", "vwc"] = _setting(
-        "rate", "What the map is to be good for: the rate, or the moisture, whose error grows in wet soil.",
-        choices=("rate", "vwc"),
+    target: Literal["rate", "vwc", "decision"] = _setting(
+        "rate", "What the map is to be good for: the rate; the moisture, whose error grows in wet soil; or the "
+        "zones by --threshold. Then the mission also ends when more counts hardly change the zones.",
+        choices=("rate", "vwc", "decision"),
+    )  # fmt: skip
+    threshold: str | None = _setting(
+        None, "Thresholds between the zones, such as 0.15 or 0.15,0.25, for target decision: moisture in m3/m3 "
+        "where it is calibrated, else counts/s; dose: those between the doses of the site file.", str,
+        check=_plain_thresholds,
     )  # fmt: skip
     travel: Literal["free", "graph", "lanes"] = _setting(
         "free", "Travel in straight lines, on a travel graph, or on lanes as a car, which turns around only at "
@@ -437,6 +455,13 @@ class MissionSettings:
         if self.drift_hour is not None and self.drift == 0:
             text = "an hour of the drift is given, but the rate does not drift"
             mistakes.append(Mistake(text, "give drift, for rain -0.1"))
+        if (self.target == "decision") != (self.threshold is not None):
+            text = "target decision and threshold belong together, and only one is given"
+            mistakes.append(Mistake(text, "give both, such as target decision and threshold 0.2"))
+        if self.target == "decision" and self.strategy in _strategies() and not _kind(self.strategy).decides:
+            able = ", ".join(name for name in _strategies() if _kind(name).decides)
+            text = f"strategy {self.strategy} does not plan for a decision"
+            mistakes.append(Mistake(text, f"choose one of: {able}"))
         if mistakes:
             raise InputError(mistakes)
 

@@ -40,6 +40,7 @@ from soilmoist_ros.exploration import (
     RequestPlan,
     StartCounting,
     Stop,
+    Thresholds,
     Tick,
     Verb,
     Visit,
@@ -48,6 +49,7 @@ from soilmoist_ros.exploration import (
     dwell_rule,
     make_strategy,
     nominal_rate_cps,
+    parse_thresholds,
     pending_measurement,
     person_rules,
     strategy_kind,
@@ -145,7 +147,8 @@ class _Simulation:
     ) -> None:
         settings.check()
         self.settings = settings
-        self.forecasts_wanted = forecasts or settings.until_sd > 0 or settings.until_gain > 0
+        ends = settings.until_sd > 0 or settings.until_gain > 0 or settings.threshold is not None
+        self.forecasts_wanted = forecasts or ends
         # Without this, nothing depends on the maps; they are made for the entries of the series only.
         kind = strategy_kind(settings.strategy)
         weighs_dwell = isinstance(dwell_rule(settings.dwell), Optimal) and not kind.plans_dwell
@@ -157,6 +160,9 @@ class _Simulation:
                 f"the field {first.name!r} has no calibration, so its moisture cannot be mapped",
                 "choose the target rate, or give the field a calibration",
             )
+        self.thresholds = None
+        if settings.threshold is not None:
+            self.thresholds = Thresholds.of(parse_thresholds(settings.threshold), first.curve)
         self.grid = first.field.grid(settings.cell_m)
         self.travel, self.stops = travel_and_stops(first.field, self.grid, settings.motion, settings)
         known = read_covariates((*first.field.covariates, *covariates), first.frame, self.grid)
@@ -210,7 +216,8 @@ class _Simulation:
                 Property(
                     channel.field_map,
                     channel.wanted.weight,
-                    curve=channel.curve if settings.target == "vwc" else None,
+                    curve=None if settings.target == "rate" else channel.curve,
+                    thresholds=None if channel is not self.channels[0] else self.thresholds,
                 )
                 for channel in self.channels
             ],

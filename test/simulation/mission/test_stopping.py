@@ -52,3 +52,25 @@ def test_without_a_limit_forecasts_change_nothing():
     asked, _ = mission(field=UNIFORM, hours=0.5, until_sd=1e-6)
     assert result.series == asked.series
     assert any(one.forecast.hidden is not None for one in result.forecasts), "it is told, and the mission goes on"
+
+
+@pytest.mark.slow
+def test_a_mission_for_a_decision_counts_at_the_threshold_and_ends_when_it_is_made():
+    settings = {"field": "ridge", "hours": 2.0, "target": "decision"}
+    field = surrogate_field("ridge")
+    rates = field.rate_at(field.field.grid(4.0).cells)
+    limit = np.quantile(rates, 0.3)
+    found, _ = mission(**settings, threshold=f"{limit}")
+    plain, _ = mission(field="ridge", hours=2.0)
+    away = [
+        np.abs(field.rate_at(np.array([[one.x_m, one.y_m] for one in result.visits[40:]])) - limit).mean()
+        for result in (found, plain)
+    ]
+    assert away[0] < 0.9 * away[1]
+    forecasts = [one.forecast for one in found.forecasts]
+    assert forecasts[0].wrong is None, "it explores first"
+    assert forecasts[-1].wrong < 0.7 * next(one.wrong for one in forecasts if one.wrong is not None)
+    outside, hours = mission(**settings, threshold="9")
+    assert "the decision is made" in outside.ended
+    assert "outside what the field has" in outside.ended
+    assert 0.5 <= hours < 0.7

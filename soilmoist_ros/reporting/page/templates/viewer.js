@@ -51,7 +51,7 @@
   const limits = (layer) => byId("fixed").checked && layer.fixed ? layer.fixed : [layer.from, layer.to];
   function painter(layer) {
     if (layer.kind === "zones") {
-      const fills = data.zones.map((zone) => rgb(zone.colour));
+      const fills = (layer.zones || data.zones).map((zone) => rgb(zone.colour));
       return (value) => fills[Math.round(value)];
     }
     const stops = layer.colours.map(rgb), [from, to] = limits(layer), last = stops.length - 1;
@@ -242,7 +242,7 @@
     const to = byId("map-legend");
     to.textContent = "";
     if (shown.kind === "zones") {
-      data.zones.forEach(function (zone) {
+      (shown.zones || data.zones).forEach(function (zone) {
         const item = element("span", zone.name + " (" + zone.limits + ")", "swatch");
         item.style.setProperty("--fill", zone.colour);
         to.append(item);
@@ -281,8 +281,10 @@
       found.push([layer.title, text]);
       if (layer.key === "vwc" && data.rootDepth) { found.push(["Water in the upper " + data.rootDepth + " mm", number(value / 100 * data.rootDepth, 0) + " mm"]); }
     });
-    const zone = layers.zone, at = zone ? valueHere(zone) : NaN;
-    if (!isNaN(at)) { found.push(["Zone", data.zones[Math.round(at)].name + (hatchedHere(zone) ? " (not certain)" : " (certain)")]); }
+    for (const layer of [layers.zone, layers.decision]) {
+      const at = layer ? valueHere(layer) : NaN;
+      if (!isNaN(at)) { found.push([layer.zones ? layer.title : "Zone", (layer.zones || data.zones)[Math.round(at)].name + (hatchedHere(layer) ? " (not certain)" : " (certain)")]); }
+    }
     if (!found.length) { found.push(["No value", "this place is outside the mapped field"]); }
     return found.concat(nearby());
   }

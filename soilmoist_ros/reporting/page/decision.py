@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The map of a decision: zones by thresholds, and the probability that each place is in the right one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration import OF_DOSE, Thresholds, parse_thresholds
+from soilmoist_ros.pipeline import MapRun
+from soilmoist_ros.reporting.certainty import Certainty, calibration_of, certainty, class_probability, once_a_run
+from soilmoist_ros.reporting.colours import WATER, hex_ramp
+from soilmoist_ros.reporting.geometry import field_polygon
+from soilmoist_ros.reporting.page.frame import part_of_area, percent
+from soilmoist_ros.sensing import UNKNOWN_SENSOR
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DecisionZone:
+    """A zone between two thresholds; ``share`` is that of the field's area [0..1]."""
+
+    name: str
+    colour: str
+    area: str
+    share: float
+    certainty: Certainty
+
+
+@dataclass(frozen=True, eq=False)
+class DecisionMap:
+    """Zones by thresholds.
+
+    :param thresholds: rising, of the moisture [m^3/m^3] or of the rate [counts/s]
+    :param number: zone of each cell, from 0 for the lowest values, NaN outside the field, shape (ny, nx)
+    :param probability: probability that the true value of a cell lies in its zone, shape (ny, nx)
+    :param outside: thresholds that hardly any place is below, or hardly any is above
+    """
+
+    thresholds: tuple[float, ...]
+    of_moisture: bool
+    zones: tuple[DecisionZone, ...]
+    number: Array
+    probability: Array
+    outside: tuple[float, ...]
+
+    @property
+    def wrong(self) -> float:
+        """Share of the field that can be expected to be in the wrong zone [0..1]."""
+        return 1 - float(self.probability[np.isfinite(self.number)].mean())
+
+    @property
+    def text(self) -> str:
+        """What is decided, as sentences."""
+        text = f"Expected in the wrong zone: {percent(self.wrong)} of the field."
+        if self.outside:
+            which = " and ".join(_limit(value, self.of_moisture) for value in self.outside)
+            text += f" {which} is outside what the field has: the zone is the same nearly everywhere."
+        return text
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """The decision as plain JSON values."""
+        zones = [
+            {
+                "name": zone.name, "share": zone.share, "certain": zone.certainty.certain,
+                "certain_share": zone.certainty.sure, "expected_share": zone.certainty.expected,
+            }
+            for zone in self.zones
+        ]  # fmt: skip
+        unit = "m3/m3" if self.of_moisture else "counts/s"
+        about = {"thresholds": list(self.thresholds), "unit": unit, "outside": list(self.outside)}
+        return {**about, "wrong_share": self.wrong, "zones": zones}
+
+
+@once_a_run
+def decision(run: MapRun) -> DecisionMap | None:
+    """The map of the decision that the mission was for; ``None`` if it was for none."""
+    text = None if run.mission is None else run.mission.settings.threshold
+    if not text:
+        return None
+    soil_map, of_moisture = run.soil_map, run.calibrated and calibration_of(run) != UNKNOWN_SENSOR
+    edges = run.irrigation.dose_thresholds if text == OF_DOSE else parse_thresholds(text)
+    edges, curve = tuple(sorted(set(edges))), soil_map.curve if of_moisture else None
+    values = np.where(soil_map.grid.mask, soil_map.rate if curve is None else soil_map.vwc, np.nan)
+    index = np.searchsorted(edges, np.nan_to_num(values), side="right")
+    number = np.where(np.isfinite(values), index, np.nan)
+    probability = class_probability(soil_map.rate, soil_map.rate_sd, number, edges, curve, relative=False)
+    inside, size_m2 = np.isfinite(number), float(field_polygon(soil_map).area)
+    colours = hex_ramp(WATER if of_moisture else f"{WATER}_r", len(edges) + 1)
+    zones = []
+    for zone, colour in enumerate(colours):
+        chosen = number == zone
+        share, sure = np.count_nonzero(chosen) / np.count_nonzero(inside), certainty(probability[chosen])
+        area = part_of_area(share * size_m2, size_m2)
+        zones.append(DecisionZone(_range(zone, edges, of_moisture), colour, area, share, sure))
+    at = soil_map.rate[inside], soil_map.variance[inside]
+    outside = Thresholds.of(edges, curve).outside(*at)
+    return DecisionMap(edges, of_moisture, tuple(zones), number, probability, outside)
+
+
+def _range(zone: int, edges: tuple[float, ...], of_moisture: bool) -> str:
+    """Range of a zone in words."""
+    texts = [_limit(edge, of_moisture) for edge in edges]
+    if zone == 0:
+        return f"below {texts[0]}"
+    return f"above {texts[-1]}" if zone == len(edges) else f"{texts[zone - 1]} to {texts[zone]}"
+
+
+def _limit(value: float, of_moisture: bool) -> str:
+    return f"{100 * value:.3g} %" if of_moisture else f"{value:.3g} counts/s"
