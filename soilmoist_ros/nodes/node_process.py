@@ -22,9 +22,7 @@ from typing import Any, Final
 
 import rclpy
 from rclpy.duration import Duration
-from rclpy.executors import Executor, ExternalShutdownException
-from rclpy.experimental import EventsExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
@@ -34,6 +32,11 @@ from soilmoist_ros.foundation import InputError, SoilmoistError, printable
 from soilmoist_ros.nodes.parameter_tables import table_of
 from soilmoist_ros.nodes.parameters import NODES
 
+try:
+    from rclpy.experimental import EventsExecutor
+except ImportError:  # rclpy promises only the others, which take twice the time of the processor
+    EventsExecutor = SingleThreadedExecutor
+
 _SWITCH_S: Final = 5e-4
 """Longest wait of a callback for Python's lock while another thread computes [s]; each takes it several times, and
 Python's own 5 ms would add up to a late abort."""
@@ -41,7 +44,6 @@ _LAST_ORDERS_S: Final = 2.0  # longest time for what a node drives to hear that 
 _LAST_MESSAGES_S: Final = 3.0
 """Longest wait for the receivers of the last messages; launch files end a node by force after 5 s more [s]."""
 BAD_INPUT: Final = 2
-_RCL_ERROR: Final = rclpy_implementation.RCLError
 _SECURITY: Final = (
     "start the node with its enclave (--ros-args --enclave /soilmoist/NODE, or enclaves:=/soilmoist in the launch "
     "file), from a keystore that scripts/keystore has made; the ROS 2 packages of PyPI have no security"
@@ -128,7 +130,7 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     return_memory()
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    except _RCL_ERROR as error:
+    except RuntimeError as error:  # rclpy's own are its children
         sys.exit(_without_ros(error))
     executor = make_executor()
     stopping = False
@@ -155,9 +157,10 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     except SoilmoistError as error:
         print(printable(str(error)), file=sys.stderr, flush=True)
         code = BAD_INPUT
-    except (_RCL_ERROR, ValueError) as error:
-        # What rclpy raises for an action without permission is a ValueError.
-        if isinstance(error, ValueError) and not _secured():
+    except (RuntimeError, ValueError) as error:
+        # What rclpy raises for an action without permission is a ValueError; its other class is private.
+        of_rclpy = any(kind.__name__ == "RCLError" for kind in type(error).__mro__)
+        if not (of_rclpy or (isinstance(error, ValueError) and _secured())):
             raise
         code = _without_ros(error)
     finally:

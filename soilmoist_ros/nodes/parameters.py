@@ -254,6 +254,24 @@ def _names(content: Any, above: str = "") -> Iterator[str]:
             yield f"{above}{key}"
 
 
+def _given(node: Node, names: Iterable[str]) -> dict[str, Any]:
+    """Parameters that the node was started with.
+
+    The public part of rclpy has no list of them. Where its own is gone, these names are asked for; others pass
+    unseen, as ROS has it, and an empty list is the default.
+    """
+    listed = getattr(node, "_parameter_overrides", None)
+    if listed is not None:
+        return {name: parameter.value for name, parameter in listed.items()}
+    found = {}
+    for name in names:
+        value = node.declare_parameter(name, descriptor=ParameterDescriptor(dynamic_typing=True)).value
+        node.undeclare_parameter(name)
+        if value is not None:
+            found[name] = value
+    return found
+
+
 class Parameters:
     """The checked and declared parameters of a node, read by type, as they were at the start.
 
@@ -267,15 +285,14 @@ class Parameters:
     def __init__(self, node: Node, table: Sequence[Parameter], arguments: Sequence[str] | None = None) -> None:
         rows = self._rows = {row.name: row for row in table}
         self._node = node
-        overrides = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
-        given, warnings = current_names(rows, overrides)
-        known = {*rows, *node._parameters}
+        given, warnings = current_names(rows, _given(node, (*rows, *REMOVED)))
+        known = {*rows, *filter(node.has_parameter, given)}
         foreign = [name for name in given if name not in known and not name.startswith("qos_overrides.")]
         if foreign:
             for_all = names_for_all(sys.argv if arguments is None else arguments, node.get_name())
             # Launch files, too, write what they set under /**: a misspelt name is rather one of this node.
             foreign = [name for name in foreign if name in for_all and not _is_misspelt(name, rows)]
-        self._values, mistakes = check_values(rows, given, known={*node._parameters, *foreign})
+        self._values, mistakes = check_values(rows, given, known={*known, *foreign})
         if mistakes:
             raise InputError(mistakes)
         if foreign:

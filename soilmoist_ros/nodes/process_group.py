@@ -150,6 +150,13 @@ def free_domain() -> Iterator[int]:
     raise InputError("all ROS domains of this machine are in use", "end other simulations first")
 
 
+def _profiles_variable() -> str:
+    """Variable for a profile: Fast DDS 3, since ROS 2 Kilted, warns of the old name; 2 ignores the new one."""
+    prefixes = (sys.prefix, *os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    newer = any(Path(prefix, "share", "fastdds").is_dir() for prefix in prefixes)
+    return f"{'FASTDDS' if newer else 'FASTRTPS'}_DEFAULT_PROFILES_FILE"
+
+
 def loopback_environment(domain: int) -> dict[str, str]:
     """Environment variables that restrict processes to the loopback interface."""
     return {
@@ -158,8 +165,7 @@ def loopback_environment(domain: int) -> dict[str, str]:
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
         "ROS_STATIC_PEERS": "",
         "ROS_DISCOVERY_SERVER": "",
-        # This Fast DDS ignores the newer name of the variable.
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(config_folder() / "dds" / "loopback.xml"),
+        _profiles_variable(): str(config_folder() / "dds" / "loopback.xml"),
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
         "ROS_SECURITY_ENABLE": "false",  # keys hold in one domain, and nobody else reaches this one
     }

@@ -12,6 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.type_support import check_for_type_support
 
 from soilmoist_ros.foundation import InputError, listing
 from soilmoist_ros.recording import Qos, Request
@@ -59,13 +60,9 @@ def interface_class(name: str) -> Any:
         found = getattr(importlib.import_module(f"{package}.{folder}"), kind)
     except AttributeError:
         raise ImportError(f"{package} has no {folder} {kind!r}") from None
-    meta = type(found)
     try:
-        if meta._TYPE_SUPPORT is None:
-            meta.__import_type_support__()
-        if meta._TYPE_SUPPORT is None:
-            raise ImportError("Python's class is there, the C library is not")
-    except Exception as error:  # rosidl's own, or that of a library of another version
+        check_for_type_support(found)
+    except Exception as error:  # rosidl's or rclpy's own, or that of a library of another version
         raise ImportError(f"its type support cannot be loaded: {error}") from None
     return found
 

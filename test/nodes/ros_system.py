@@ -102,7 +102,7 @@ class RosSystem:
             }
             if self._make_keystore is not None:
                 self.environment |= security_environment(self._make_keystore(self.domain))
-            names = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_LOG_DIR", *SECURITY)
+            names = ("ROS_LOG_DIR", *SECURITY, *(name for name in self.environment if "_PROFILES_" in name))
             its = {name: self.environment[name] for name in names if name in self.environment}
             made.enter_context(patch.dict(os.environ, its))
             self.context = Context()

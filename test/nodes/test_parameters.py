@@ -21,6 +21,7 @@ from soilmoist_ros.nodes.parameter_tables import table_of
 from soilmoist_ros.nodes.parameters import NODES, OF_OTHERS, REMOVED, Parameter, Parameters
 from soilmoist_ros.nodes.planner_parameters import WATCH_PARAMETERS, failsafe_responses
 
+ROOT = Path(__file__).resolve().parents[2]
 TABLE = (
     Parameter(name="field", default="", description="field file"),
     Parameter(name="speed_mps", default=0.6, description="speed", unit="m/s", low=0.1, high=3.0),
@@ -54,6 +55,40 @@ def test_every_mistake_is_named_at_once(ros):
         "retries must be >= 0, got -1", "autostart must be true or false", "speed_mps must be 0.1 .. 3 m/s, got 9",
     ):  # fmt: skip
         assert part in said
+
+
+class Public:
+    """A node of an rclpy whose private attributes have other names."""
+
+    def __init__(self, node):
+        self._node = node
+
+    def __getattr__(self, name):
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._node, name)
+
+
+def test_without_the_private_list_of_rclpy_the_known_names_are_asked_for(ros):
+    parameters = Parameters(Public(make(ros, speed_mps=2, topics=["x"], sped_mps=1.0)), TABLE)
+    assert (parameters.number("speed_mps"), parameters.texts("topics")) == (2.0, ["x"])
+    with pytest.raises(InputError, match="retries must be >= 0, got -1"):
+        Parameters(Public(make(ros, retries=-1)), TABLE)
+
+
+def test_nothing_else_that_is_private_in_ros_is_used():
+    """A private name has no promise: only the one above is read, whose fall-back is tested."""
+    taken = set()
+    for path in (*ROOT.glob("soilmoist_ros/nodes/*.py"), *ROOT.glob("msg_adapters/*.py")):
+        text = path.read_text(encoding="utf-8")
+        own = {name for found in re.findall(r"\b(?:self|cls)\.(_\w+)|def (_\w+)", text) for name in found}
+        private = (
+            r"\b(?!self\b|cls\b)\w+\.(_[A-Za-z]\w*)|getattr\(\w+, \"(_\w+)|import (_\w+)|(rclpy\.impl|\b_rclpy\w*)"
+        )
+        taken |= {name for found in re.findall(private, text) for name in found} - own
+    assert taken - {""} == {"_parameter_overrides", "_exit", "_fields"}, (
+        "os._exit and namedtuple._fields are public"
+    )
 
 
 @pytest.mark.parametrize(
@@ -114,7 +149,7 @@ def test_descriptors_show_range_and_unit(ros):
 
 
 def test_the_page_names_the_parameters_that_may_change():
-    page = (Path(__file__).parents[2] / "docs" / "parameters.md").read_text()
+    page = (ROOT / "docs" / "parameters.md").read_text()
     for node in NODES:
         (cell,) = re.findall(rf"^\| `{node}` \| .* \| (.*) \|$", page, re.MULTILINE)
         assert re.findall(r"`(\w+)`", cell) == [row.name for row in table_of(node) if row.live]
