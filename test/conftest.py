@@ -44,8 +44,6 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @pytest.fixture(scope="session")
 def load_script():
-    """A function that loads a file of ``scripts/`` as a module, with what it imports from there."""
-
     def load(name: str) -> ModuleType:
         path = ROOT / "scripts" / name
         loader = SourceFileLoader(path.stem, str(path))

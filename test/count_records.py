@@ -19,7 +19,6 @@ def record(x_m=10.0, y_m=20.0, **changes):
 
 
 def drive(count, step_m=(6.0, 0.0), start=(5.0, 20.0)):
-    """Records of 10 s, one after the other."""
     return [
         record(start[0] + i * step_m[0], start[1] + i * step_m[1], stamp_s=100.0 + 10.0 * i) for i in range(count)
     ]

@@ -36,7 +36,6 @@ def run(*command, cwd, code=0):
 
 
 def installed_bytes(folder):
-    """Space on the disk, as du counts it."""
     return sum(path.lstat().st_blocks * 512 for path in folder.rglob("*"))
 
 

@@ -40,7 +40,6 @@ def test_the_site_builds_without_a_warning(tmp_path):
 
 
 def checked(pages, folder, caplog, **files):
-    """Warnings about a site of these pages."""
     for name, text in files.items():
         (folder / f"{name}.html").write_text(text)
     caplog.clear()

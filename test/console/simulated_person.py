@@ -140,7 +140,6 @@ class PageAdvice:
         return tuple(mission["stop"][1:])
 
     def ask(self, verb: str, **details: object) -> dict[str, object]:
-        """Send a command as the page does."""
         content = json.dumps({"robot": "", "verb": verb, "who": "Anna", "client": "test", **details}).encode()
         request = urllib.request.Request(
             f"{self.address}command", content, {"Content-Type": "application/json"}, method="POST"

@@ -36,7 +36,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.process]
 
 @contextmanager
 def guided(person, out, *more):
-    """The command, and what it shows; it is killed if it has not ended."""
     process = subprocess.Popen(
         [*COMMAND, "guide", "--field", "patches", "--logger-uri", person.uri("logger"), "--gnss-uri",
          person.uri("gnss"), "--dwell", "fmi:3", "--min-dwell", "1", "--speed", "6", "--stop-overhead", "1",

@@ -193,7 +193,6 @@ def alarm_row(sensor: Sensor, driving: bool, asked_days: float) -> tuple[str, ..
 
 
 def fault_row(name: str, seeds: int, clean: float) -> tuple[str, ...]:
-    """Errors of maps with one fault, with the tests and without."""
     faults = SensorFaults.model_validate(FAULTS[name])
     logs = [simulated(faults, seed) for seed in range(seeds)]
     errors = [map_error(log) for log in logs]

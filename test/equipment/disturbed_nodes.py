@@ -171,7 +171,6 @@ class Disturber:
         self._back.clear()
 
     def start(self) -> bool:
-        """Start another mission, as people do."""
         return self._resume(Verb.START)
 
     def end(self) -> None:
@@ -338,7 +337,6 @@ def _judge_records(judge: Judge, nodes: RealNodes, spans: Sequence[Span]) -> Non
 
 
 def _samples(nodes: RealNodes, sources: Mapping[str, Sequence[CountRecord]]) -> Samples:
-    """The samples of the map of records, made at once."""
     whole = MapRecords(open_survey(str(nodes.configuration / "field.yaml")).map)
     for name, records in sources.items():
         whole.take(name, records)

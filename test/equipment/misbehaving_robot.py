@@ -257,7 +257,6 @@ class MisbehavingRobot:
         self.panel.drive(max(self.graph.stops, key=lambda one: math.dist((one.x_m, one.y_m), self.place)))
 
     def other_cancels(self) -> None:
-        """Let another client cancel all goals."""
         self.foreign_s = self.now_s
         self.panel.cancel_all()
 
@@ -290,7 +289,6 @@ class MisbehavingRobot:
 
     @property
     def another(self) -> int:
-        """Number of further goals that have ended."""
         return sum(at_s > self.begun_s for at_s, identity in self.goals if identity not in self.open)
 
     @property
@@ -539,7 +537,6 @@ class MisbehavingRobot:
             before = status.phase
 
     def _wrong_records(self) -> int:
-        """Number of mapped records that are far from the truth."""
         times, path = np.array([at_s for at_s, *_ in self.track]), np.array([place for _, *place in self.track])
         right, wrong = [], []
         for record in self.panel.heard.records:

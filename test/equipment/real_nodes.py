@@ -330,7 +330,6 @@ class RealNodes:
         return (self._world if name == "field_simulator" else self._robot).pid(name)
 
     def freeze(self, name: str, frozen: bool) -> None:
-        """Let a node hang, or go on."""
         os.kill(self.pid(name), signal.SIGSTOP if frozen else signal.SIGCONT)
 
     def settle(self, limit_s: float = LIMIT_S) -> None:
@@ -347,12 +346,10 @@ class RealNodes:
             last = now
 
     def stop(self) -> None:
-        """End all nodes as an operator does."""
         self._robot.stop()
         self._world.stop()
 
     def ended(self) -> dict[str, int]:
-        """Exit codes of the nodes that have ended by themselves."""
         return self._robot.ended() | self._world.ended()
 
     def spoil(self, step_s: float | None = None, left_bytes: int | None = None) -> None:
@@ -372,7 +369,6 @@ class RealNodes:
 
 
 def _library(folder: Path) -> Path:
-    """The library that makes a computer unreliable, built in a folder."""
     path = folder / "unreliable.so"
     command = ["cc", "-O1", "-shared", "-fPIC", "-o", str(path), str(HERE / "unreliable.c"), "-ldl"]
     subprocess.run(command, check=True)

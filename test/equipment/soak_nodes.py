@@ -82,7 +82,6 @@ class Sample:
 
 
 def day_of_faults(hours: float, seed: int) -> list[Span]:
-    """Faults of some simulated hours, in order of time."""
     rng, until_s = random.Random(seed), hours * 3600.0 - 1200.0
     spans = [Span(fault, 0.0, until_s, rng.random()) for fault in OF_GOALS]
     for fault, period_s in PERIODS_S.items():

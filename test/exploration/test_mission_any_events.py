@@ -11,6 +11,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from soilmoist_ros.exploration import Alarm, Changes, Choice, MissionRules, OnSilence, Phase, Response, Stop, Verb
 from soilmoist_ros.exploration.mission.events import (
     ANYBODYS,
     STILL_M,
@@ -37,10 +38,7 @@ from soilmoist_ros.exploration.mission.events import (
 )
 from soilmoist_ros.exploration.mission.mission import Mission, step
 from soilmoist_ros.exploration.mission.state import Todo, event_from_dict, event_to_dict
-from soilmoist_ros.exploration.mission.types import Alarm, Changes, MissionRules, OnSilence, Phase, Response, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing.records import CountRecord
 
 STOPS = [Stop("a", 10.0, 0.0), Stop("b", 0.0, 20.0), Stop("far", 400.0, 0.0)]
@@ -206,7 +204,6 @@ class AnyEvents(RuleBasedStateMachine):
                     self.take(Command(self.now_s, Verb.START))
 
     def stand(self):
-        """The robot is seen at its place for a while."""
         for wait_s in (0.0, 2.0, 2.0, 2.0):
             self.now_s += wait_s
             self.take(Moved(self.now_s, *self.mission.state.position))
@@ -273,7 +270,6 @@ class AnyEvents(RuleBasedStateMachine):
     @precondition(lambda self: self.mission.next_deadline_s is not None)
     @rule()
     def deadline_comes(self):
-        """Nothing happens before a deadline, and something at it."""
         deadline_s, state = self.mission.next_deadline_s, self.mission.state
         between_s = (self.now_s + deadline_s) / 2
         assert step(self.rules, state, Tick(between_s)) == (replace(state, now_s=between_s), ())

@@ -77,7 +77,6 @@ def records() -> list[bytes]:
 
 
 def events() -> list[dict[str, object]]:
-    """The events of a short mission as a journal holds them."""
     record = CountRecord(1_780_000_000.0, 12.0, 8.0, 0.0, 30, 10.0, 9.5, 1.02, 1.03, 1.0)
     choice = Choice(Stop("s", 12.0, 8.0), "far", dwell=parse_dwell("fmi:60"))
     return [

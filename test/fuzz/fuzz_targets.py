@@ -144,7 +144,6 @@ def read_logger(path: Path) -> None:
 
 
 def read_live(data: bytes) -> None:
-    """Lines of a logger and a receiver, in turns."""
     stream = SensorStream(Site(), FRAME, "thorvald_crs")
     for number, line in enumerate(data.splitlines()[:400]):
         stream.take_logger_line(line, float(number))
@@ -186,7 +185,6 @@ def read_raster(path: Path) -> None:
 
 
 def read_vectors(path: Path) -> None:
-    """Polygons as a covariate on the grid of a field."""
     grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=10.0)
     read_covariates([CovariateSource.parse(f"{path}:kind")], FRAME, grid)
 
@@ -307,7 +305,6 @@ def read_geojson_field(path: Path) -> None:
 
 
 def read_request(data: bytes) -> None:
-    """A command of the operator's page."""
     request_from_json(read_json(data), {"": None})
 
 

@@ -148,7 +148,6 @@ class _Recorded(mission_simulator._Simulation):
 
 
 def mission(seed: int = 1) -> tuple[list[Event], MissionResult]:
-    """Events that the nodes publish in a mission, and the result."""
     settings = MissionSettings(
         field=FIELD, hours=0.3, seed=seed, dwell="fmi:60", cell_m=CELL_M, map_from="records", model="matern32",
         fit="reml", noise="local", preset="paper",
@@ -191,7 +190,6 @@ def was_reset(run: Path) -> None:
 
 
 def raw_lines(run: Path) -> None:
-    """A short survey with the lines of logger and receiver."""
     field = surrogate_field(FIELD)
     stops = np.array([(10.0, 10.0), (40.0, 12.0), (35.0, 30.0)])
     log = simulate_log(field, stop_and_go(stops, 60.0), np.random.default_rng(3))
@@ -214,7 +212,6 @@ def raw_lines(run: Path) -> None:
 
 
 def two_robots(run: Path) -> None:
-    """Two robots in one bag; only the second has a mission."""
     configure(run)
     with BagWriter(run / "bag") as writer:
         first, second = Robot(writer, run, "/robot1"), Robot(writer, run, "/robot2")
@@ -231,7 +228,6 @@ CASES: dict[str, Callable[[Path], None]] = {
 
 
 def summary(run: Path, **settings: Any) -> dict[str, Any]:
-    """Result of a replay of a run, in a few numbers."""
     from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 
     replay = replay_bag(run, ReplaySettings(**settings))

@@ -38,7 +38,6 @@ experiments:
 
 @pytest.fixture(scope="module")
 def fake():
-    """The fake simulator, importable in this process and in its children."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(HERE))
         import fake_mission
@@ -55,7 +54,6 @@ def whole(fake, tmp_path_factory):
 
 @pytest.fixture
 def computed(whole, campaign, tmp_path):
-    """The campaign, all of whose missions are stored in the folder of the test."""
     shutil.copytree(whole[0] / "runs", tmp_path / "runs")
     return campaign
 

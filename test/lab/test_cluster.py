@@ -109,7 +109,6 @@ def started(tools):
 
 @pytest.fixture
 def address(started):
-    """A scheduler with one worker, which its nanny starts again."""
     port = started.port()
     scheduler = started(
         "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"
@@ -207,7 +206,6 @@ def test_workers_of_another_version_are_refused(tmp_path, slow, started, address
 
 @contextmanager
 def dask_config(path):
-    """Dask as if the environment variable ``DASK_CONFIG`` named a file."""
     import dask.config
 
     before = deepcopy(dask.config.config)

@@ -24,7 +24,6 @@ GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=2.0)
 
 
 def surface(x, y):
-    """A smooth covariate in the plane of the field."""
     return 20 + 0.1 * x - 0.05 * y + 2 * np.sin(x / 15) * np.cos(y / 12)
 
 

@@ -31,7 +31,6 @@ def samples(number=36, rate_cps=8.0, exposure_s=60.0):
 
 
 def judge(records, of=None):
-    """Whether each record is unexpected, and the records that are released, in order."""
     checks, of, released = ExpectedCounts(3.0), of or samples(), []
     unexpected = []
     for one in records:

@@ -25,7 +25,6 @@ def covariance(xy: np.ndarray) -> np.ndarray:
 
 
 def draw(rng: np.random.Generator, share: float, counts: int = 60, surveys: int = 2, exposure_s: float = 400.0):
-    """Samples of surveys, and the true rate of each in the cells."""
     xy = rng.uniform(0, (60, 50), (counts * surveys, 2))
     places = np.concatenate([xy, CELLS])
     lower = np.linalg.cholesky(covariance(places) + 1e-9 * np.eye(len(places)))

@@ -84,14 +84,12 @@ class Link:
         self._server.close()
 
     def lose(self) -> None:
-        """End all connections, and refuse new ones."""
         self.is_lost = True
         for one in tuple(self._open):
             with contextlib.suppress(OSError):
                 one.shutdown(socket.SHUT_RDWR)
 
     def find(self) -> None:
-        """Let new connections pass."""
         self.is_lost = False
 
     def _accept(self) -> None:

@@ -36,7 +36,6 @@ SECURITY = ("ROS_SECURITY_KEYSTORE", "ROS_SECURITY_ENABLE", "ROS_SECURITY_STRATE
 
 
 def security_environment(keystore: Path) -> dict[str, str]:
-    """Environment variables with which nodes run encrypted or not at all."""
     return dict(zip(SECURITY, (str(keystore), "true", "Enforce"), strict=True))
 
 
@@ -168,7 +167,6 @@ class RosSystem:
         return process
 
     def start_publisher(self, kind: type, topic: str) -> NodeProcess:
-        """Start a process with a silent publisher: a participant has one type of a topic."""
         path = self.folder / "publisher"
         path.write_text(PUBLISHER.format(sys.executable, kind.__module__, kind.__name__, topic))
         path.chmod(0o755)
@@ -234,7 +232,6 @@ class NodeProcess:
 
     @property
     def running(self) -> bool:
-        """Whether the process still runs."""
         return self.process.poll() is None
 
     def stop(self, number: int = signal.SIGINT, timeout: float = LIMIT_S) -> int:

@@ -84,7 +84,6 @@ class Commanded(Planning):
         return parameter_value_to_python(answer.values[0])
 
     def set_parameter(self, name, value):
-        """Why it is refused, an empty text if it is set."""
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
         (result,) = self.ros.call(SetParameters, "planner/set_parameters", request).results
         return "" if result.successful else result.reason

@@ -47,7 +47,6 @@ class Received:
         self.stamps += [record.stamp_s for record in counts_from_message(message)]
 
     def require(self, stamps):
-        """Check that the stamps are consecutive, without repetition."""
         assert stamps
         # A node that was killed may have stored a record that is still on its way to the test.
         self._ros.wait_for(lambda: self.stamps[-1:] >= stamps[-1:], message="the last stored record")

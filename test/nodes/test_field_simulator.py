@@ -153,7 +153,6 @@ class Goal:
         return future.result()
 
     def end(self):
-        """Wait for the end; return status and success."""
         answer = self._wait(self._result)
         return answer.status, answer.result.success
 
@@ -162,7 +161,6 @@ class Goal:
 
 
 def far_node(field):
-    """Name and place of the node farthest from the start."""
     name = field.graph.names[-1]
     return name, field.graph.xy[-1]
 

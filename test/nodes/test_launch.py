@@ -36,8 +36,6 @@ def in_a_folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def seen(tmp_path):
-    """Parameters that a launched node receives."""
-
     def see(action):
         with ros_in_this_process(action.command_line(tmp_path), tmp_path):
             node = Node(action.executable)

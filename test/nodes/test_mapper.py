@@ -31,11 +31,8 @@ from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import FRAME, to_seconds
 from msg_adapters.soil_map import change_from_message, soil_map_from_message
 from msg_adapters.soilmoist_types import map_summary_to_message
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge import EarlierSurvey
+from soilmoist_ros.mapping import EarlierSurvey, FieldGrid, FieldMap, FieldMapSettings, make_soil_map, map_cells
 from soilmoist_ros.mapping.samples import as_samples
-from soilmoist_ros.mapping.soil_map import make_soil_map, map_cells
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.nodes.mapper import ChangeOutput
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS
@@ -59,7 +56,6 @@ def record(number, x_m, y_m, counts=40, **changes):
 
 
 def survey_records(n=24, seed=3):
-    """Stops of four records each, with the jitter of a receiver."""
     rng = np.random.default_rng(seed)
     stops = rng.uniform((2, 2), (58, 48), (-(-n // 4), 2))
     return [
@@ -98,8 +94,6 @@ def field(tmp_path):
 
 @pytest.fixture
 def start(ros, field, tmp_path):
-    """Starts a mapper of the field, and returns the publisher of its records."""
-
     def make(**params):
         site = params.pop("site", "example")
         # Without a clock, no stamp is impossible: the tests do not depend on the date.

@@ -28,6 +28,7 @@ from tf2_msgs.msg import TFMessage
 from virtual_navigation import FRAME, START_S, VirtualNavigation, World
 
 from msg_adapters import Model, counts_to_message, diagnostics_from_message, model_to_message, to_time
+from soilmoist_ros.exploration import Phase, RobotMotion, Stop, TravelGraph, make_topological_map
 from soilmoist_ros.exploration.control.field_access import AccessRules, CurrentAccess
 from soilmoist_ros.exploration.guard.robot_frames import (
     FIELD,
@@ -38,11 +39,6 @@ from soilmoist_ros.exploration.guard.robot_frames import (
     yaw_rotation,
 )
 from soilmoist_ros.exploration.guard.watch import Doing, Watch
-from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.topological_map import make_topological_map
-from soilmoist_ros.exploration.travel.travel import RobotMotion
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import Level, LocalFrame, PlaneMove, move_between
 from soilmoist_ros.mapping import Change, Changing, Drift, Field, TimedSamples, estimate_variogram
 from soilmoist_ros.mapping.samples import as_samples
@@ -99,7 +95,6 @@ class MapOfTheNavigation:
         self._receive = receive["topological_map_2"]
 
     def causes(self, document):
-        """Causes that are on a minute after a map has come."""
         self._receive(SimpleNamespace(data=json.dumps(document)))
         for _ in range(60):
             self._now_s += 1.0
@@ -322,7 +317,6 @@ class Values:
 
 @pytest.fixture
 def planner(monkeypatch):
-    """Frames of a planner, its datum service, and its warnings."""
     service, warnings = ToLL(), []
     node = SimpleNamespace(
         create_publisher=lambda *_: None,

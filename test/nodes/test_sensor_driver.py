@@ -25,9 +25,7 @@ from soilmoist_ros.foundation import Level, LocalFrame
 from soilmoist_ros.nodes.sensor_driver import NAME, StoredHeader
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS, SENSOR, VISITS
 from soilmoist_ros.recording.map_sources import DRIVER, RecordTail
-from soilmoist_ros.sensing.formats.log_layout import LogHeader
-from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
-from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message
+from soilmoist_ros.sensing import Fix, FixStatus, LogHeader, fix_from_message, format_header, format_record
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences, sentences_without_fix
@@ -124,7 +122,6 @@ class Outputs:
 
     @property
     def numbers(self):
-        """Running numbers of the records, computed from their times."""
         return [round((record.stamp_s - T0) / 10) for record in self.records]
 
     def health(self, name):

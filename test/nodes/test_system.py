@@ -26,9 +26,7 @@ from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.surrogate_field import write_field_file, write_site_file
-from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation import MissionSettings, surrogate_field, write_field_file, write_site_file
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 # rclpy warns when nodes of the system disappear during an answer.
@@ -78,7 +76,6 @@ class Robot:
         return True
 
     def wait_finished(self):
-        """Wait for the end of the mission, and return the status."""
         planner = self.processes["planner"]
         self.ros.wait_for(lambda: self.alive() and not planner.running, LIMIT_S, "the end of the mission")
         status = lambda: mission_from_message(self.missions[-1])  # noqa: E731

@@ -195,7 +195,6 @@ class VirtualNavigation:
         self.die()
 
     def die(self):
-        """Stop serving, whatever is in progress."""
         spinning, self._spinning = self._spinning, False
         if spinning:
             self.thread.join(5)

@@ -47,7 +47,6 @@ TEXT = "std_msgs/msg/String"
 
 @pytest.fixture(scope="session")
 def makers():
-    """The script that makes the golden bags."""
     pytest.importorskip("rclpy")
     spec = importlib.util.spec_from_file_location("make_golden_bags", GOLDEN / "make_golden_bags.py")
     module = importlib.util.module_from_spec(spec)
@@ -100,8 +99,6 @@ def with_files(case, **changes):
 
 @pytest.fixture
 def edited_site(tmp_path):
-    """A site file of the golden runs with a change."""
-
     def edit(more="", **replaced):
         text = (GOLDEN / "raw_lines" / "configuration" / "site.yaml").read_text()
         lines = [line for line in text.splitlines() if line.partition(":")[0] not in replaced]

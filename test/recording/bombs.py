@@ -59,7 +59,6 @@ def file_of(*records, summary=b"", start=None):
 
 @functools.cache
 def bombs() -> dict[str, bytes]:
-    """Files of 100 kB or less, by what they do."""
     zeros = zstd_of(bytes(1 << 20), 1024)
     begin = schema() + channel()
     good = chunk(begin + message(), len(begin + message()), "")

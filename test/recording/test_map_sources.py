@@ -54,7 +54,6 @@ def expected(records):
 
 
 def require_equal(field_map, records):
-    """Check that a map is that of these records, bit for bit."""
     full = expected(records)
     assert field_map.state.records == len(records)
     for name in ("xy", "counts", "exposure_s", "spread"):

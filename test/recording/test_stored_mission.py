@@ -22,7 +22,6 @@ ABORTED = (*STARTED, Command(3.0, Verb.ABORT))
 
 
 def run(folder, events, resume="ask", end=False, limit_s=60.0):
-    """A planner that takes in events, and crashes; or ends on request."""
     stored = StoredMission(folder, RULES, resume, limit_s)
     journal, mission = MissionJournal(stored.journal), stored.mission or Mission(RULES)
     for event in events:

@@ -275,7 +275,6 @@ def _pond(rng: np.random.Generator, polygon: Array) -> Array:
 
 
 def _rows(field: Field) -> TravelGraph:
-    """Rows of nodes inside the field, joined at their ends."""
     area = shapely.Polygon(field.polygon).difference(shapely.union_all([shapely.Polygon(r) for r in field.no_go]))
     roomy, (low, high) = area.buffer(-1.0), (field.polygon.min(axis=0), field.polygon.max(axis=0))
     rows: list[list[Stop]] = []

@@ -131,7 +131,6 @@ class PlannerProcess:
         self._judge.stop_sent(self._world.time_s, place, self._world.robot.place)
 
     def second(self) -> None:
-        """What the node's timers do."""
         self._later.run_due(self._world.time_s)
         self.control.hand_on()
         self.control.tick()
@@ -340,7 +339,6 @@ class PoseNavigator:
         return "another client drives the robot" if self._client.other_client else ""
 
     def overhear(self) -> None:
-        """Another client has sent a pose."""
         self._do(self._client.heard_other())
 
     def moved(self, place: Place, now_s: float, sd_m: float) -> None:

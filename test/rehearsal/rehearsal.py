@@ -83,7 +83,6 @@ def home_by_s(case: Case) -> float:
 
 
 def limits_of(case: Case) -> Limits:
-    """What is tolerated where fixes are seldom, or not exact."""
     sd_m = RECEIVERS[case.receiver].sd_m
     noise_m = 4 * sd_m if sd_m > 0.1 else 0.0 if case.stated == "true" else UNKNOWN_M
     off_m = 11.0 if case.stated == "true" else 15.0  # no standstill has taught the noise yet
@@ -116,7 +115,6 @@ class MapperProcess:
         self._world, self._begun_s = world, world.time_s
 
     def second(self, records: list[CountRecord]) -> None:
-        """Let a second pass, in which records may have come."""
         if records:
             self.store.received(records)
         elif self._world.time_s % POLL_S == 0:
@@ -181,7 +179,6 @@ class _Rehearsal:
         return whole
 
     def _doubted(self, doubt: Doubt) -> None:
-        """A mapper that is there hears of a doubt about the place."""
         if self.mapper is not None:
             self.mapper.store.doubt(doubt)
 

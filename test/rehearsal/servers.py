@@ -163,7 +163,6 @@ class ActionServer:
         """What the mission did against the goal of somebody else; empty if nothing."""
 
     def present(self, now_s: float) -> bool:
-        """Whether the server can be seen."""
         return not self._faults.on(Fault.SERVER_DEAD, now_s)
 
     @property
@@ -284,7 +283,6 @@ class PoseListener:
         return self._foreign and self._robot.drives
 
     def present(self, now_s: float) -> bool:
-        """Whether somebody subscribes to poses."""
         return not self._faults.on(Fault.SERVER_DEAD, now_s)
 
     def send(self, place: Place, now_s: float, foreign: bool = False) -> None:
@@ -323,7 +321,6 @@ def graph_route(graph: TravelGraph) -> Callable[[Place, str | Place], list[Place
 
 
 def straight_route(place: Place, target: str | Place) -> list[Place] | None:
-    """Way of a navigation that drives straight to a pose."""
     return None if isinstance(target, str) else [target]
 
 

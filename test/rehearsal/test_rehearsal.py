@@ -139,7 +139,7 @@ def test_without_fence_or_watch_the_judge_finds_violations(rehearsed, monkeypatc
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(3))
 def test_rehearsals_without_violations(rehearsed, number):
     outcome = rehearsed(make_case(1, number))
     assert outcome.violations == ()
@@ -182,7 +182,6 @@ def no_standing_robot(monkeypatch):
 
 
 def everything_stands(monkeypatch):
-    """Any motion counts as a standstill."""
     monkeypatch.setattr(Motion, "standing", lambda self, for_s, since_s=0.0: Standing(for_s))
 
 
@@ -192,7 +191,6 @@ def whole_radius(monkeypatch):
 
 
 def nobody_else(monkeypatch):
-    """Nobody asks whose goals the server works on."""
     monkeypatch.setattr(clients, "Listed", lambda lives, active, others: Listed(lives, active))
     monkeypatch.setattr(clients.ActionNavigator, "other_client", "")
 
@@ -213,7 +211,7 @@ NEEDED = [  # the number of a rehearsal, what is switched off, and what the judg
 @pytest.mark.parametrize(("fault", "number", "switch_off", "kind"), NEEDED)
 def test_each_watch_is_needed(rehearsed, monkeypatch, fault, number, switch_off, kind):
     case = replace(make_case(1, number, fault), budget_s=420.0)
-    assert kind not in {violation.kind for violation in rehearsed(case).violations}
+    assert rehearsed(case).violations == ()
     switch_off(monkeypatch)
     assert kind in {violation.kind for violation in rehearsed(case).violations}
 

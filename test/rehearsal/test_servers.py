@@ -26,7 +26,6 @@ from soilmoist_ros.mapping.field import Field
 
 
 def drive(server, robot, from_s, to_s):
-    """Everything that the server says in some seconds."""
     said = []
     for now_s in range(from_s + 1, to_s + 1):
         robot.advance(1.0)

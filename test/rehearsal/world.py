@@ -121,7 +121,6 @@ class World:
         return bool(outside_m < 0.2 and all(shapely.Polygon(ring).distance(place) > 0.5 for ring in field.no_go))
 
     def _move(self, for_s: float) -> list[Place]:
-        """The robot drives, or is moved; the places that it passes."""
         robot = self.robot
         self._stood_s = 0.0 if robot.drives else self._stood_s + for_s
         passed = robot.advance(for_s)

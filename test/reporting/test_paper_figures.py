@@ -91,8 +91,9 @@ def test_commands_write_figures_of_missions_and_seasons(tmp_path):
 
     for seed in (1, 2):
         choices = ("--field", "patches", "--strategy", "random", "--dwell", "fmi:60", "--hours", "0.2")
-        command("simulate", *choices, "--seed", seed, "--figures", "svg", "--out", tmp_path / f"run{seed}")
-        assert (tmp_path / f"run{seed}" / "figures" / "map.svg").is_file()
+        figures = ("--figures", "svg") if seed == 1 else ()
+        command("simulate", *choices, "--seed", seed, *figures, "--out", tmp_path / f"run{seed}")
+    assert (tmp_path / "run1" / "figures" / "map.svg").is_file()
     season = ("season", tmp_path / "run1", tmp_path / "run2", "--figures", "pdf", "--out", tmp_path / "season")
     answer = json.loads(command(*season, "--json").stdout)
     assert answer["summary"]["kind"] == "season"

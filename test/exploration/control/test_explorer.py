@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
+from soilmoist_ros.exploration import Property, RequestPlan, Stop, make_strategy, parse_dwell, stops_xy
 from soilmoist_ros.exploration.control.explorer import (
     Explorer,
     ExplorerSettings,
@@ -19,14 +20,9 @@ from soilmoist_ros.exploration.control.explorer import (
     nominal_rate_cps,
 )
 from soilmoist_ros.exploration.control.field_access import AccessRules, FieldAccess, cell_stops
-from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
-from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.prospect import MAX_STOPS
-from soilmoist_ros.exploration.strategies.registry import make_strategy
-from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame

@@ -15,15 +15,11 @@ from hypothesis import strategies as st
 from stand_in import StandIn
 
 from rehearsal.cases import GRAPHS, OUTLINES, random_ground
-from soilmoist_ros.exploration.control.explorer import ExplorerSettings
+from soilmoist_ros.exploration import ExplorerSettings, OperatorRequest, RobotMotion, Stop, parse_dwell
 from soilmoist_ros.exploration.control.field_access import AccessRules, CurrentAccess, FieldAccess
 from soilmoist_ros.exploration.control.mission_control import MissionControl, MissionSetup
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.field import Field

@@ -11,14 +11,9 @@ from types import SimpleNamespace
 import pytest
 from stand_in import StandIn, square_setup
 
-from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.mission_feed import MissionClock
-from soilmoist_ros.exploration.guard.failsafes import WatchLimits
-from soilmoist_ros.exploration.guard.watch import Watch
+from soilmoist_ros.exploration import MissionClock, MissionControl, Stop, Watch, WatchLimits, Way, parse_dwell
 from soilmoist_ros.exploration.mission.types import MissionEnd, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome, in_frame
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import InputError, Level, PlaneMove

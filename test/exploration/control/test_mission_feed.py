@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from soilmoist_ros.exploration import Choice, Mission, MissionRules, Phase, Stop, Verb, parse_dwell
 from soilmoist_ros.exploration.control.mission_feed import FIX_SILENCE_S, MissionClock, MissionFeed
 from soilmoist_ros.exploration.guard.motion import Motion
 from soilmoist_ros.exploration.mission.events import (
@@ -23,12 +24,7 @@ from soilmoist_ros.exploration.mission.events import (
     RequestPlan,
     VisitDone,
 )
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing import CountRecord, PlaceFix
 
 EAST = Stop("east", 30.0, 0.0)

@@ -11,15 +11,10 @@ import numpy as np
 import pytest
 from test_mission_control import Around
 
-from soilmoist_ros.exploration.control.explorer import ExplorerSettings
-from soilmoist_ros.exploration.control.field_access import FieldAccess
+from soilmoist_ros.exploration import ExplorerSettings, FieldAccess, Mission, Stop, VisitEnd, parse_dwell
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode, RequestError, Requests
 from soilmoist_ros.exploration.mission.events import AlarmOver, Command, Moved, Tick
-from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import Alarm, MissionRules, Phase, Response, Verb
-from soilmoist_ros.exploration.mission.visit import VisitEnd
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import InputError, LocalFrame

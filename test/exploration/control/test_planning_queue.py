@@ -8,16 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from soilmoist_ros.exploration import Choice, FieldAccess, PendingMeasurement, RobotMotion, Stop, parse_dwell
 from soilmoist_ros.exploration.control.explorer import ExplorerSettings, make_explorer
-from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
-from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import Change, Changing, Drift, Field, TimedSamples, estimate_variogram
 from soilmoist_ros.mapping.samples import as_samples

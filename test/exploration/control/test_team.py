@@ -12,29 +12,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stand_in import AtOnce, StandIn, square_setup
 
-from soilmoist_ros.exploration.control.explorer import Explorer
-from soilmoist_ros.exploration.control.field_access import AccessRules, cell_stops
+from soilmoist_ros.exploration import AccessRules, Explorer, Mission, MissionClock, Property, Stop, Way, cell_stops
 from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.control.team import PendingMeasurement, Team, foreseen, pending_measurement
 from soilmoist_ros.exploration.mission.events import RequestPlan
-from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
-from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import Level
-from soilmoist_ros.mapping import PoissonKriging
+from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, PoissonKriging, estimate_variogram
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.samples import as_samples
-from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.records import CountRecord
 
 pytest.importorskip("diagnostic_msgs")

@@ -9,13 +9,8 @@ import numpy as np
 import pytest
 from stand_in import AtOnce, StandIn, square_setup
 
-from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.mission_feed import MissionClock
+from soilmoist_ros.exploration import ANYBODYS, FAILSAFES, Cause, Mission, MissionClock, MissionControl, Watch
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
-from soilmoist_ros.exploration.guard.watch import Watch
-from soilmoist_ros.exploration.mission.events import ANYBODYS
-from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionEnd, Phase, Response, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.foundation.errors import Level
@@ -491,7 +486,6 @@ def strays(farm, mps, to=(50.0, 1e6), noise_m=0.02):
 
 
 def stopped(farm, cause, within_s):
-    """The robot strays until it is stopped because of this cause."""
     farm.run(lambda: cause in farm.alarms, within_s)
     farm.stray = None
     return farm

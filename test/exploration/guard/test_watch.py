@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Causes of trouble, their alarms, and how they end."""
+"""Causes of trouble, their alarms, and how they end: watch.py and failsafes.py."""
 
 import math
 from dataclasses import replace

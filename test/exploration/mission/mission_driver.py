@@ -4,6 +4,7 @@
 
 import math
 
+from soilmoist_ros.exploration import Choice, Mission, MissionRules, Stop, Verb, parse_dwell
 from soilmoist_ros.exploration.mission.events import (
     Answer,
     Command,
@@ -15,11 +16,6 @@ from soilmoist_ros.exploration.mission.events import (
     RecordArrived,
     RequestPlan,
 )
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import MissionRules, Verb
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing.records import CountRecord
 
 HOME = Stop("home", 0.0, 0.0)

@@ -8,14 +8,10 @@ from dataclasses import replace
 
 import pytest
 
+from soilmoist_ros.exploration import Choice, Mission, MissionRules, Phase, Stop, Verb, parse_dwell
 from soilmoist_ros.exploration.mission.events import Command, GoalReached, Moved, Planned, RecordArrived
 from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission, interrupted_records
-from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_dict
-from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.records import CountRecord
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver, make_rules
 
+from soilmoist_ros.exploration import Choice, Forecast, Stop, VisitEnd
 from soilmoist_ros.exploration.mission.events import (
     Answer,
     CancelGoal,
@@ -31,11 +32,7 @@ from soilmoist_ros.exploration.mission.events import (
 from soilmoist_ros.exploration.mission.mission import Mission, step
 from soilmoist_ros.exploration.mission.state import MissionState, event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, OnSilence, Phase, PlanKind, Verb
-from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
-from soilmoist_ros.exploration.planning.forecast import Forecast
-from soilmoist_ros.exploration.strategies.strategy import Choice
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.errors import InputError
 
 # The usual course

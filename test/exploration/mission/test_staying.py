@@ -7,6 +7,7 @@ import json
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver
 
+from soilmoist_ros.exploration import Mission, Stop, VisitEnd, parse_dwell
 from soilmoist_ros.exploration.mission.events import (
     Command,
     EmergencyStop,
@@ -19,11 +20,7 @@ from soilmoist_ros.exploration.mission.events import (
     Tick,
     VisitDone,
 )
-from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb
-from soilmoist_ros.exploration.mission.visit import VisitEnd
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.stop import Stop
 
 
 def done(records=6, **rules):

@@ -5,6 +5,7 @@
 import pytest
 from mission_driver import EAST, HOME, Driver
 
+from soilmoist_ros.exploration import Alarm, MissionEnd, Phase, Response, Stop, VisitEnd, parse_dwell
 from soilmoist_ros.exploration.mission.events import (
     ANYBODYS,
     AlarmOver,
@@ -19,10 +20,6 @@ from soilmoist_ros.exploration.mission.events import (
     Tick,
     VisitDone,
 )
-from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, Phase, Response
-from soilmoist_ros.exploration.mission.visit import VisitEnd
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.stop import Stop
 
 
 def seen_at(driver, *places, every_s=2.0):

@@ -12,13 +12,10 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "mission"))
 from mission_driver import EAST, NORTH, Command, Driver
 
-from soilmoist_ros.exploration.guard.failsafes import Cause
+from soilmoist_ros.exploration import CancelGoal, Cause, GoTo, Moved, Phase, Response, Stop, Verb, VisitDone, Way
 from soilmoist_ros.exploration.guard.watch import Doing, RobotSurroundings
-from soilmoist_ros.exploration.mission.events import CancelGoal, GoTo, Moved, VisitDone
-from soilmoist_ros.exploration.mission.types import Phase, Response, Verb
 from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.exploration.navigation.person import CHOSEN_S, PersonNavigator, person_rules, person_watch
-from soilmoist_ros.exploration.travel.stop import Stop, Way
 
 STOP = Stop("stop", 30.0, 0.0)
 PERSON = {"by_person": True, "goal_time_margin_s": 1e9}

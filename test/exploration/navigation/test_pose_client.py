@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.mission.events import ANYBODYS, FORGOTTEN
+from soilmoist_ros.exploration import ANYBODYS, FORGOTTEN, Stop, way_points
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.pose_client import (
     KEPT_S,
@@ -19,7 +19,6 @@ from soilmoist_ros.exploration.navigation.pose_client import (
     RobotTrack,
     SendPose,
 )
-from soilmoist_ros.exploration.travel.stop import Stop, way_points
 
 GOAL = Stop("goal", 10.0, 0.0)
 TO_GOAL = way_points([(0.0, 0.0), (10.0, 0.0)], GOAL)

@@ -18,10 +18,7 @@ from soilmoist_ros.exploration.planning.forecast import (
     differences,
     map_forecast,
 )
-from soilmoist_ros.mapping import Variogram
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge import EarlierSurvey, Knowledge
+from soilmoist_ros.mapping import EarlierSurvey, FieldGrid, FieldMap, FieldMapSettings, Knowledge, Variogram
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve

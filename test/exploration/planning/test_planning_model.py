@@ -23,7 +23,6 @@ def kriging(seed=0, nugget=0.02, count=12):
 
 
 def after_counting(before, xy, noise_s):
-    """The kriging with counts whose noise is that of ``noise_s`` seconds at the mean rate."""
     places, m = before.places, before.noise_mean_rate
     after = PoissonKriging(before.variogram, False, mean_rate=m)
     return after.fit(

@@ -9,14 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.control.explorer import Explorer
-from soilmoist_ros.exploration.control.field_access import cell_stops
-from soilmoist_ros.exploration.mission.events import RequestPlan
+from soilmoist_ros.exploration import STRATEGIES, Explorer, RequestPlan, cell_stops, make_strategy, warm_up
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, MarginalValue, parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
 from soilmoist_ros.exploration.planning.properties import Property, property_name, property_weights, variation
-from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Variogram, estimate_variogram

@@ -7,15 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.explorer import Explorer
-from soilmoist_ros.exploration.control.field_access import cell_stops
-from soilmoist_ros.exploration.mission.events import RequestPlan
+from soilmoist_ros.exploration import Counting, Explorer, Property, RequestPlan, cell_stops, make_strategy
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, MarginalValue, Optimal, parse_dwell
-from soilmoist_ros.exploration.planning.properties import Property
-from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour, Ground, design, filled, renewed
-from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import open_lattice
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings
@@ -48,7 +43,6 @@ def rng():
 
 
 def drive(strategy, left_s, dwell_s, choices):
-    """Visits of a strategy that counts nothing: choices, and the time left at each."""
     now, place = situation(left_s), PLACE
     made = []
     for _ in range(choices):

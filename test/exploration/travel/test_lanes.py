@@ -7,10 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.field_access import AccessRules, FieldAccess
-from soilmoist_ros.exploration.guard.fenced_graph import Outside
+from soilmoist_ros.exploration import AccessRules, FieldAccess, Outside, Way
 from soilmoist_ros.exploration.travel.lanes import LaneTravel, read_lanes, read_travel_map
-from soilmoist_ros.exploration.travel.stop import Way
 from soilmoist_ros.exploration.travel.travel import GraphTravel, RobotMotion, polyline_length_m
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping import Field

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration import Stop, TravelGraph
 from soilmoist_ros.exploration.travel.topological_map import (
     TopologicalMap,
     make_topological_map,
@@ -19,7 +19,6 @@ from soilmoist_ros.exploration.travel.topological_map import (
     permitted,
     read_topological_map,
 )
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import InputError, LocalFrame
 
 NOON = datetime(2024, 5, 17, 12, 0, 3)

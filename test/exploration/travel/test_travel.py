@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.travel.stop import Stop, way_points
+from soilmoist_ros.exploration import Stop, TravelGraph, way_points
 from soilmoist_ros.exploration.travel.travel import (
     FreeTravel,
     GraphTravel,
@@ -23,7 +23,6 @@ from soilmoist_ros.exploration.travel.travel import (
     polyline_length_m,
     polyline_turn_rad,
 )
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 
 SQUARE = np.array([[0, 0], [10, 0], [10, 10], [0, 10]], float)
 BLOCK = np.array([[4, 2], [6, 2], [6, 8], [4, 8]], float)

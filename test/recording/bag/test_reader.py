@@ -57,7 +57,6 @@ def counts(number=2):
 
 @pytest.fixture(params=["mcap", "sqlite3", "mcap compressed", "sqlite3 file", "sqlite3 message"])
 def foreign(request, tmp_path):
-    """A bag of another writer, in each storage."""
     storage, _, mode = request.param.partition(" ")
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
     writer = Writer(tmp_path / "foreign", version=9, storage_plugin=plugin)

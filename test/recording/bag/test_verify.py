@@ -373,7 +373,6 @@ def test_a_flipped_bit_outside_of_chunks_invents_nothing_and_costs_one_chunk(tmp
 
 
 def write_foreign(path, messages, **options):
-    """A file as another writer makes it."""
     with path.open("wb") as file:
         writer = McapWriter(file, **options)
         writer.start(profile="ros2")

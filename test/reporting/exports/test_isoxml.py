@@ -26,7 +26,6 @@ EACH = [(version, form) for version in VERSIONS for form in FORMS]
 
 
 def made(version=3, form="grid1", plan=None, **changes):
-    """XML and binary file of a task."""
     source, its = plan or irrigated()
     chosen = ExportSettings(isoxml_version=version, isoxml_form=form, **changes)
     xml, grid = task_data(source, its, chosen)

@@ -59,7 +59,6 @@ def test_a_failure_leaves_earlier_files(exported, tmp_path, monkeypatch):
 
 
 def older(folder):
-    """Turn a run folder into one of an earlier release."""
     for path in folder.glob("records*.csv"):
         path.unlink()
     for path in folder.glob("samples*.geojson"):

@@ -22,7 +22,6 @@ SIZE = 30
 
 
 def a_map(vwc, boundary, sd=0.01):
-    """A map in the plane of the field itself, masked by the boundary."""
     side = CELL_M * SIZE / 2
     transform = Affine(CELL_M, 0, -side, 0, -CELL_M, side)
     one = ExportedProperty("", "", {}, transform, FRAME.crs, {}, FRAME, {}, {})

@@ -1,13 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-
 from __future__ import annotations
 
+import dataclasses
 import re
 
 import numpy as np
 import pytest
 
+from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, make_soil_map
 from soilmoist_ros.reporting.moisture_steps import moisture_series
 from soilmoist_ros.reporting.page.charts import (
     Area,
@@ -20,6 +21,7 @@ from soilmoist_ros.reporting.page.charts import (
     round_ticks,
     time_axis,
 )
+from soilmoist_ros.reporting.page.variogram_charts import _sample_covariance, model_curve, sample_variogram
 from soilmoist_ros.sensing import CalibrationCurve, CountRecord
 
 
@@ -97,3 +99,77 @@ def test_clock_times_or_minutes_on_the_time_axis():
     assert "Day of 2020" in time_axis([1.6e9, 1.6e9 + 9 * 86400])[2]
     _, ticks, name = time_axis([1483137480.0, 1515779280.0])  # 2016-12-30 to 2018-01-12
     assert (name, ticks[0][1]) == ("Day", "2017-02-02")
+
+
+# Variograms ----------------------------------------------------------------------------------------------------
+
+GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 60), (0, 60)], 10.0)
+ISOTROPIC = Variogram("matern32", 0.02, 8.0, 0.5)
+LONG_NORTH = Variogram("matern32", 0.02, 12.0, 0.5, 6.0, 90.0)
+
+
+def survey(variogram, n=150, seed=3, exposure_s=60.0):
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, 60, (n, 2))
+    places = Samples(xy, np.zeros(n), np.full(n, exposure_s))
+    rate = 5 + np.linalg.cholesky(_sample_covariance(variogram, places) + 1e-9 * np.eye(n)) @ rng.normal(size=n)
+    samples = Samples(xy, rng.poisson(np.maximum(rate, 0.5) * exposure_s), np.full(n, exposure_s))
+    return make_soil_map(samples, GRID, variogram)
+
+
+@pytest.mark.slow
+def test_without_support_circles_are_expected_on_the_curve():
+    (found,) = sample_variogram(survey(ISOTROPIC))
+    curve = model_curve(ISOTROPIC, found.lag_m, None, np.zeros(3))
+    np.testing.assert_allclose(curve, ISOTROPIC(found.lag_m), rtol=1e-12)
+    np.testing.assert_allclose(found.expected, curve, rtol=0.05)
+    assert (found.low < found.expected).all()
+    assert (found.expected < found.high).all()
+
+
+@pytest.mark.slow
+def test_circles_of_the_true_model_lie_in_the_band_nine_times_in_ten():
+    inside = [np.mean([c.inside for c in sample_variogram(survey(ISOTROPIC, 60, seed))]) for seed in range(40)]
+    assert 0.82 < np.mean(inside) < 0.97
+
+
+def test_an_anisotropic_field_differs_along_and_across():
+    along, across = sample_variogram(survey(LONG_NORTH))
+    assert (along.angle_deg, across.angle_deg) == (90.0, 0.0)
+    near = slice(0, 4)
+    assert along.gamma[near].mean() < across.gamma[near].mean()
+    for classes in (along, across):
+        curve = model_curve(LONG_NORTH, classes.lag_m, classes.angle_deg, np.zeros(3))
+        np.testing.assert_allclose(classes.expected, curve, rtol=0.12)
+
+
+@pytest.mark.slow
+def test_supports_lower_the_curve_and_the_expectation_alike():
+    soil_map = survey(ISOTROPIC)
+    spread = np.array([12.0, 0.0, 0.0])  # stretches of 12 m from west to east
+    s = soil_map.samples
+    moving = Samples(s.xy, s.counts, s.exposure_s, np.tile(spread, (len(s), 1)))
+    (found,) = sample_variogram(dataclasses.replace(soil_map, samples=moving))
+    (points,) = sample_variogram(soil_map)
+    assert (found.expected < points.expected).all()
+    curve = model_curve(ISOTROPIC, found.lag_m, None, spread)
+    np.testing.assert_allclose(found.expected[1:], curve[1:], rtol=0.06)
+
+
+def test_covariance_of_samples_is_that_of_kriging():
+    rng = np.random.default_rng(4)
+    xy, spread = rng.uniform(0, 40, (8, 2)), np.array([6.0, 1.0, 3.0])
+    places = Samples(xy, np.full(8, 50), np.full(8, 10.0), np.tile(spread, (8, 1)))
+    covariance = _sample_covariance(LONG_NORTH, places)
+    kriging = PoissonKriging(LONG_NORTH, mean_rate=5.0).fit(
+        places.xy, places.counts, places.exposure_s, places.spread
+    )
+    weights, lagrange = kriging.weights(np.array([[20.0, 20.0]]))
+    points = make_soil_map(places, GRID, LONG_NORTH)
+    rhs = (covariance + np.diag(np.full(8, 0.5))) @ weights[:, 0] + lagrange[0]
+    towards = _sample_covariance(
+        LONG_NORTH,
+        Samples(np.vstack([xy, [[20.0, 20.0]]]), np.ones(9), np.ones(9), np.vstack([places.spread, np.zeros(4)])),
+    )[:-1, -1]
+    np.testing.assert_allclose(rhs, towards, atol=1e-9)
+    assert points.curve is None

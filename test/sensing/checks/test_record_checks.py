@@ -15,7 +15,6 @@ from soilmoist_ros.sensing.survey.survey import Survey
 
 
 def log(counts, period_s=10.0, speed_mps=0.0):
-    """Records at one place, or along a line."""
     return [
         CountRecord(1.7e9 + period_s * n, speed_mps * period_s * n, 0.0, 0.0, int(each), period_s, period_s)
         for n, each in enumerate(counts)
