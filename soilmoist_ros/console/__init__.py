@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.console.plan_routes import SurveyFiles as SurveyFiles
     from soilmoist_ros.console.plan_work import Walk as Walk
     from soilmoist_ros.console.server import ConsoleServer as ConsoleServer, Steering as Steering
-    from soilmoist_ros.console.views import battery_view as battery_view, choices_view as choices_view, field_view as field_view, health_view as health_view, mission_view as mission_view, node_views as node_views, place_views as place_views
+    from soilmoist_ros.console.views import battery_view as battery_view, choices_view as choices_view, field_view as field_view, graph_views as graph_views, health_view as health_view, mission_view as mission_view, place_views as place_views
     from soilmoist_ros.console.visitors import LOOPBACK as LOOPBACK, PORT as PORT, Access as Access, free_port as free_port, invitation as invitation, reachable as reachable
     from soilmoist_ros.console.watched_mission import WatchedMission as WatchedMission
     # fmt: on
@@ -28,7 +28,7 @@ __getattr__, __dir__, __all__ = open_door(
         "plan_routes": "SurveyFiles",
         "plan_work": "Walk",
         "server": "ConsoleServer Steering",
-        "views": "battery_view choices_view field_view health_view mission_view node_views place_views",
+        "views": "battery_view choices_view field_view graph_views health_view mission_view place_views",
         "visitors": "Access LOOPBACK PORT free_port invitation reachable",
         "watched_mission": "WatchedMission",
     },

@@ -33,7 +33,14 @@ from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.plan_routes import SurveyFiles
 from soilmoist_ros.console.plan_work import Walk
 from soilmoist_ros.console.server import ConsoleServer
-from soilmoist_ros.console.views import choices_view, field_view, health_view, mission_view, place_views
+from soilmoist_ros.console.views import (
+    choices_view,
+    field_view,
+    graph_views,
+    health_view,
+    mission_view,
+    place_views,
+)
 from soilmoist_ros.console.visitors import LOOPBACK, Access, invitation, own_certificate, reachable, tls_context
 from soilmoist_ros.exploration import (
     PERSON_ENTRY_M,
@@ -253,7 +260,12 @@ class GuidedSurvey:
             self._control.take_up(self._stored.mission, self._stored.resumes)
         self._control.fit(None, 0.0, cell_m=survey.map.grid.cell_m)
         on_graph, grid = mission.travel != "free", survey.map.grid
-        self._control.use_graph(mission_map(survey.field, grid, mission.graph).graph if on_graph else None)
+        graph = mission_map(survey.field, grid, mission.graph).graph if on_graph else None
+        self._control.use_graph(graph)
+        if graph is not None:
+            nodes, edges = graph_views(graph.names, graph.xy, graph.edges)
+            self.board.put("nodes", nodes)
+            self.board.put("edges", edges)
         self._worker = MapWorker(survey.map.compute, self._on_map)
         self._worker.submit(survey.map.state)
         self._serve()

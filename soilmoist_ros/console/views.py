@@ -114,6 +114,13 @@ def node_views(names: Iterable[str], xy_m: Array) -> list[list[Any]]:
     return [[name, *_place(x_m, y_m)] for name, (x_m, y_m) in places if math.isfinite(x_m) and math.isfinite(y_m)]
 
 
+def graph_views(names: Iterable[str], xy_m: Array, edges: NDArray[np.int64]) -> tuple[list[Any], list[Any]]:
+    """Nodes of the navigation's map as :func:`node_views` has them, and edges as numbers of these, each once."""
+    shown = np.isfinite(xy_m[:, 0] + xy_m[:, 1])
+    numbers = (np.cumsum(shown) - 1)[edges[shown[edges].all(axis=1)]]
+    return node_views(names, xy_m), np.unique(np.sort(numbers, axis=1), axis=0).tolist()
+
+
 def _place(x_m: float, y_m: float) -> list[float]:
     return [round(x_m, PLACE_DIGITS), round(y_m, PLACE_DIGITS)]
 

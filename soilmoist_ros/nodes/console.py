@@ -47,11 +47,11 @@ from soilmoist_ros.console import (
     battery_view,
     choices_view,
     field_view,
+    graph_views,
     health_view,
     invitation,
     live_dose,
     mission_view,
-    node_views,
     place_views,
     reachable,
 )
@@ -251,8 +251,9 @@ class Console(Node):
         xy, datum = found.graph.xy, found.datum
         if datum is not None:
             xy = self._field.frame.to_local(*datum.to_geographic(xy).T)
-        nodes = node_views(found.graph.names, xy)
+        nodes, edges = graph_views(found.graph.names, xy, found.graph.edges)
         self._board.put("nodes", nodes)
+        self._board.put("edges", edges)
         if lost := len(xy) - len(nodes):
             remedy = "check the datum of the map (meta)"
             raise InputError(f"{lost} of {len(xy)} nodes are on the other side of the earth", remedy)

@@ -32,6 +32,7 @@ from soilmoist_ros.console.views import field_view
 from soilmoist_ros.console.visitors import Access, request_from_json
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.position.phone import PhoneReceiver
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 pytestmark = pytest.mark.usefixtures("urgent_jobs")
@@ -76,8 +77,9 @@ class Served:
         self.walk = Walk(self.board, "r1")
         files = SurveyFiles(folder / "fields", folder / "covariates", folder)
         self.server = ConsoleServer(
-            self.board, self.robots, access, lambda: self.map, files, {"r1": self.walk}, background
-        )
+            self.board, self.robots, access, lambda: self.map, files, {"r1": self.walk}, background,
+            phone=PhoneReceiver(),
+        )  # fmt: skip
         self.port = self.server.start("127.0.0.1", 0)
 
     def get(self, path, **headers):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import time
 
@@ -116,6 +117,29 @@ def test_an_area_is_ruled_out_listed_and_lifted_and_home_is_set(browser, served)
     )
     page.get_by_role("button", name="Make this place home").click()
     wait_for(lambda: abs(served.robots.requests[-1].place[0] - 15.0) < 1.0)
+
+
+PIXEL = """([x, y, atEdge]) => {
+    const map = document.getElementById("map"), [east, north, scale] = map.dataset.view.split(" ").map(Number);
+    const at = [map.clientWidth / 2 + (x - east) * scale, map.clientHeight / 2 - (y - north) * scale];
+    const [left, top] = at.map(one => Math.max(one, atEdge));
+    return {at, colour: [...map.getContext("2d").getImageData(left, top, 1, 1).data]};
+}"""
+
+
+def test_the_map_has_the_ways_and_shows_who_is_outside(browser, served):  # noqa: F811
+    served.board.put("mission/r1", UNDER_WAY)
+    served.board.put("place/r1", [-30.0, 20.0, None, 0.1])
+    served.board.put("plan/r1", [[20.0, 20.0]])
+    page = opened(browser, served, PHONE)
+    shown = wait_for(lambda: page.evaluate(PIXEL, [-30, 20, 0]))
+    assert 0 < shown["at"][0] < PHONE["width"]
+    ground = page.evaluate(PIXEL, [30, 40, 0])["colour"]
+    served.board.put("nodes", [["a", 10, 40], ["b", 50, 40]])
+    served.board.put("edges", [[0, 1]])
+    wait_for(lambda: page.evaluate(PIXEL, [30, 40, 0])["colour"] != ground)
+    served.board.put("place/r1", [-900.0, 20.0, None, 0.1])
+    wait_for(lambda: page.evaluate(PIXEL, [-900, 20, 24])["colour"][:3] == [168, 0, 24])
 
 
 def test_the_map_stays_in_view_while_corners_are_tapped(browser, served):  # noqa: F811
@@ -270,3 +294,37 @@ def test_one_forecast_lists_of_sentences_and_a_release_that_is_told(browser, ser
     shows(page, "stop", "STOP is pressed")
     served.board.put("mission/r1", UNDER_WAY | {"paused": True})
     shows(page, "notice", "STOP is released. Nothing moves before somebody resumes.")
+
+
+def test_a_phone_that_was_hidden_or_without_network_says_so_and_goes_on(browser, served):  # noqa: F811
+    served.board.put("mission/r1", UNDER_WAY | {"guided": 5.0})
+    served.board.put("phone", True)
+    page = opened(browser, served, PHONE)
+    page.context.grant_permissions(["geolocation"])
+    page.context.set_geolocation({"latitude": 53.268, "longitude": -0.524, "accuracy": 2.0})
+    devtools, sent = page.context.new_cdp_session(page), []
+    page.on("request", lambda request: sent.append(request.url) if request.url.endswith("/position") else None)
+    page.get_by_role("button", name="Use this phone's position").click()
+    wait_for(lambda: page.wait_for_timeout(100) or sent)
+    devtools.send("Debugger.enable")
+    devtools.send("Debugger.pause")  # a page without a window is never hidden, and not frozen by its life cycle
+    time.sleep(8.0)
+    devtools.send("Debugger.disable")
+    before = len(sent)
+    shows(page, "guide-alarm", "The page was hidden for")
+    wait_for(lambda: page.wait_for_timeout(100) or len(sent) > before)
+    conditions = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
+    devtools.send("Network.enable")
+    devtools.send("Network.emulateNetworkConditions", {"offline": True, **conditions})
+    shows(page, "alarm", "Nothing may be recorded now")
+    devtools.send("Network.emulateNetworkConditions", {"offline": False, **conditions})
+    expect(page.locator("#alarm")).to_be_hidden(timeout=LIMIT_MS)
+    walk = itertools.count(1)
+
+    def well():
+        place = {"latitude": 53.268 + 1e-6 * next(walk), "longitude": -0.524, "accuracy": 2.0}
+        page.context.set_geolocation(place)
+        page.wait_for_timeout(200)
+        return " s old" not in page.locator("#guide-alarm").inner_text()
+
+    wait_for(well)

@@ -11,17 +11,21 @@ const RING_M = 2 * Math.PI * 44, BUSY = ["planning", "waiting", "cancelling"], A
 const DEVICES = /(^|sensor_driver: )(logger link|records|GNSS( link)?)$/;
 let before = "", sound = null, use = null;
 
+// A hidden page, or a battery that is low, ends the wake lock; some browsers want a tap before it.
+let awake = null;
+const isAwake = () => Boolean(awake && !awake.released);
+async function stayAwake() {
+  if (document.hidden || isAwake()) return;
+  awake = await navigator.wakeLock?.request("screen").catch(() => null) ?? null;
+}
+stayAwake();
 // A sound needs a tap before it; phones that are silent vibrate.
-const stayAwake = () => { if (!document.hidden) navigator.wakeLock?.request("screen").catch(() => null); };
-addEventListener("pointerdown", () => {
-  sound ??= window.AudioContext ? new AudioContext() : null;
-  stayAwake();
-  document.addEventListener("visibilitychange", stayAwake);  // a locked phone has given the wake lock back
-}, { once: true });
+addEventListener("pointerdown", () => { sound ??= window.AudioContext ? new AudioContext() : null; stayAwake(); });
 
 function signal(tone, pattern) {
   navigator.vibrate?.(pattern);
   if (!sound) return;
+  if (sound.state !== "running") sound.resume().catch(() => null);  // a call, or the lock screen, has stopped it
   pattern.filter((_, index) => index % 2 === 0).forEach((ms, index) => {
     const voice = sound.createOscillator(), volume = sound.createGain(), at = sound.currentTime + 0.3 * index;
     voice.frequency.value = tone;
@@ -119,14 +123,16 @@ function actions(now) {
 // Where the phone is the GNSS receiver: its position goes to the computer as long as this page has the controls.
 const ASK_MS = 2000, PLACE = { enableHighAccuracy: true, maximumAge: 0, timeout: 20000 };
 const mayPlace = window.isSecureContext && navigator.geolocation;
-let watch = null, busy = false, cameAt = 0, fault = "";
+const GONE_S = 6, TELL_MS = 60_000, DAY_S = 86400;
+let watch = null, busy = false, cameAt = 0, fault = "", tickedAt = Date.now(), backAt = 0, awayS = 0;
 
 async function sendPlace({ coords, timestamp }) {
   cameAt = performance.now();
   if (busy || watch === null) return;
   busy = true;
   const { latitude, longitude, accuracy, altitude, speed } = coords;
-  const answer = await request("position", { latitude, longitude, accuracy, altitude, speed, age_s: (Date.now() - timestamp) / 1000 }, 5000);
+  const age_s = (Date.now() - timestamp) / 1000;  // some phones count from another day than 1970
+  const answer = await request("position", { latitude, longitude, accuracy, altitude, speed, age_s: Math.abs(age_s) < DAY_S ? age_s : 0 }, 5000);
   busy = false;
   fault = said(answer.error ?? "");
 }
@@ -149,11 +155,19 @@ function stopPhone() {
   sessionStorage.removeItem("phone");
 }
 
-// Some browsers say nothing while the phone stands, and stop a watch while the page is hidden.
-setInterval(() => {
-  if (watch !== null && performance.now() - cameAt > ASK_MS) navigator.geolocation.getCurrentPosition(sendPlace, () => null, PLACE);
-}, ASK_MS);
-document.addEventListener("visibilitychange", () => { if (watch !== null && !document.hidden) startPhone(); });
+// Some browsers say nothing while the phone stands. A page that is hidden, frozen or asleep gets no positions: it says
+// so when it is seen again, and starts anew.
+function tick() {
+  if (document.hidden) return;
+  const goneS = (Date.now() - tickedAt) / 1000;
+  tickedAt = Date.now();
+  if (watch === null) return;
+  if (goneS > GONE_S) { [awayS, backAt] = [goneS, tickedAt]; startPhone(); }
+  else if (performance.now() - cameAt > ASK_MS) navigator.geolocation.getCurrentPosition(sendPlace, () => null, PLACE);
+}
+setInterval(tick, ASK_MS);
+document.addEventListener("visibilitychange", () => { tick(); stayAwake(); if (watch !== null && !document.hidden) startPhone(); });
+addEventListener("pageshow", tick);
 if (sessionStorage.getItem("phone") && mayPlace) startPhone();
 
 // One tap, also after somebody else had the controls.
@@ -182,7 +196,8 @@ export function renderGuide(helpers) {
   const now = use.mission(), shown = view(now), wrong = connected() && now?.phase !== "finished" ? alarms(now) : [];
   fill("guide-sign", [shown.kind, shown.turn, shown.share], () => picture(shown));
   setText("guide-title", shown.title); setText("guide-big", shown.big ?? ""); setText("guide-line", shown.line ?? "");
-  const lines = [...(sections.phone && fault ? [fault] : []), ...wrong.map((part) => `${said(part.name)}: ${said(part.message)}`)];
+  const gone = Date.now() - backAt < TELL_MS ? t("phone_away", { duration: duration(awayS) }) : "";
+  const lines = [...(watch === null ? [] : [gone, isAwake() ? "" : t("phone_sleeps")].filter(Boolean)), ...(sections.phone && fault ? [fault] : []), ...wrong.map((part) => `${said(part.name)}: ${said(part.message)}`)];
   fill("guide-alarm", lines, () => lines.map((line) => element("p", {}, line)));
   $("guide").dataset.edge = shown.edge || (wrong.length ? (wrong.some((part) => part.level === 2) ? "bad" : "warn") : "");
   setText("guide-rest", now?.running ? `${t("n_stops", { n: now.stops })} · ${t("guide_left", { duration: duration(now.left_s) })}` : "");

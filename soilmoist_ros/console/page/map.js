@@ -6,7 +6,7 @@ import { sections } from "./link.js";
 
 const canvas = document.getElementById("map");
 const pen = canvas.getContext("2d");
-const view = { x: 0, y: 0, scale: 1, fitted: false };  // centre [m], pixels per metre
+const view = { x: 0, y: 0, scale: 1, fitted: false, moved: false };  // centre [m], pixels per metre; whether fingers moved it
 const picture = { image: null, version: -1, key: "", extent: null, loading: false };
 const pointers = new Map();
 export const draft = { boundary: [], areas: [], drawing: null, shown: false };  // what is drawn on the page Plan
@@ -27,18 +27,30 @@ export function insideOf(corners, x, y) {
   }, false);
 }
 
-export function fit() {
-  const points = sections.field?.boundary;
-  if (!points || !canvas.clientWidth) return;
+// Robots and their next stops: [robot, place].
+const marks = () => (sections.robots ?? []).flatMap((robot) => [sections[`place/${robot}`], sections[`plan/${robot}`]?.[0]].filter(Boolean).map((place) => [robot, place]));
+
+function boxOf(points) {
   const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
-  const [west, east, south, north] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+  return [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+}
+
+// Marks that the whole field is shown with; those farther away than it is wide are arrows at the edge.
+function nearMarks() {
+  const [west, east, south, north] = boxOf(sections.field.boundary), size = Math.max(east - west, north - south);
+  return marks().map(([, place]) => place).filter(([x, y]) => x > west - size && x < east + size && y > south - size && y < north + size);
+}
+
+export function fit() {
+  if (!sections.field?.boundary || !canvas.clientWidth) return;
+  const [west, east, south, north] = boxOf([...sections.field.boundary, ...nearMarks()]);
   // Next to the map on a phone, over it on a desk: buttons at the top, the legend at the bottom.
   const small = canvas.clientWidth < 500, legend = document.querySelector(".legend").offsetHeight;
   const [top, bottom, sides] = small ? [14, 30, 130] : [70, legend + 24, 150];
   const tall = Math.max(canvas.clientHeight - top - bottom, 100), wide = canvas.clientWidth - sides;
   view.scale = Math.max(0.01, Math.min(wide / (east - west || 1), tall / (north - south || 1)));
   view.x = (west + east) / 2; view.y = (south + north) / 2 + (top - bottom) / 2 / view.scale;
-  view.fitted = true;
+  view.fitted = true; view.moved = false;
   draw();
 }
 
@@ -46,7 +58,7 @@ export function zoom(factor, at = [canvas.clientWidth / 2, canvas.clientHeight /
   const [x, y] = ground(at);
   view.scale = Math.min(500, Math.max(0.02, view.scale * factor));
   const [nx, ny] = ground(at);
-  view.x += x - nx; view.y += y - ny;
+  view.x += x - nx; view.y += y - ny; view.moved = true;
   draw();
 }
 
@@ -109,7 +121,7 @@ function paint() {
   if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
     canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
   }
-  if (!view.fitted) fit();
+  if (!view.fitted || !view.moved && !pointers.size && !draft.drawing && sections.field && nearMarks().some(outside)) fit();
   canvas.dataset.view = [view.x, view.y, view.scale].join(" ");  // for tests, which tap places of the field
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, width, height);
@@ -130,6 +142,7 @@ function paint() {
   path(field.boundary); line("#fff", 5); line("#10151b", 2.5);
   nodes(); measured();
   (sections.robots ?? []).forEach(robotLayer);
+  for (const [robot, place] of marks()) if (outside(place)) arrow(place, colourOf(robot));
   if (draft.shown) drafts();
   if (area) hatch(area, "#6a3a00");
   if (chosen) cross(pixel(chosen));
@@ -176,6 +189,9 @@ function drafts() {
 }
 
 function nodes() {
+  pen.beginPath();
+  for (const pair of sections.edges ?? []) pair.forEach((one, index) => pen[index ? "lineTo" : "moveTo"](...pixel(sections.nodes[one].slice(1))));
+  line("#ffffffa0", 2.5); line("#10151b70", 1);
   if (view.scale < 2) return;
   for (const [, x, y] of sections.nodes ?? []) disc([x, y], 2, "#10151b80", null);
 }
@@ -185,7 +201,24 @@ function measured() {
   for (const place of sections.visits ?? []) disc(place, 5, "#fff", "#10151b");
 }
 
-const COLOURS = ["#a80018", "#5a1a8a", "#0b5127", "#10151b"], NEAR = 8;
+const COLOURS = ["#a80018", "#5a1a8a", "#0b5127", "#10151b"], NEAR = 8, EDGE = 24;
+const colourOf = (robot) => COLOURS[sections.robots.indexOf(robot) % COLOURS.length];
+
+function outside(place) {
+  const [x, y] = pixel(place);
+  return x < 0 || y < 0 || x > canvas.clientWidth || y > canvas.clientHeight;
+}
+
+// What is out of view: where it is, and how far beyond the edge.
+function arrow(place, colour) {
+  const [x, y] = pixel(place), at = [[x, canvas.clientWidth], [y, canvas.clientHeight]].map(([one, end]) => Math.min(Math.max(one, EDGE), end - EDGE));
+  pen.save(); pen.translate(...at); pen.rotate(Math.atan2(y - at[1], x - at[0]));
+  pen.beginPath(); pen.moveTo(16, 0); pen.lineTo(-8, 10); pen.lineTo(-8, -10); pen.closePath();
+  pen.fillStyle = colour; pen.fill(); line("#fff", 2.5);
+  pen.restore();
+  const left = at[0] > canvas.clientWidth / 2 ? -18 : 18, [gx, gy] = ground(at);
+  label(`${Math.round(Math.hypot(place[0] - gx, place[1] - gy))} m`, [at[0] + left, at[1]], "#10151b", left < 0 ? "right" : "left", 14, true);
+}
 
 // The plan of the chosen robot, its first stops with numbers; of the others the next stop only.
 function planLayer(robot, place, stops, colour) {
@@ -201,8 +234,8 @@ function planLayer(robot, place, stops, colour) {
   });
 }
 
-function robotLayer(robot, index) {
-  const several = (sections.robots ?? []).length > 1, colour = COLOURS[index % COLOURS.length];
+function robotLayer(robot) {
+  const several = (sections.robots ?? []).length > 1, colour = colourOf(robot);
   const trail = sections[`trail/${robot}`];
   if (trail?.length > 1) { path(trail, false); line("#ffffffb0", 4); line(several ? colour : "#0b3d66", 1.8); }
   const place = sections[`place/${robot}`], plan = sections[`plan/${robot}`] ?? [], mission = sections[`mission/${robot}`];
@@ -262,7 +295,7 @@ canvas.addEventListener("pointermove", (event) => {
     moved = 99;
     zoom(factor, [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2]);
   } else if (moved > 8) {
-    view.x -= (now[0] - before[0]) / view.scale; view.y += (now[1] - before[1]) / view.scale;
+    view.x -= (now[0] - before[0]) / view.scale; view.y += (now[1] - before[1]) / view.scale; view.moved = true;
     draw();
   }
   pointers.set(event.pointerId, now);
@@ -276,7 +309,7 @@ for (const kind of ["pointerup", "pointercancel"]) {
 canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(event.deltaY < 0 ? 1.2 : 1 / 1.2, inside(event)); }, { passive: false });
 canvas.addEventListener("keydown", (event) => {
   const step = 40 / view.scale, moves = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
-  if (moves[event.key]) { view.x += moves[event.key][0]; view.y += moves[event.key][1]; draw(); }
+  if (moves[event.key]) { view.x += moves[event.key][0]; view.y += moves[event.key][1]; view.moved = true; draw(); }
   else if (event.key === "+") zoom(1.25);
   else if (event.key === "-") zoom(0.8);
   else if (event.key === "Enter") onChoose([view.x, view.y]);
