@@ -55,10 +55,10 @@ def _read_mark(path: Path) -> dict[str, Any]:
 class StoredMission:
     """A journal that is opened by a planner, and the mission in it.
 
-    A planner that a launch file starts again after a crash goes on by itself, unless the mission was paused or
-    stopped by people, or its journal lacks entries that a full disk refused. After a power cut, an end on request
-    or repeated crashes ``resume`` (``ask``, ``auto`` or ``fresh``) decides. A mission that it forgets may have
-    left the robot driving.
+    A planner that a launch file starts again after a crash goes on by itself, unless a goal drove the robot, the
+    mission was paused or stopped by people, or its journal lacks entries that a full disk refused. After a power
+    cut, an end on request or repeated crashes ``resume`` (``ask``, ``auto`` or ``fresh``) decides. A mission that
+    it forgets may have left the robot driving.
 
     :param respawn_limit_s: longest time since the crash [s]; 0 to recognise none
     :raises InputError: if the journal cannot be read or written
@@ -91,7 +91,9 @@ class StoredMission:
         self.problems = found.problems
         waits = self.mission is not None and self.mission.state.waits_for_people
         trusted = found.complete and not waits
-        self.resumes = self.mission is not None and trusted and (crashed or resume == "auto")
+        # a watchdog that lives has stopped a robot on its way, and people resume; so they do without it
+        on_way = self.mission is not None and self.mission.state.goal is not None
+        self.resumes = self.mission is not None and trusted and ((crashed and not on_way) or resume == "auto")
         ended = found.snapshot is not None and state_from_json(found.snapshot).ended is not None
         self.starts = self.mission is None and not (crashed and ended)
 

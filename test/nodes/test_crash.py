@@ -137,11 +137,16 @@ def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path):
     ros.wait_for(lambda: set(stamps) <= set(received.stamps), message="all records of the journal to be heard of")
 
 
-def test_a_planner_that_is_started_again_after_a_crash_goes_on_unless_it_was_paused(ros, tmp_path):
+def test_a_planner_that_is_started_again_after_a_crash_goes_on_unless_it_drove_or_was_paused(ros, tmp_path):
     given = {"journal_dir": str(tmp_path / "journal"), "respawn_limit_s": 600.0, **MISSION, "hours": 2.0}
     with World(ros, rate=RATE) as world, VirtualNavigation(ros, world) as navigation:
+        on_way = Planning(ros, tmp_path, **given)
+        on_way.wait_phase(Phase.TRAVELLING)
+        on_way.process.kill()
         first = Planning(ros, tmp_path, **given)
-        first.wait_phase(Phase.TRAVELLING)
+        first.wait(lambda status: status.phase is Phase.PAUSED and "resumable" in status.reason, "people")
+        ros.wait_for(lambda: first.call("resume").success, message="people to be obeyed")
+        first.wait_phase(Phase.COUNTING)
         first.process.kill()
         world.rate = SLOW_RATE
         goals = len(navigation.goals)

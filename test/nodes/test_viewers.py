@@ -177,5 +177,5 @@ def test_both_layouts_say_nothing_of_other_topics():
 def test_the_architecture_picture_names_every_node_and_topic():
     root = ET.parse(ROOT / "docs" / "architecture.svg").getroot()
     words = set(re.findall(r"[\w/]+", " ".join("".join(text.itertext()) for text in root.iter(f"{SVG}text"))))
-    assert {"sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console"} <= words
+    assert {"sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console", "watchdog"} <= words
     assert {topic for topic in TOPICS if topic not in words and f"/{topic}" not in words} == set()

@@ -144,8 +144,9 @@ class MissionFeed:
         if ended.outcome is Outcome.SUCCEEDED and self.place is not None:
             self.give(GoalReached(now_s, ended.goal_id, *self.place))
         else:
-            superseded = ended.outcome is Outcome.SUPERSEDED
-            self.give(GoalFailed(now_s, ended.goal_id, ended.reason, superseded=superseded))
+            superseded, stopped = ended.outcome is Outcome.SUPERSEDED, ended.outcome is Outcome.STOPPED
+            failed = GoalFailed(now_s, ended.goal_id, ended.reason, superseded=superseded, stopped=stopped)
+            self.give(failed)
 
     def _moved(self, fix: PlaceFix, ages: PlaceAges) -> bool:
         age_s = ages.age_s(fix.now_s, fix.stamp_s)

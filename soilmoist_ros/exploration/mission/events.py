@@ -85,6 +85,7 @@ class GoalFailed:
     reason: str
     refused: bool = False  # the fence refused it, and it was never sent; its stop is ruled out without a retry
     superseded: bool = False  # another client's goal has replaced it: no failure, and people decide what follows
+    stopped: bool = False  # somebody else has cancelled it: the same, once the robot stands
 
 
 @dataclass(frozen=True, slots=True)

@@ -398,8 +398,13 @@ class _Step:
             self.arrive(place)
 
     def goal_failed(self, event: events.GoalFailed) -> None:
-        """The goal did not lead to its stop, or another client has replaced it: then people decide."""
+        """The goal did not lead to its stop, or others have replaced or cancelled it: then people decide."""
         resume = self.to_resume
+        if event.stopped and resume is not None:  # the robot may still roll, or not obey
+            self.set(goal=replace(self.goal, over=True, cancelled_s=self.now_s, requests=1))
+            self.hold(resume, f"{event.reason}; check the robot, then resume or abort")
+            self.stopped()
+            return
         self.set(goal=None)
         if event.superseded and resume is not None:
             self.hold(resume, f"{event.reason}; wait until the other goal is over, then resume or abort")

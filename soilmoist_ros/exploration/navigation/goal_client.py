@@ -40,7 +40,7 @@ CANCEL_AGAIN_S = 2.0  # time after which a goal that does not end is cancelled a
 UNENDED_S = 10.0  # time after its cancellation from which a goal without an end is reported [s]
 NEW_SERVER_S = 2.0  # time in which a server that was started again lists its goals, or is asked about them [s]
 SUPERSEDED = "another client drives the robot: its goal has replaced that of the planner"
-CANCELLED = "another client has cancelled the goal of the planner"
+CANCELLED = "the watchdog or another client has cancelled the goal of the planner"
 
 
 class GoalStatus(IntEnum):
@@ -198,7 +198,8 @@ class GoalClient:
         elif status == GoalStatus.SUCCEEDED and success:
             goal.step, goal.since_s = _GoalStep.CHECKING, now_s
         elif status == GoalStatus.CANCELED:  # not by this client: somebody wants the robot to stand
-            self._over(goal, Outcome.SUPERSEDED, CANCELLED)
+            why = (Outcome.SUPERSEDED, SUPERSEDED) if self._listed.others else (Outcome.STOPPED, CANCELLED)
+            self._over(goal, *why)
         else:
             self._fail(goal, f"the navigation {_said(status, success, why)}")
         return self._go_on(now_s)

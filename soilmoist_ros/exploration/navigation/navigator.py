@@ -19,6 +19,7 @@ class Outcome(StrEnum):
     CANCELED = "canceled"
     FAILED = "failed"
     SUPERSEDED = "superseded"  # another client's goal has replaced it
+    STOPPED = "stopped"  # the watchdog or another client has cancelled it
 
 
 @dataclass(frozen=True, slots=True)

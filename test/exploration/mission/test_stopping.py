@@ -109,6 +109,21 @@ def test_a_goal_that_another_client_has_replaced_is_no_failure():
     assert driver.command("resume").last(GoTo).stop == EAST
 
 
+def test_a_goal_that_the_watchdog_has_cancelled_is_a_stop_until_the_robot_stands():
+    driver = Driver(standstill_s=4.0).travelling()
+    seen_at(driver, (1.0, 0.0), (2.0, 0.0))
+    driver.send(GoalFailed, 1, "the watchdog or another client has cancelled the goal", stopped=True)
+    assert (driver.phase, driver.count_of(CancelGoal)) == (Phase.CANCELLING, 0)
+    assert "waiting for the robot to stop" in driver.reason
+    driver.send(Alarm, "watchdog", Response.PAUSE, "the planner is silent: 1.2 s")
+    seen_at(driver, (3.0, 0.0), (4.0, 0.0))
+    assert driver.phase is Phase.CANCELLING
+    assert "the planner is silent" in driver.reason
+    seen_at(driver, *[(4.5, 0.0)] * 7)
+    assert (driver.phase, driver.mission.state.failures, driver.count_of(GoTo)) == (Phase.PAUSED, 0, 1)
+    assert driver.mission.status.needs_operator
+
+
 # Moved while counting
 
 

@@ -52,7 +52,7 @@ def test_anything_else_is_not_an_arrival(status, success):
 
 
 def test_a_goal_that_somebody_else_cancels_is_left_to_people():
-    assert outcomes(client_with_goal().ended(1, CANCELED, False, 2.0)) == [Outcome.SUPERSEDED]
+    assert outcomes(client_with_goal().ended(1, CANCELED, False, 2.0)) == [Outcome.STOPPED]
 
 
 def test_no_goal_goes_to_two_servers_of_one_name():
