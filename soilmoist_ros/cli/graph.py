@@ -17,8 +17,10 @@ from soilmoist_ros.foundation import InputError
 @click.command("graph")
 @click.argument("field", type=Name("field", early=False))
 @click.option("--spacing", type=click.FloatRange(min=0, min_open=True), default=10.0, show_default=True,
-              help="Distance between nodes [m]; with --rows, along the row.")  # fmt: skip
+              help="Distance between nodes [m]; with --rows or --swaths, along the row or swath.")  # fmt: skip
 @click.option("--rows", type=click.FloatRange(min=0, min_open=True), help="Distance between crop rows [m].")
+@click.option("--swaths", type=FILE, help="Swaths of Fields2Cover (GeoJSON, or a path) or of opennav_coverage "
+              "(PathComponents, YAML or JSON), instead of a lattice or rows.")  # fmt: skip
 @click.option(
     "--heading", type=float, default=0.0, show_default=True, help="Direction of the rows from north [deg]."
 )
@@ -37,6 +39,7 @@ def command(
     field: str,
     spacing: float,
     rows: float | None,
+    swaths: Path | None,
     heading: float,
     headland: float,
     margin: float,
@@ -47,12 +50,15 @@ def command(
 ) -> None:
     """Build a travel graph for a FIELD: a topological map, or a graph of Nav2.
 
-    The graph is an open lattice. With --rows, it consists of crop rows that are connected at their ends only.
+    The graph is an open lattice. With --rows, it consists of crop rows that are connected at their ends only. With
+    --swaths, it has those of a coverage planner, joined by its turns or through the headland.
     """
     source = click.get_current_context().get_parameter_source
     for option in ("heading", "headland"):
         if rows is None and source(option) is ParameterSource.COMMANDLINE:
             raise click.UsageError(f"--{option} is for crop rows: it requires --rows")
+    if rows is not None and swaths is not None:
+        raise click.UsageError("--rows and --swaths exclude each other")
     if (kind == "nav2-route") != (out.suffix == ".geojson"):
         raise click.UsageError("a graph for --to nav2-route has the ending .geojson, and other maps do not")
     if out.exists() and not overwrite:
@@ -64,12 +70,16 @@ def command(
         make_topological_map,
         open_lattice,
         route_graph_text,
+        swath_graph,
         unreachable,
     )
     from soilmoist_ros.simulation import known_field
 
     known = known_field(field)
-    if rows is None:
+    if swaths is not None:
+        built, said = swath_graph(known, swaths, spacing, margin)
+        say(said)
+    elif rows is None:
         built = open_lattice(known, spacing, margin_m=margin)
     else:
         built = crop_rows(known, rows, spacing, heading, headland, margin_m=margin)

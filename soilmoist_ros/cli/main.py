@@ -94,6 +94,7 @@ EXAMPLES = {
     "graph": (
         "graph patches --spacing 8 --out lattice.yaml",
         "graph my_field.yaml --rows 3 --heading 20 --out rows.yaml",
+        "graph my_field.yaml --swaths swaths.geojson --to nav2-route --out lanes.geojson",
     ),
     "list": ("list", "list fields", "list loggers --json"),
     "logger": (

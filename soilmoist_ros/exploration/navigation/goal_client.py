@@ -198,8 +198,9 @@ class GoalClient:
         elif status == GoalStatus.SUCCEEDED and success:
             goal.step, goal.since_s = _GoalStep.CHECKING, now_s
         elif status == GoalStatus.CANCELED:  # not by this client: somebody wants the robot to stand
-            why = (Outcome.SUPERSEDED, SUPERSEDED) if self._listed.others else (Outcome.STOPPED, CANCELLED)
-            self._over(goal, *why)
+            replaced = self._listed.others
+            outcome, said = (Outcome.SUPERSEDED, SUPERSEDED) if replaced else (Outcome.STOPPED, CANCELLED)
+            self._over(goal, outcome, said)
         else:
             self._fail(goal, f"the navigation {_said(status, success, why)}")
         return self._go_on(now_s)

@@ -219,7 +219,7 @@ def open_lattice(
 
     low, high = field.polygon.min(axis=0), field.polygon.max(axis=0)
     count = np.prod(np.floor((high - low) / spacing_m) + 1) if spacing_m > 0 else 0
-    _require(float(count), spacing_m=spacing_m)
+    require(float(count), spacing_m=spacing_m)
     x_m, y_m = (_centred(low[axis], high[axis], spacing_m) for axis in (0, 1))
     area = DrivableArea((field.polygon,), field.no_go, margin_m)
     remedy = f"use a spacing smaller than {spacing_m:g} m"
@@ -227,7 +227,7 @@ def open_lattice(
         remedy = f"a margin of {margin_m:g} m leaves nothing of the field: use a smaller one"
     digits = len(str(max(len(x_m), len(y_m))))
     nodes = {
-        (row, column): _node(f"r{row + 1:0{digits}d}c{column + 1:0{digits}d}", float(x), float(y))
+        (row, column): node(f"r{row + 1:0{digits}d}c{column + 1:0{digits}d}", float(x), float(y))
         for row, y in enumerate(y_m)
         for column, x in enumerate(x_m)
     }
@@ -240,7 +240,7 @@ def open_lattice(
         for up, right in steps
         if (row + up, column + right) in nodes
     ]
-    return _connected(list(nodes.values()), _allowed(ways, area), remedy)
+    return connected(list(nodes.values()), allowed_ways(ways, area), remedy)
 
 
 def crop_rows(
@@ -264,13 +264,13 @@ def crop_rows(
     :param headland_m: width of the headlands, measured along the rows [m], > 0
     :raises InputError: if no row, no two joined nodes, or far too many would lie in the field
     """
-    _require(0, row_spacing_m=row_spacing_m, node_spacing_m=node_spacing_m, headland_m=headland_m)
+    require(0, row_spacing_m=row_spacing_m, node_spacing_m=node_spacing_m, headland_m=headland_m)
     heading = np.radians(heading_deg)
     along = np.array([np.sin(heading), np.cos(heading)])
     across = np.array([along[1], -along[0]])
     offsets = field.polygon @ across
     nodes_per_row = np.ptp(field.polygon @ along) / node_spacing_m + 3
-    _require(float(np.ptp(offsets) / row_spacing_m * nodes_per_row), row=row_spacing_m, node=node_spacing_m)
+    require(float(np.ptp(offsets) / row_spacing_m * nodes_per_row), row=row_spacing_m, node=node_spacing_m)
     lines = _centred(offsets.min(), offsets.max(), row_spacing_m, inset=True)
     area = DrivableArea((field.polygon,), field.no_go, margin_m)
     parts = ("", *ascii_lowercase[1:])
@@ -292,10 +292,10 @@ def crop_rows(
         for second in following
         for end in (0, -1)
     ]
-    ways = _allowed([way for way in ways if kept.issuperset(way)], area)
+    ways = allowed_ways([way for way in ways if kept.issuperset(way)], area)
     turns = _in_headland([way for way in turns if kept.issuperset(way)], field.polygon, headland_m)
     remedy = "use a smaller row spacing or narrower headlands, and check the heading"
-    return _connected([stop for stop in stops if stop in kept], ways + _allowed(turns, area), remedy)
+    return connected([stop for stop in stops if stop in kept], ways + allowed_ways(turns, area), remedy)
 
 
 def _row(name: str, piece: Array, node_spacing_m: float, headland_m: float) -> tuple[Stop, ...]:
@@ -307,7 +307,7 @@ def _row(name: str, piece: Array, node_spacing_m: float, headland_m: float) -> t
     places = piece[0] + at[:, None] * (piece[1] - piece[0])
     digits = len(str(len(inner)))
     labels = ["start", *(f"{number:0{digits}d}" for number in range(1, len(at) - 1)), "end"]
-    return tuple(_node(f"{name}-{label}", x, y) for label, (x, y) in zip(labels, places.tolist(), strict=True))
+    return tuple(node(f"{name}-{label}", x, y) for label, (x, y) in zip(labels, places.tolist(), strict=True))
 
 
 def _crossings(polygon: Array, along: Array, across: Array, offset: float) -> list[Array]:
@@ -335,14 +335,15 @@ def _in_headland(ways: list[tuple[Stop, Stop]], polygon: Array, headland_m: floa
     return [way for way, inside in zip(ways, shapely.covers(strip, lines), strict=True) if inside]
 
 
-def _allowed(ways: list[tuple[Stop, Stop]], area: DrivableArea) -> list[tuple[Stop, Stop]]:
+def allowed_ways(ways: list[tuple[Stop, Stop]], area: DrivableArea) -> list[tuple[Stop, Stop]]:
+    """The straight ways that stay in an area."""
     if not ways:
         return []
     allowed = area.allows(stops_xy([way[0] for way in ways]), stops_xy([way[1] for way in ways]))
     return [way for way, inside in zip(ways, allowed, strict=True) if inside]
 
 
-def _connected(nodes: list[Stop], ways: list[tuple[Stop, Stop]], remedy: str) -> BuiltGraph:
+def connected(nodes: list[Stop], ways: list[tuple[Stop, Stop]], remedy: str) -> BuiltGraph:
     """The largest connected part of nodes and edges, with every edge in both directions."""
     if not nodes:
         raise InputError("no node of the travel graph would lie inside the field", remedy)
@@ -356,7 +357,7 @@ def _connected(nodes: list[Stop], ways: list[tuple[Stop, Stop]], remedy: str) ->
     return BuiltGraph(whole.part(main), dropped)
 
 
-def _node(name: str, x_m: float, y_m: float) -> Stop:
+def node(name: str, x_m: float, y_m: float) -> Stop:
     """A node, rounded as in a topological map: what is validated here is what is driven."""
     return Stop(name, round(x_m, PLACE_DIGITS) + 0.0, round(y_m, PLACE_DIGITS) + 0.0)
 
@@ -368,7 +369,7 @@ def _centred(low: float, high: float, spacing_m: float, inset: bool = False) -> 
     return np.asarray((low + high) / 2 + (np.arange(count) - (count - 1) / 2) * spacing_m, np.float64)
 
 
-def _require(count: float, **lengths_m: float) -> None:
+def require(count: float, **lengths_m: float) -> None:
     """Refuse lengths that are not positive, and too many nodes."""
     for name, value in lengths_m.items():
         if not (np.isfinite(value) and value > 0):
