@@ -19,9 +19,9 @@ import pandas as pd
 import pytest
 
 from soilmoist_ros.foundation import InputError, resource, resource_names
-from soilmoist_ros.lab import CampaignInterrupted, CampaignProgress, mission_store, run_campaign
+from soilmoist_ros.lab import CampaignInterrupted, mission_store, run_campaign
 from soilmoist_ros.lab.campaign import Pace, load_campaign, mission_key, missions
-from soilmoist_ros.lab.mission_store import DamagedMissionError, pack, unpack
+from soilmoist_ros.lab.mission_store import pack, unpack
 from soilmoist_ros.lab.table import METRICS
 from soilmoist_ros.simulation import SETTINGS, MissionSettings, simulate_mission
 
@@ -346,16 +346,6 @@ def test_what_is_missing_is_said_before_anything_is_computed(campaign, tmp_path,
 
 
 @pytest.mark.slow
-def test_a_result_of_another_mission_is_refused(campaign, fake, tmp_path):
-    mission = missions(campaign)[0]
-    store = mission_store.MissionStore(tmp_path / "runs")
-    with pytest.raises(DamagedMissionError, match="another mission"):
-        store.write(mission, pack(fake(mission.settings), "0" * 16))
-    assert not list(store.folder.iterdir())
-    assert store.read(mission) is None
-
-
-@pytest.mark.slow
 def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path):
     path = tmp_path / "c.yaml"
     path.write_text("title: t\nruns: 1\nexperiments: [{name: a, travel: graph, graph: g.yaml}]\n")
@@ -419,15 +409,6 @@ def test_it_begins_unknown_and_ends_with_nothing():
     assert str(states[1]) == "4 of 5 missions · 30 a minute · 2 s left"
     assert str(states[-1]) == "5 of 5 missions · 30 a minute"
     assert states[-1].left_s == 0
-
-
-def test_failures_and_what_is_waited_for_are_shown():
-    states = []
-    pace = Pace(4, 4, states.append, lambda: 0.0)
-    pace.finished(float("nan"), failed=True)
-    pace.waits("waiting for a worker")
-    assert str(states[-1]) == "1 of 4 missions · 1 failed · waiting for a worker"
-    assert str(CampaignProgress(1, 2, per_minute=2.5, left_s=24.0)) == "1 of 2 missions · 2.5 a minute · 24 s left"
 
 
 @pytest.mark.parametrize("name", resource_names("campaigns"))

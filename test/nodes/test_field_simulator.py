@@ -245,24 +245,6 @@ def test_goals_end_where_they_should_are_cancelled_and_taken_over(ros, field):
     assert back.end() == (GoalStatus.STATUS_CANCELED, False)
 
 
-def test_the_surprises_of_thorvald(ros, field):
-    simulated = field(speed=20.0, scenario="thorvald")
-    name, _ = far_node(simulated)
-    goal = Goal(simulated, name)  # the server appears late
-    assert simulated.now_s >= 19
-    assert goal.cancel() == []
-    assert goal.end() == (GoalStatus.STATUS_ABORTED, False)
-    lost = Goal(simulated, "nowhere")
-    assert lost.handle.accepted
-    assert lost.end() == (GoalStatus.STATUS_ABORTED, False)
-    seen = len(simulated.gnss.found)
-    ros.wait_for(lambda: len(simulated.gnss.found) > seen + 2, message="fixes of a robot that stands")
-    before = simulated.place()
-    unmoved = Goal(simulated, name)  # the third
-    assert unmoved.end() == (GoalStatus.STATUS_SUCCEEDED, True)
-    assert simulated.is_at(before)
-
-
 def test_a_server_dies_while_requests_wait(ros, field, tmp_path):
     dies = ", ".join(f"{{at_s: {begin_s}, for_s: 5}}" for begin_s in range(10, 1000, 10))
     scenario = tmp_path / "dies.yaml"

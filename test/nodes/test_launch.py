@@ -19,7 +19,6 @@ from ros_system import ros_in_this_process
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.nodes.launching import parameters_from
 from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.sensing.moisture.site import load_site
 
@@ -420,15 +419,6 @@ def test_replay_plays_records_to_a_mapper_that_follows_the_recorded_time(monkeyp
     played = set(player.cmd[8:])
     assert "/r1/counts" in played
     assert not played & {f"/r1/{topic}" for topic in ("samples", "model", "soil_map", "uncertainty")}
-
-
-def test_texts_become_values_of_the_parameter_or_are_named():
-    for text, value in (("true", True), ("True", True), ("false", False)):
-        assert parameters_from("mapper", {"simulated": text, "no_parameter": "1"}) == {"simulated": value}
-    texts = {"field": "24", "site": "true"}
-    assert parameters_from("mapper", {**texts, "simulated": ""}) == texts
-    with pytest.raises(InputError, match="mapper: parameter cell_m must be a number"):
-        parameters_from("mapper", {"cell_m": "[1"})
 
 
 def test_each_node_gets_its_enclave(monkeypatch, tmp_path):

@@ -459,8 +459,6 @@ def test_one_good_forecast_may_be_chance():
 
 # Commands in mid-mission ----------------------------------------------------------------------------------------
 
-WELL = Stop("well", 5.0, 5.0)
-
 
 def ask(driver, verb, **values):
     return driver.send(Command, Verb(verb), who="eve", **values)
@@ -470,19 +468,6 @@ def finish_stop(driver):
     while driver.phase is Phase.COUNTING:
         driver.record()
     return driver
-
-
-def test_a_stop_that_was_asked_for_comes_next_with_its_own_dwell():
-    driver = Driver().counting()
-    assert ask(driver, "measure", stop=WELL, dwell_s=20.0).answer.accepted
-    assert driver.mission.status.queue == ("well",)
-    finish_stop(driver)
-    assert (driver.phase, driver.last(GoTo).stop) == (Phase.TRAVELLING, WELL)
-    assert "requested by eve" in driver.reason
-    finish_stop(driver.reach())
-    visit = driver.last(VisitDone).visit
-    assert (visit.name, visit.reason, visit.exposure_s) == ("well", "requested by eve", 20.0)
-    assert driver.phase is Phase.PLANNING
 
 
 def test_the_queue_is_put_in_order_and_shortened():

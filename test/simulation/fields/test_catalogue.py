@@ -79,15 +79,6 @@ def test_rates_and_moistures_are_possible_everywhere(name):
     np.testing.assert_allclose(surrogate.curve.rate_cps(vwc), rate)
 
 
-def test_a_generator_draws_another_field():
-    rates = [surrogate_field("airfield-simulated", np.random.default_rng(seed)).points_rate for seed in (1, 1, 2)]
-    np.testing.assert_array_equal(rates[0], rates[1])
-    assert (rates[0] != rates[2]).any()
-    usual = surrogate_field("airfield-simulated")
-    assert usual is surrogate_field("airfield-simulated"), "made once"
-    assert (rates[0] != usual.points_rate).any()
-
-
 def test_an_unknown_name_lists_those_there_are():
     with pytest.raises(
         InputError, match=r"'sythetic-high' -> give one of: synthetic-high, .*did you mean 'synthetic-h"

@@ -141,14 +141,6 @@ def test_a_nugget_is_filtered_without_spikes():
     assert abs(at - values[0]) > 1e-3
 
 
-def test_an_ill_conditioned_system_is_refused():
-    xy = np.column_stack([np.linspace(0, 10, 60), np.zeros(60)])
-    with pytest.raises(ValueError, match="ill-conditioned for the gaussian model with range 50 m"):
-        kriged_grid(
-            xy, np.sin(xy[:, 0]) + 4, Variogram("gaussian", 0.0, 50.0, 1.0), np.arange(3.0), np.arange(3.0)
-        )
-
-
 def test_an_extrapolation_below_zero_is_refused():
     xy = np.array([[0.0, 10.0], [8.0, 10.0], [10.0, 10.0], [30.0, 10.0]])
     with pytest.raises(ValueError, match=r"the extrapolated rate is -.* counts/s at x = .*overshoots"):

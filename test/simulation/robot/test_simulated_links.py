@@ -138,15 +138,6 @@ def connect(server):
     return client
 
 
-def test_all_clients_receive_the_greeting_and_the_same_bytes(server):
-    with connect(server) as early:
-        server.send(b"one\n")
-        with connect(server) as late:
-            server.send(b"two\n")
-            assert early.makefile("rb").read(14) == b"hello\none\ntwo\n"
-            assert late.makefile("rb").read(10) == b"hello\ntwo\n"
-
-
 @pytest.mark.parametrize("rude", [False, True])
 def test_clients_may_disconnect(server, rude):
     with connect(server) as stays:

@@ -98,24 +98,6 @@ def test_cancelling_stops_the_robot(cancel, outcome):
     assert not drive.cancel(goal)
 
 
-@pytest.mark.parametrize(
-    ("superseded", "end"), [("aborted", (GoalOutcome.ABORTED, False)), ("success", (GoalOutcome.SUCCEEDED, True))]
-)
-def test_a_new_goal_replaces_the_old_one(superseded, end):
-    drive = Drive(superseded=superseded)
-    first = drive.go("E")
-    drive.until(12)
-    second = drive.go("A")
-    drive.until(100)
-    # from 12 m back to the nearest node B, and on to A
-    assert drive.ends == [
-        (12, GoalEnded(first, *end)),
-        (12 + 12 + 5, GoalEnded(second, GoalOutcome.SUCCEEDED, True)),
-    ]
-    assert drive.place == (0.0, 0.0)
-    assert not drive.cancel(first)
-
-
 def test_success_without_motion():
     drive = Drive(goals=[{"kind": "no_motion", "nth": 2}])
     drive.go("B")
@@ -131,15 +113,6 @@ def test_a_failing_goal_ends_on_the_way():
     goal = drive.go("E")
     assert drive.until(100).ends == [(12.0, GoalEnded(goal, GoalOutcome.ABORTED, False))]
     assert drive.place == (12.0, 0.0)
-
-
-def test_a_hanging_goal_ends_when_it_is_cancelled():
-    drive = Drive(goals=[{"kind": "hangs", "nth": 1}])
-    goal = drive.go("E")
-    assert drive.until(10_000).ends == []
-    assert drive.place == (0.0, 0.0)
-    drive.cancel(goal)
-    assert drive.until(10_001).ends == [(10_000, GoalEnded(goal, GoalOutcome.CANCELED, False))]
 
 
 def test_a_blocked_edge_stops_the_robot_at_its_first_node():
@@ -233,14 +206,6 @@ def test_poses_fail_with_an_error_code_and_are_rejected():
     assert drive.place == (10.0, 0.0)
     assert pose(drive) is None
     assert pose(drive) is not None
-
-
-def test_a_rejected_node_does_not_replace_the_active_goal():
-    drive = Drive(goals=[{"nth": 2, "kind": "rejects"}])
-    goal = drive.go("E")
-    drive.until(10)
-    assert drive.go("A") is None
-    assert drive.until(100).ends == [(45.0, GoalEnded(goal, GoalOutcome.SUCCEEDED, True))]
 
 
 def test_a_cancellation_that_is_ignored_for_a_while():
