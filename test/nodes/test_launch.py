@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Launch files: the nodes that they start, and the parameters that the nodes receive."""
+"""Launch files: the nodes that they start, and the parameters that the nodes receive (launching.py)."""
 
 from __future__ import annotations
 
