@@ -264,9 +264,7 @@ def derivatives(elevation_m: Array, step_m: float) -> dict[str, Array]:
       metre of contour [m], tan b the slope, at least :data:`MIN_SLOPE`
     """
     at = _around(elevation_m)
-    east = (at[1, 1] + 2 * at[0, 1] + at[-1, 1]) - (at[1, -1] + 2 * at[0, -1] + at[-1, -1])
-    north = (at[1, 1] + 2 * at[1, 0] + at[1, -1]) - (at[-1, 1] + 2 * at[-1, 0] + at[-1, -1])
-    east, north = east / (8 * step_m), north / (8 * step_m)
+    east, north = _gradient(at, step_m)
     slope = np.hypot(east, north)
     length = np.sqrt(1 + slope**2)
     laplacian = (at[0, 1] + at[0, -1] + at[1, 0] + at[-1, 0] - 4 * elevation_m) / step_m**2
@@ -279,6 +277,17 @@ def derivatives(elevation_m: Array, step_m: float) -> dict[str, Array]:
         "curvature": -laplacian,
         "wetness": np.log(area / step_m / np.maximum(slope, MIN_SLOPE)),
     }
+
+
+def _gradient(at: Mapping[Offset, Array], step_m: float) -> tuple[Array, Array]:
+    east = (at[1, 1] + 2 * at[0, 1] + at[-1, 1]) - (at[1, -1] + 2 * at[0, -1] + at[-1, -1])
+    north = (at[1, 1] + 2 * at[1, 0] + at[1, -1]) - (at[-1, 1] + 2 * at[-1, 0] + at[-1, -1])
+    return east / (8 * step_m), north / (8 * step_m)
+
+
+def horn_slope(elevation_m: Array, step_m: float) -> Array:
+    """The ``slope`` of :func:`derivatives` alone [m/m]."""
+    return np.hypot(*_gradient(_around(elevation_m), step_m))
 
 
 def _around(values: Array) -> Mapping[Offset, Array]:

@@ -9,6 +9,7 @@ A source names a file, a part of it, and what is derived from elevations. The va
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +26,7 @@ from soilmoist_ros.mapping.covariate_files import (
     RasterBands,
     attribute_of,
     derivatives,
+    horn_slope,
     indicators,
     opened_raster,
     read_polygons,
@@ -128,6 +130,126 @@ class CovariateSection(Section):
     def source(self, folder: Path) -> CovariateSource:
         """The source, with its path from the folder of the field file."""
         return CovariateSource(folder / self.file, str(self.band), self.derive, self.name)
+
+
+# -- Ground that is too steep --------------------------------------------------------------------------------
+
+GROUND_M = 1.0
+"""Cells of elevations on which slopes are judged, unless pixels are larger: three of them, the base of a slope,
+are about as long as a robot [m]."""
+COARSE_M = 3.0  # pixels of elevations from which the steepness of banks and ditches is not seen [m]
+NOISE_SHARE = 0.25  # standard deviation of a slope by noise, as a share of the limit, from which it is named
+MAX_STEEP_AREAS = 300
+"""Steep areas of a field from which it is noise."""
+_SLOPE = re.compile(
+    r"slope\s*>=?\s*(?P<limit>\d+(\.\d*)?)\s*(?P<unit>deg|degrees?|°|%|per ?cent)"
+    r"(\s+in\s+(?P<file>[^,]+?))?(\s*,\s*unknown\s+(?P<unknown>no_go|allowed))?",
+    re.IGNORECASE,
+)
+
+
+@dataclass(frozen=True)
+class SlopeLimit:
+    """Slope above which ground must not be entered.
+
+    :param text: as it was given, such as ``slope > 15 deg``
+    :param limit: tangent of the slope [m/m], > 0
+    :param file: elevations; empty for the field's covariates that are derived from elevations
+    :param unknown: whether ground without an elevation is ``no_go`` or ``allowed``; empty if that was not said
+    """
+
+    text: str
+    limit: float
+    file: str = ""
+    unknown: str = ""
+
+    @classmethod
+    def parse(cls, text: str) -> SlopeLimit:
+        """Read ``slope > 15 deg`` or ``slope > 20 % in FILE, unknown allowed``.
+
+        >>> SlopeLimit.parse("slope > 20 %").limit
+        0.2
+        """
+        found = _SLOPE.fullmatch(text.strip())
+        value = float(found["limit"]) if found else 0.0
+        degrees = found is not None and found["unit"].lower()[0] in "d°"
+        if found is None or not 0 < value < (90 if degrees else 1000):
+            raise ValueError(
+                f"{text!r} is no limit of the slope: write 'slope > 15 deg' or 'slope > 25 %'; ' in FILE' names "
+                "elevations, ', unknown no_go' or ', unknown allowed' says what holds where there are none"
+            )
+        limit = math.tan(math.radians(value)) if degrees else value / 100
+        return cls(text.strip(), limit, (found["file"] or "").strip(), (found["unknown"] or "").lower())
+
+    def elevations(self, sources: Sequence[CovariateSource], folder: Path) -> CovariateSource:
+        """The file of elevations that is meant.
+
+        :raises ValueError: if that is not clear
+        """
+        if self.file:
+            return CovariateSource.parse(self.file, folder)
+        terrain = [one for one in sources if one.derive or one.band in DERIVED]
+        if len({one.path for one in terrain}) != 1:
+            known = listing(str(one.path.name) for one in terrain)
+            raise ValueError(f"several files have elevations: {known}" if terrain else "no elevations are known")
+        return terrain[0]
+
+
+def steep_areas(
+    slope: SlopeLimit, source: CovariateSource, frame: LocalFrame, polygon: Array
+) -> tuple[list[Array], list[str]]:
+    """Outlines of the ground in a field that is steeper than a limit, shape (k, 2) each [m], and what is doubtful.
+
+    Level ground that is steep all around belongs to it. Outlines lie up to a cell outside the steep cells.
+
+    :param polygon: boundary of the field, shape (n, 2) [m]
+    :raises InputError: if elevations are missing and nothing is said about it, or for noise instead of areas
+    """
+    import shapely
+
+    field, (west, south), (east, north) = shapely.Polygon(polygon), polygon.min(axis=0), polygon.max(axis=0)
+    with opened_raster(source.path) as raster:
+        bands = RasterBands(source.path, raster)
+        number, pixel_m = _derived(source, bands)[1], bands.pixel_m(frame)
+        if not math.isfinite(pixel_m):
+            raise InputError("does not cover the field", "check its reference system (CRS)", source.path)
+        step_m = max(pixel_m, GROUND_M, math.sqrt((east - west) * (north - south) / MAX_TERRAIN_CELLS))
+        spans, margin_m = ((west, east), (south, north)), 2 * step_m
+        x_m, y_m = (np.arange(low - margin_m, high + margin_m + step_m, step_m) for low, high in spans)
+        heights = bands.on(number, frame, x_m, y_m)
+    grid_xy = np.column_stack([axis.ravel() for axis in np.meshgrid(x_m, y_m)])
+    inside = shapely.contains_xy(field.buffer(step_m / 2), grid_xy).reshape(heights.shape)
+    gaps, notes = inside & ~np.isfinite(heights), list[str]()
+    if gaps.any():
+        first = grid_xy[gaps.ravel()][0]
+        share, place = gaps.sum() / inside.sum(), f"({first[0]:.0f}, {first[1]:.0f}) m"
+        what = f"{share:.1%} of the field has no elevation, such as {place}"
+        if not slope.unknown:
+            remedy = f"give a file with all of it, or write '{slope.text}, unknown no_go' or ', unknown allowed'"
+            raise InputError(what, remedy, source.path)
+        notes.append(f"{what}: {slope.unknown}")
+    steepness = horn_slope(heights, step_m)
+    steep = inside & (np.where(np.isfinite(steepness), steepness, 0.0) > slope.limit)
+    steep |= gaps & (slope.unknown == "no_go")
+    if pixel_m > COARSE_M:
+        notes.append(f"its pixels are {pixel_m:.0f} m wide: shorter banks and ditches are not seen")
+    middle, across = heights[1:-1, 1:-1], heights[1:-1, 2:] + heights[1:-1, :-2]
+    second = across + heights[2:, 1:-1] + heights[:-2, 1:-1] - 4 * middle
+    known = np.abs(second[np.isfinite(second)])
+    # Of white noise with the standard deviation s, second differences have sqrt(20) s, slopes sqrt(12) / 8 s.
+    sd_m = float(np.quantile(known, 0.75)) / 1.15 / math.sqrt(20) if known.size else 0.0
+    noise = sd_m * math.sqrt(12) / 8 / step_m
+    if noise > NOISE_SHARE * slope.limit:
+        notes.append(f"its noise, or roughness, makes slopes uncertain by {noise:.0%}: smooth it")
+    half = step_m / 2
+    x, y = grid_xy[steep.ravel()].T
+    joined = shapely.union_all(shapely.box(x - half, y - half, x + half, y + half))
+    joined = joined.buffer(half, join_style="mitre").simplify(half)
+    parts = [part for part in shapely.get_parts(joined) if part.intersects(field)]
+    if len(parts) > MAX_STEEP_AREAS:
+        what = f"'{slope.text}' makes {len(parts)} no-go areas: elevations are noisy, or the limit is low"
+        raise InputError(what, "smooth the elevations, or raise the limit", source.path)
+    return [shapely.get_coordinates(part.exterior)[:-1] for part in parts], notes
 
 
 # -- Standardised covariates ---------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field as Setting
-from pydantic import field_validator, model_validator
+from pydantic import ValidationInfo, field_validator, model_validator
 
 from soilmoist_ros.foundation import (
     InputError,
@@ -26,7 +26,7 @@ from soilmoist_ros.foundation import (
     foreign_text,
     load_model,
 )
-from soilmoist_ros.mapping.covariates import CovariateSection, CovariateSource
+from soilmoist_ros.mapping.covariates import CovariateSection, CovariateSource, SlopeLimit, steep_areas
 from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 
 if TYPE_CHECKING:
@@ -90,8 +90,9 @@ class FieldFile(Section):
     """File with the boundary, as ``border``."""
     border: Path | BorderSection | None = None
     """File of another program with the boundary, or a section with ``file``; polygons inside are no-go areas."""
-    no_go: tuple[Ring, ...] = ()
-    """Areas inside the boundary that are not mapped or entered, as [x, y] in metres from the datum."""
+    no_go: tuple[Ring | str, ...] = ()
+    """Areas inside the boundary that are not mapped or entered, as [x, y] in metres from the datum, and a limit of
+    the slope, such as ``slope > 15 deg``."""
     no_go_lonlat: tuple[Ring, ...] = ()
     """Areas inside the boundary that are not mapped or entered, as [longitude, latitude] in degrees."""
     cell_m: Annotated[float, Setting(gt=0)] | None = None
@@ -103,11 +104,19 @@ class FieldFile(Section):
 
     @field_validator("no_go", "no_go_lonlat", mode="before")
     @classmethod
-    def _list_of_areas(cls, given: Any) -> Any:
+    def _list_of_areas(cls, given: Any, info: ValidationInfo) -> Any:
         if given is None:  # a key whose areas are comments
             return ()
+        given = rings = [given] if isinstance(given, str) and "slope" in given.lower() else given
+        if info.field_name == "no_go" and isinstance(given, list):
+            limits = [one for one in given if isinstance(one, str) and "slope" in one.lower()]
+            for one in limits:
+                SlopeLimit.parse(one)
+            if len(limits) > 1:
+                raise ValueError(f"has {len(limits)} limits of the slope: give one")
+            rings = [one for one in given if one not in limits]
         if not isinstance(given, list) or any(
-            not isinstance(ring, list) or (ring and not isinstance(ring[0], list)) for ring in given
+            not isinstance(ring, list) or (ring and not isinstance(ring[0], list)) for ring in rings
         ):
             raise ValueError("is a list of areas, each a list of corners: [[[1, 2], [3, 4], [5, 2]]]")
         return given
@@ -119,7 +128,8 @@ class FieldFile(Section):
         if len(given) != 1:
             found = f"but there are {len(given)}: {', '.join(given)}" if given else "but there is none"
             raise ValueError(f"give one boundary: 'polygon', 'polygon_lonlat', 'geojson' or 'border', {found}")
-        if self.datum is None and (self.polygon is not None or self.no_go):
+        in_metres = [one for one in self.no_go if not isinstance(one, str)]
+        if self.datum is None and (self.polygon is not None or in_metres):
             raise ValueError("a boundary or no-go area in metres needs a 'datum' to start from")
         for lon, lat in [*(self.polygon_lonlat or []), *(one for ring in self.no_go_lonlat for one in ring)]:
             if not (-180 <= lon <= 180 and -90 <= lat <= 90):
@@ -228,7 +238,7 @@ def load_field(path: Path) -> Field:
         raise InputError("the boundary is not on the datum's side of the earth", "check 'datum'", path)
     in_degrees = [*(border.no_go if border is not None else ()), *map(_open_ring, content.no_go_lonlat)]
     no_go = [frame.to_local(ring[:, 1], ring[:, 0]) for ring in in_degrees]
-    no_go += [_open_ring(ring) for ring in content.no_go]
+    no_go += [_open_ring(ring) for ring in content.no_go if not isinstance(ring, str)]
     _require_valid(polygon, "the boundary", shown)
     _require_plausible(polygon, lonlat, frame, shown, section is not None)
     for number, ring in enumerate(no_go, start=1):
@@ -241,9 +251,38 @@ def load_field(path: Path) -> Field:
         for one in content.covariates
     )
     notes = border.notes if border is not None else ()
+    for limit in (SlopeLimit.parse(one) for one in content.no_go if isinstance(one, str)):
+        steep, note = _steep(limit, covariates, path, frame, polygon)
+        no_go, notes = [*no_go, *steep], (*notes, note)
+        _require_room(polygon, no_go, path)
     for note in notes:
         _log_once(str(shown), note)
     return Field(foreign_text(content.name), frame, polygon, tuple(no_go), content.cell_m, covariates, notes)
+
+
+def _steep(
+    limit: SlopeLimit,
+    covariates: Sequence[CovariateSource],
+    path: Path,
+    frame: LocalFrame,
+    polygon: NDArray[np.float64],
+) -> tuple[list[NDArray[np.float64]], str]:
+    """No-go areas by a limit of the slope, and what they are, in words."""
+    import shapely
+
+    try:
+        source = limit.elevations(covariates, path.parent)
+    except ValueError as error:
+        remedy = "list one file under 'covariates' with 'derive: [slope]', or write 'slope > ... in FILE'"
+        raise InputError(f"no_go, {limit.text!r}: {error}", remedy, path) from None
+    if not source.path.is_file():
+        raise InputError(f"no_go, {limit.text!r}: there is no file {source.path}", "check its path", path)
+    rings, doubts = steep_areas(limit, source, frame, polygon)
+    shapes, field = [shapely.Polygon(ring) for ring in rings], shapely.Polygon(polygon)
+    share = shapely.union_all(shapes).intersection(field).area / field.area
+    parts = "1 area" if len(rings) == 1 else f"{len(rings)} areas"
+    text = f"no-go by {limit.text!r} in {source.path.name}: {parts}, {share:.1%} of the field"
+    return rings, "; ".join([text, *doubts])
 
 
 _BORDER_ENDINGS = (".geojson", ".shp", ".gpkg", ".fgb", ".kml", ".kmz", ".gpx", ".wkt", ".xml", ".zip")

@@ -16,7 +16,14 @@ from pyproj import Transformer
 from rasterio.transform import Affine
 
 from soilmoist_ros.foundation import InputError, LocalFrame
-from soilmoist_ros.mapping import Covariates, CovariateSource, FieldGrid, read_covariates, require_covariates
+from soilmoist_ros.mapping import (
+    Covariates,
+    CovariateSource,
+    FieldGrid,
+    load_field,
+    read_covariates,
+    require_covariates,
+)
 from soilmoist_ros.mapping.covariate_files import OTHER, derivatives, filled_pits, indicators, upslope_area
 
 FRAME = LocalFrame(53.268, -0.5245)
@@ -437,3 +444,54 @@ def test_a_valley_is_wetter_than_its_slopes():
     found = derivatives(raster(lambda x, y: 0.1 * np.abs(x - 24) + 0.02 * y), STEP_M)
     assert found["wetness"][2, 12] > found["wetness"][2, [3, 6, 18, 21]].max() + 1
     assert found["curvature"][5, 12] < 0
+
+
+def bank(x, y):
+    """Level ground with a bank of 22 deg between x = 20 m and x = 30 m."""
+    return 0.4 * np.clip(x - 20, 0, 10)
+
+
+def steep_field(folder, no_go, more=""):
+    path = folder / "field.yaml"
+    path.write_text(
+        f"datum: {{latitude_deg: {FRAME.latitude_deg}, longitude_deg: {FRAME.longitude_deg}}}\n"
+        f"polygon: [[0, 0], [60, 0], [60, 50], [0, 50]]\nno_go: {no_go}\n{more}\n"
+    )
+    return load_field(path)
+
+
+@pytest.mark.parametrize(("limit", "areas"), [("slope > 15 deg", 1), ("slope > 30 %", 1), ("slope > 30 deg", 0)])
+def test_ground_that_is_too_steep_is_a_no_go_area(tmp_path, limit, areas):
+    write_raster(tmp_path / "relief.tif", pixel=0.5, function=bank)
+    field = steep_field(tmp_path, limit, "covariates: [{file: relief.tif, derive: [slope]}]")
+    assert len(field.no_go) == areas
+    assert f"no-go by '{limit}' in relief.tif: {areas} area" in field.notes[0]
+    if areas:
+        (west, south), (east, north) = field.no_go[0].min(axis=0), field.no_go[0].max(axis=0)
+        assert [west, south, east, north] == pytest.approx([19, 0, 31, 50], abs=2)
+        assert not field.grid(2.0).mask[:, 12].any()  # 25 m east
+
+
+def test_a_file_of_elevations_that_is_coarse_or_noisy_or_has_gaps_says_so(tmp_path):
+    rng = np.random.default_rng(1)
+    write_raster(tmp_path / "coarse.tif", pixel=8.0, function=bank)
+    write_raster(tmp_path / "noisy.tif", function=lambda x, y: bank(x, y) + rng.normal(0, 0.3, x.shape))
+    write_raster(tmp_path / "rough.tif", function=lambda x, y: bank(x, y) + rng.normal(0, 3, x.shape))
+    write_raster(tmp_path / "gap.tif", function=lambda x, y: np.where((x > 40) & (y > 30), np.nan, bank(x, y)))
+    corner = "[[1, 1], [5, 1], [5, 5]]"
+    coarse = steep_field(tmp_path, f"['slope > 12 deg in coarse.tif', {corner}]")
+    assert "8 m wide: shorter banks" in coarse.notes[0]
+    assert len(coarse.no_go) == 2
+    assert "slopes uncertain by" in steep_field(tmp_path, "slope > 12 deg in noisy.tif").notes[0]
+    assert len(steep_field(tmp_path, "slope > 15 deg in gap.tif, unknown no_go").no_go) == 2
+    assert "no elevation" in steep_field(tmp_path, "slope > 15 deg in gap.tif, unknown allowed").notes[0]
+    for text, message in (
+        ("slope > 15 deg in gap.tif", r"14\.\d% of the field has no elevation, such as .*unknown no_go"),
+        ("slope > 0.5 % in rough.tif", "covers the whole field|noisy"),
+        ("slope > 15 deg", "no elevations are known"),
+        ("slope > 15", "no limit of the slope"),
+        ("slope > 15 deg in nothing.tif", "there is no file"),
+        ("['slope > 15 deg', 'slope > 20 deg']", "2 limits"),
+    ):
+        with pytest.raises(InputError, match=message):
+            steep_field(tmp_path, text)

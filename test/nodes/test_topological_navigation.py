@@ -5,6 +5,7 @@
 Nav2, its controller and the localisation are stand-ins. test_navigators.py has the same with a stand-in server.
 """
 
+import contextlib
 import importlib.util
 import json
 import math
@@ -22,6 +23,7 @@ if importlib.util.find_spec("topological_navigation") is None:
 from rclpy.node import Node
 from std_msgs.msg import String
 from test_navigators import LIMITS, Driver
+from test_planner import Planning
 from topological_navigation_msgs.action import GotoNode
 from topological_navigation_msgs.msg import ClosestEdges
 from virtual_navigation import SPEED_MPS, STOPS, Nav2, World, make_map
@@ -71,50 +73,67 @@ class Localisation:
         self.node.destroy_node()
 
 
-@pytest.fixture
-def driver(ros, tmp_path):
-    script = tmp_path / "navigation"
+@contextlib.contextmanager
+def navigation(ros, folder, place, **world):
+    """The server as a process, with its surroundings; yields the world and Nav2."""
+    script = folder / "navigation"
     script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m topological_navigation.scripts.navigation2 "$@"\n')
     script.chmod(0o755)
     controller = Node("controller_server", context=ros.context)  # has the services of parameters
     ros._executor.add_node(controller)
-    with World(ros, rate=10.0, clock=False, mapper=False) as world, Nav2(ros, world) as nav2:
-        world.place, nav2.cancels = (OTHER.x_m, OTHER.y_m), "properly"
+    with World(ros, **world) as world, Nav2(ros, world) as nav2:
+        world.place, nav2.cancels = place, "properly"
         localisation = Localisation(ros, world)
         ros.start(str(script))
+        yield world, nav2
+        localisation.close()
+    controller.destroy_node()
 
-        def make(report):
-            client, track = GoalClient(2.0, LIMITS), RobotTrack(SPEED_MPS, 2.0)
-            return GotoNodeNavigator(ros.node, "topological_navigation", GotoNode, client, track, 2.0, report)
 
+@pytest.fixture
+def driver(ros, tmp_path):
+    """A navigator of such a server."""
+
+    def make(node, report):
+        client, track = GoalClient(2.0, LIMITS), RobotTrack(SPEED_MPS, 2.0)
+        return GotoNodeNavigator(node, "topological_navigation", GotoNode, client, track, 2.0, report)
+
+    with navigation(ros, tmp_path, OTHER.xy, rate=10.0, clock=False, mapper=False) as (world, nav2):
         made = Driver(ros, world, make)
         made.nav2 = nav2
         ros.wait_for(lambda: not made.navigator.waiting_for, message="the topological navigation")
         yield made
-        made.running = False
-        made.thread.join(5)
-        localisation.close()
-    controller.destroy_node()
+        made.close()
+
+
+def test_a_mission_of_some_stops_is_driven_to_its_end(ros, tmp_path):
+    with navigation(ros, tmp_path, OTHER.xy, rate=10.0) as (world, nav2):
+        planning = Planning(ros, tmp_path, autostart=True, exit_when_finished=True, home=OTHER.name)
+        planning.wait_end()
+        assert planning.status.samples >= 3
+        assert "home" in planning.status.reason
+        assert world.place == pytest.approx(OTHER.xy, abs=0.1)
+        assert nav2.most_at_once == 1
 
 
 def test_it_arrives_and_a_robot_at_its_node_gets_no_goal(ros, driver):
     world = driver.world
     corner = next(stop for stop in STOPS if (stop.x_m, stop.y_m) == (OTHER.x_m, FAR.y_m))
-    driver.navigator.go(1, FAR, Way(NO_CORNERS, (corner, FAR)))
+    driver.go(1, FAR, Way(NO_CORNERS, (corner, FAR)))
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED, driver.end_of(1).reason
     assert world.place == pytest.approx((FAR.x_m, FAR.y_m), abs=0.1)
     assert (corner.x_m, corner.y_m) in driver.nav2.goals
     track = driver.navigator._track
     ros.wait_for(lambda: track.standing_at(FAR, 2.0), message="standstill")
-    driver.navigator.go(2, FAR, Way(NO_CORNERS))
+    driver.go(2, FAR, Way(NO_CORNERS))
     assert driver.end_of(2).reason == f"already at {FAR.name}"
 
 
 def test_a_cancelled_goal_stops_the_robot(ros, driver):
     driver.world.rate = 3.0
-    driver.navigator.go(1, FAR, Way(NO_CORNERS))
+    driver.go(1, FAR, Way(NO_CORNERS))
     ros.wait_for(lambda: driver.world.goal is not None, message="motion")
-    driver.navigator.cancel(1)
+    driver.cancel(1)
     assert driver.end_of(1).outcome is Outcome.CANCELED
     ros.wait_for(lambda: driver.world.goal is None, message="a robot without a goal")
 
@@ -123,6 +142,6 @@ def test_why_the_server_aborts_a_goal_at_the_nearest_node(ros, driver):
     driver.world.place = near = (FAR.x_m - 4.0, FAR.y_m)
     closest = ros.collect(String, "closest_node", LATCHED)
     ros.wait_for(lambda: closest and closest[-1].data == FAR.name, message="the localisation")
-    driver.navigator.go(1, FAR, Way(np.array([near, (FAR.x_m, FAR.y_m)]), (FAR,)))
+    driver.go(1, FAR, Way(np.array([near, (FAR.x_m, FAR.y_m)]), (FAR,)))
     end = driver.end_of(1)
     assert end.outcome is Outcome.SUCCEEDED or "nearest to this node already" in end.reason

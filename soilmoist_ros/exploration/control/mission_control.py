@@ -724,7 +724,8 @@ class MissionControl:
                 self._feed.give(failed)
                 return
             way = Way(np.array([place, goal.stop.xy]))  # people find one, wherever they stand
-        self._learned.set_off(self._clock.now_s(), way.corners)
+        slower_m = self._access.travel.slower_m(way.corners) if self._access is not None else 0.0
+        self._learned.set_off(self._clock.now_s(), way.corners, slower_m)
         self.team.set_off()
         self._watching.sent(way)
         way = replace(way, judge=self._judge_route)

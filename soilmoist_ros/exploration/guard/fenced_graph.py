@@ -74,11 +74,11 @@ class FencedGraph:
         self._beyond = _home_outside(whole, fence, home) if home else ""
         self.whole, self.fence = whole, fence
         self._usable = inside if outside is Outside.NEVER else inside | fence.avoids_no_go(whole.xy, whole.xy)
-        self._passable = _with_edges(whole, clear)
+        self._passable = whole.with_edges(clear)
         wide = outside is Outside.WAY
         core = self._usable if wide else inside
         used = clear if wide else within
-        main = self._main_part(core, inside, _with_edges(whole, used), place, home)
+        main = self._main_part(core, inside, whole.with_edges(used), place, home)
         used = used & main[whole.edges].all(axis=1)
         self._nodes = nodes = main.copy()
         for number, what in self._ends(place, home):
@@ -86,7 +86,7 @@ class FencedGraph:
                 nodes[way] = True
                 used |= clear & _along(whole, way)
         beyond = used & ~within
-        self.graph = _with_edges(whole, used).part(nodes)
+        self.graph = whole.with_edges(used).part(nodes)
         self.stops = tuple(stop for stop, kept in zip(whole.stops, main & inside, strict=True) if kept)
         if beyond.any():
             corridors = np.stack([start, end], axis=1)[beyond]
@@ -308,10 +308,6 @@ class FencedGraph:
             lengths = doubled.routes_from(start)[0]
             self._known[start] = (lengths[:size], lengths[size:])
         return self._known[start]
-
-
-def _with_edges(graph: TravelGraph, edges: Flags) -> TravelGraph:
-    return TravelGraph(graph.names, graph.xy, graph.edges[edges], graph.length_m[edges])
 
 
 def _along(graph: TravelGraph, way: Iterable[int]) -> Flags:

@@ -41,8 +41,15 @@ MAX_MAP_BYTES, MAX_MAP_VALUES = 20_000_000, 3_000_000
 MAX_TILT = 0.05
 """Sine of the angle between the vertical axes of a map and its parent frame beyond which it is a mistake."""
 _SAME_DATUM_M = 0.1  # distance between two spellings of a datum from which they contradict each other [m]
-KNOWN_ACTIONS = ("NavigateToPose", "NavigateThroughPoses", "DriveOnHeading", "row_traversal", "row_change")
-"""Actions of edges that the topological navigation has without a map that describes them."""
+KNOWN_ACTIONS = (
+    "NavigateToPose", "NavigateThroughPoses", "DriveOnHeading", "row_traversal", "row_change", "goal_align",
+    "navigate_to_pose", "navigate_to_poses", "GoalAlign", "RowTraversal",
+)  # fmt: skip
+"""Actions of edges that a release of the topological navigation has without a map that describes them."""
+CONFIG_KEYS = ("definitions", "actions")
+"""Parts of a map that may be in another file, which its ``navigation_config_file`` names."""
+_SPEEDS = ("max_speed", "max_vel", "top_vel", "speed_limit")
+"""Names of the highest speed on an edge, among its properties or its own keys [m/s]."""
 _RESTRICTIONS = ("restrictions_planning", "restrictions_runtime")
 _WORD = re.compile(r"\w+")
 NO_GO = "no_go"
@@ -85,9 +92,19 @@ class TopologicalMap:
         :param known_actions: actions of edges that the navigation knows, in addition to those that the map itself
             describes; without any, actions are not looked at
         """
-        return list(
-            filter(None, (self._unknown_actions(known_actions) if known_actions else "", self.restrictions()))
-        )
+        unknown = self._unknown_actions(known_actions) if known_actions else ""
+        return list(filter(None, (unknown, self.restrictions(), self._wide_nodes())))
+
+    def _wide_nodes(self) -> str:
+        """Nodes at which the navigation may stop before the robot counts as arrived, in words."""
+        wide = []
+        for entry, stop in zip(self.document["nodes"], self.graph.stops, strict=True):
+            keys = entry["node"].get("properties")
+            tolerance_m = finite_number(keys.get("xy_goal_tolerance")) if isinstance(keys, Mapping) else None
+            if tolerance_m is not None and tolerance_m > stop.reach_m:
+                wide.append(f"{stop.name} ({tolerance_m:g} m)")
+        text = f"xy_goal_tolerance is more than half the distance to the next node at {listing(wide)}"
+        return f"the robot may stop too far from nodes to count there: {text}" if wide else ""
 
     def _unknown_actions(self, known: Sequence[str]) -> str:
         definitions = self.document.get("definitions")
@@ -95,7 +112,9 @@ class TopologicalMap:
         for holder in (self.document, definitions if isinstance(definitions, Mapping) else {}):
             actions = holder.get("actions")
             understood += (
-                str((one.get("name") or one.get("action")) if isinstance(one, Mapping) else one)
+                str(next((one[key] for key in ("name", "action_name", "action") if key in one), ""))
+                if isinstance(one, Mapping)
+                else str(one)
                 for one in (actions if isinstance(actions, (Mapping, list)) else ())
             )
         edges = [edge for entry in self.document["nodes"] for edge in entry["node"].get("edges") or []]
@@ -223,7 +242,21 @@ def read_topological_map(path: Path) -> TopologicalMap:
         found = _checked(read_quickly(text, MAX_MAP_VALUES), path)
     except InputError:  # the slow parser knows the lines of mistakes
         found = _checked(parse_yaml(text, path, "rt", MAX_MAP_BYTES, MAX_MAP_VALUES), path)
-    return replace(found, document=_plain(found.document))
+    return replace(found, document=_plain({**_configuration(found.document, path), **found.document}))
+
+
+def _configuration(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """What a map file does not say itself, but the file of actions that it names."""
+    given = document.get("navigation_config_file")
+    if not given:
+        return {}
+    try:
+        text = read_limited(path.parent / str(given), limit=MAX_MAP_BYTES).decode("utf-8-sig")
+        content = read_quickly(text, MAX_MAP_VALUES)
+    except (InputError, UnicodeDecodeError) as error:
+        what = f"its navigation_config_file {given!s:.200}, with the actions, cannot be read: {error}"
+        raise InputError(what, "put it beside the map, or remove the key", path) from None
+    return {key: content[key] for key in CONFIG_KEYS if isinstance(content, Mapping) and key in content}
 
 
 def parse_topological_map(text: str, path: Path | None = None) -> TopologicalMap:
@@ -330,15 +363,17 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
     datum, move = _datum(content, path), _transformation(content, path)
     stops: list[Stop] = []
     edges: list[tuple[str, str]] = []
+    limits: list[float] = []
     for number, entry in enumerate(entries):
         try:
-            stop, ends = _read_node(entry, move)
+            stop, ends, speeds = _read_node(entry, move)
         except ValueError as error:
             line = line_of(entries, (number,))
             mistakes.append(Mistake(f"node {number + 1}: {error}", "correct it", path, line))
             continue
         stops.append(stop)
         edges += [(stop.name, end) for end in ends]
+        limits += speeds
     try:
         graph = TravelGraph.from_edges(stops, edges, path)
     except InputError as error:
@@ -346,11 +381,13 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
         raise InputError(mistakes or error.mistakes) from None
     if mistakes:
         raise InputError(mistakes)
+    if min(limits, default=math.inf) < math.inf:
+        graph = replace(graph, limit_mps=np.array(limits))
     return TopologicalMap(content, graph, datum, move.frame).for_robot(())
 
 
-def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
-    """A node and the names to which its edges lead."""
+def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str], list[float]]:
+    """A node, the names to which its edges lead, and the highest speeds on these [m/s]."""
     node = entry.get("node") if isinstance(entry, Mapping) else None
     if not isinstance(node, Mapping):
         raise ValueError("has no key 'node'")
@@ -379,7 +416,19 @@ def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
         raise ValueError(f"{name} {error}") from None
     if not (math.isfinite(x) and math.isfinite(y)):
         raise ValueError(f"{name} has no finite place after the map's transformation")
-    return Stop(str(name), x, y), [str(edge["node"]) for edge in edges]
+    return Stop(str(name), x, y), [str(edge["node"]) for edge in edges], [_limit(name, edge) for edge in edges]
+
+
+def _limit(name: Any, edge: Mapping[str, Any]) -> float:
+    """Highest speed on an edge, inf without a limit [m/s]; zeros are what editors of maps fill in."""
+    holders, properties = [edge], edge.get("properties")
+    if isinstance(properties, Mapping):  # a map may group them by who uses them
+        holders += [properties, *(one for one in properties.values() if isinstance(one, Mapping))]
+    given = [one[key] for one in holders for key in _SPEEDS if one.get(key) is not None]
+    speeds = [_number(value, f"{name}: the speed of the edge to {edge['node']}") for value in given]
+    if any(speed < 0 for speed in speeds):
+        raise ValueError(f"{name}: the speed of the edge to {edge['node']} is negative")
+    return min((speed for speed in speeds if speed > 0), default=math.inf)
 
 
 @dataclass(frozen=True)
@@ -404,13 +453,14 @@ class _Move:
 
     def apply(self, place: Sequence[float], node: Mapping[str, Any]) -> tuple[float, float]:
         """Place of a node in the parent frame."""
-        usual = str(self.keys.get("topo_frame_id") or self.parent)
+        named = _own_frame(self.keys)
+        usual = named or self.parent
         newer, older = self._name(node.get("nav_frame")), self._name(node.get("parent_frame"))
         frame = newer or older or usual
         here, moved = (place[0], place[1]), PlaneMove(self.yaw_rad, self.shift).place((place[0], place[1]))
         if frame not in (self.parent, self.child):
             raise ValueError(f"is in the frame {frame!r}, but the map has {self.parent!r} and {self.child!r}")
-        if older and not newer and "topo_frame_id" in self.keys and older != usual and here != moved:
+        if older and not newer and named and older != usual and here != moved:
             raise ValueError(
                 f"has parent_frame {older!r}, which newer releases of the navigation ignore: they take its place "
                 f"to be in topo_frame_id {usual!r}; write nav_frame"
@@ -422,6 +472,11 @@ class _Move:
         text = "" if value is None else str(value)
         found = re.fullmatch(r"\$\{transformation\.(\w+)\}", text)
         return str(self.keys.get(found[1], text)) if found else text
+
+
+def _own_frame(keys: Mapping[str, Any]) -> str:
+    """The map's own frame as newer releases name it; empty if they do not."""
+    return str(keys.get("topo_frame_id") or keys.get("topological_frame_id") or "")
 
 
 def _transformation(content: Mapping[str, Any], path: Path | None) -> _Move:
@@ -449,7 +504,7 @@ def _transformation(content: Mapping[str, Any], path: Path | None) -> _Move:
         raise InputError("the transformation tilts the map out of the plane", "correct its rotation", path)
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     parent = str(found.get("parent") or "map")
-    child = str(found.get("topo_frame_id") or found.get("child") or "topo_map")
+    child = _own_frame(found) or str(found.get("child") or "topo_map")
     if parent == child and (abs(yaw) > 1e-9 or math.hypot(shift_x, shift_y) > 1e-6):
         raise InputError(f"the transformation moves the frame {parent!r} to itself", "name two frames", path)
     return _Move(found, parent, child, yaw, (shift_x, shift_y))

@@ -112,6 +112,18 @@ class TravelModel(ABC):
     def lengths_m(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
         """Lengths of the routes from a place, shape (k,) [m]; inf if unreachable."""
 
+    def slower_m(self, way: Array, speed_mps: float = 0.0) -> float:
+        """How much longer a way would be that takes as long without limits of the speed [m].
+
+        :param speed_mps: speed without limits; by default that of the motion
+        """
+        return 0.0
+
+    @property
+    def has_limits(self) -> bool:
+        """True if ways have limits of the speed."""
+        return False
+
     def travel_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
         """Time from a place to each stop, one stop overhead included, shape (k,) [s]; inf if unreachable."""
         return self.motion.travel_s(*self._lengths_and_turns(from_xy, stops))
@@ -121,16 +133,18 @@ class TravelModel(ABC):
         return self.motion.cost_s(*self._lengths_and_turns(from_xy, stops))
 
     def _lengths_and_turns(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> tuple[Array, ArrayLike]:
-        """Lengths of the routes from a place [m], and their turns [rad] if turning costs time."""
+        """Lengths of the routes, with :meth:`slower_m` [m], and their turns [rad] if those cost time."""
         if not len(stops):
             return np.empty(0), 0.0
         start = np.asarray(from_xy, float)
         lengths = self.lengths_m(start, stops)
-        if self.motion.turn_s_per_rad == 0:
+        if self.motion.turn_s_per_rad == 0 and not self.has_limits:
             return lengths, 0.0
         turns = np.zeros(len(stops))
         for index in np.flatnonzero(np.isfinite(lengths)).tolist():
-            turns[index] = polyline_turn_rad(self.route(start, stops[index]))
+            way = self.route(start, stops[index])
+            turns[index] = polyline_turn_rad(way)
+            lengths[index] += self.slower_m(way)
         return lengths, turns
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
@@ -292,6 +306,15 @@ class GraphTravel(TravelModel):
         self.motion = motion
         self._enters = enters
 
+    def slower_m(self, way: Array, speed_mps: float = 0.0) -> float:
+        """See :class:`TravelModel`."""
+        return self.graph.slower_m(way, speed_mps or self.motion.speed_mps)
+
+    @property
+    def has_limits(self) -> bool:
+        """See :class:`TravelModel`."""
+        return self.graph.limit_mps is not None
+
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
         """See :class:`TravelModel`."""
         start = np.asarray(from_xy, float)
@@ -306,7 +329,7 @@ class GraphTravel(TravelModel):
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
-        if self.motion.turn_s_per_rad > 0:
+        if self.motion.turn_s_per_rad > 0 or self.has_limits:
             return super().between_s(stops, indices)
         nodes = self._nodes([stops[int(index)] for index in indices])
         lengths = np.array([self.graph.routes_to_all(node)[0][nodes] for node in nodes])
@@ -316,7 +339,7 @@ class GraphTravel(TravelModel):
 
     def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
-        if self.motion.turn_s_per_rad > 0:
+        if self.motion.turn_s_per_rad > 0 or self.has_limits:
             return super().legs_s(stops, indices)
         nodes = self._nodes([stops[int(index)] for index in indices])
         lengths = [self.graph.routes_to_all(start)[0][end] for start, end in pairwise(nodes)]
@@ -414,9 +437,9 @@ class LearnedMotion:
         self._counted_s = 0.0
         self._counted_legs = 0
 
-    def set_off(self, now_s: float, way: Array) -> None:
-        """The robot gets a goal."""
-        self._begun = (now_s, polyline_length_m(way), polyline_turn_rad(way))
+    def set_off(self, now_s: float, way: Array, slower_m: float = 0.0) -> None:
+        """The robot gets a goal; ``slower_m`` is that of the travel model [m]."""
+        self._begun = (now_s, polyline_length_m(way) + slower_m, polyline_turn_rad(way))
         self._stop, self._leg_counted_s = (float(way[-1, 0]), float(way[-1, 1])), 0.0
 
     def give_up(self) -> None:

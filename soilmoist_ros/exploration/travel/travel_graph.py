@@ -34,6 +34,9 @@ class TravelGraph:
     edges: Indices  # start and end of each edge as indices of nodes, shape (e, 2)
     length_m: Array  # length of each edge, shape (e,) [m], >= 0
     barred: Flags | None = None  # edges that the robot must not use, shape (e,); ``None`` without any
+    limit_mps: Array | None = (
+        None  # highest speed on each edge, inf without a limit, shape (e,); ``None`` without any
+    )
     _rows: dict[int, tuple[Array, Indices]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -167,9 +170,35 @@ class TravelGraph:
     def part(self, keep: NDArray[np.bool_]) -> TravelGraph:
         """The graph of some of the nodes and the edges between them."""
         number = np.cumsum(keep) - 1
-        within = keep[self.edges].all(axis=1)
+        within = np.asarray(keep[self.edges].all(axis=1))
         names = tuple(name for name, kept in zip(self.names, keep, strict=True) if kept)
-        return TravelGraph(names, self.xy[keep], number[self.edges[within]], self.length_m[within])
+        some = self.with_edges(within)
+        return replace(some, names=names, xy=self.xy[keep], edges=number[some.edges])
+
+    def with_edges(self, kept: Flags) -> TravelGraph:
+        """The graph with some of its edges, none of them barred."""
+        limits = None if self.limit_mps is None else self.limit_mps[kept]
+        return TravelGraph(self.names, self.xy, self.edges[kept], self.length_m[kept], None, limits)
+
+    def slower_m(self, way: Array, speed_mps: float) -> float:
+        """How much longer a way would be that takes as long at a speed without the limits of its edges [m].
+
+        :param way: corners, shape (p, 2) [m]; a part between two nodes is on their edge
+        """
+        if self.limit_mps is None:
+            return 0.0
+        parts = zip(way[:-1].round(6).tolist(), way[1:].round(6).tolist(), strict=True)
+        limits = [self._limits.get((*start, *end), np.inf) for start, end in parts]
+        return float(np.hypot(*np.diff(way, axis=0).T) @ np.maximum(speed_mps / np.array(limits) - 1, 0.0))
+
+    @cached_property
+    def _limits(self) -> dict[tuple[float, ...], float]:
+        """Speeds of edges with a limit by the places of their ends; the highest one of parallel edges."""
+        assert self.limit_mps is not None
+        ends, found = self.xy[self.edges].reshape(-1, 4).round(6).tolist(), dict[tuple[float, ...], float]()
+        for place, limit in zip(map(tuple, ends), self.limit_mps.tolist(), strict=True):
+            found[place] = max(limit, found.get(place, 0.0))
+        return found
 
     @cached_property
     def _matrix(self) -> Any:

@@ -334,8 +334,9 @@ class _Simulation:
                 if isinstance(body, VirtualPerson):
                     robot.goal = (body.walk(self.now_s, travel, action.stop), action)
                 else:
-                    robot.goal = (body.go(self.now_s, way), action)
-                robot.learned.set_off(self.now_s, way)
+                    slower_m = travel.slower_m(way, body.motion.speed_mps)
+                    robot.goal = (body.go(self.now_s, way, slower_m), action)
+                robot.learned.set_off(self.now_s, way, travel.slower_m(way))
                 self.note(robot, f"go to {action.stop.name}: {action.reason}")
             case CancelGoal():
                 robot.body.stop(self.now_s)

@@ -246,7 +246,8 @@ class VirtualNavigation:
         if fault is not None and fault.kind != "fails":
             return
         assert self._goal_id is not None
-        self._pose, arrival_s = pose, self._robot.go(now_s, way)
+        slower_m = self._travel.slower_m(way, self._robot.motion.speed_mps)
+        self._pose, arrival_s = pose, self._robot.go(now_s, way, slower_m)
         drive_s = arrival_s - self._travel.motion.stop_overhead_s - now_s
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
         shares = along / along[-1] if along[-1] > 0 else np.ones_like(along)
@@ -301,15 +302,18 @@ class VirtualRobot:
         self._drive_s = 0.0
         self._before_m = 0.0
 
-    def go(self, now_s: float, way: Array) -> float:
-        """Start a route of corners, shape (p, 2) [m]; returns the time of arrival, stop overhead included [s]."""
+    def go(self, now_s: float, way: Array, slower_m: float = 0.0) -> float:
+        """Start a route of corners, shape (p, 2) [m]; returns the time of arrival, stop overhead included [s].
+
+        :param slower_m: what limits of the speed add to its length, as :meth:`TravelModel.slower_m`
+        """
         self.stop(now_s)
         self._way = way
         legs = np.hypot(*np.diff(way, axis=0).T)
         self._along_m = np.concatenate([[0.0], np.cumsum(legs)])
         self._start_s = now_s
         turn_s = polyline_turn_rad(way) * self.motion.turn_s_per_rad
-        self._drive_s = polyline_length_m(way) / self.motion.speed_mps + turn_s
+        self._drive_s = (polyline_length_m(way) + slower_m) / self.motion.speed_mps + turn_s
         return now_s + self._drive_s + self.motion.stop_overhead_s
 
     def stop(self, now_s: float) -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration import Stop, TravelGraph
+from soilmoist_ros.exploration import GraphTravel, RobotMotion, Stop, TravelGraph
 from soilmoist_ros.exploration.travel.topological_map import (
     TopologicalMap,
     make_topological_map,
@@ -20,6 +20,7 @@ from soilmoist_ros.exploration.travel.topological_map import (
     read_topological_map,
 )
 from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.simulation.robot.virtual_navigation import VirtualRobot
 
 NOON = datetime(2024, 5, 17, 12, 0, 3)
 
@@ -158,10 +159,10 @@ def test_a_missing_file_is_an_input_error(tmp_path):
         read_topological_map(tmp_path / "link.json")
 
 
-def newer(nav_frame=None, child="farm", x=50.0):
+def newer(nav_frame=None, child="farm", x=50.0, key="topo_frame_id"):
     """A map in the form of newer releases: a transformation with topo_frame_id, nodes without parent_frame."""
     content = document()
-    content["transformation"] = {"topo_frame_id": child, "parent": "map", "translation": {"x": x, "y": 0.0}}
+    content["transformation"] = {key: child, "parent": "map", "translation": {"x": x, "y": 0.0}}
     for entry in content["nodes"]:
         del entry["node"]["parent_frame"]
         entry["node"] |= {"nav_frame": nav_frame} if nav_frame is not None else {}
@@ -174,7 +175,10 @@ def newer(nav_frame=None, child="farm", x=50.0):
      ("map", 0.0), ("${transformation.parent}", 0.0)],
 )  # fmt: skip
 def test_a_node_is_in_the_frame_in_which_the_navigation_sends_its_goals(nav_frame, shift_m):
-    np.testing.assert_allclose(parse(newer(nav_frame)).graph.xy - graph().xy, [(shift_m, 0.0)] * 3, atol=5e-5)
+    for key in ("topo_frame_id", "topological_frame_id"):
+        content = newer(nav_frame, key=key)
+        if key == "topo_frame_id" or not str(nav_frame).startswith("${transformation.t"):
+            np.testing.assert_allclose(parse(content).graph.xy - graph().xy, [(shift_m, 0.0)] * 3, atol=5e-5)
 
 
 def test_frames_that_leave_the_place_of_a_node_open_are_refused():
@@ -248,7 +252,12 @@ def test_edges_with_actions_that_the_navigation_does_not_know_are_named():
     assert "may refuse to drive: 1 of" in found
     assert f"(move_base): {edge['edge_id']}; describe those that it has under 'actions'" in found
     described = {"move_base": {"action_server": "/move_base"}}
-    for actions in (described, ["move_base"], [{"name": "move_base", "type": "x"}]):
+    for actions in (
+        described,
+        ["move_base"],
+        [{"name": "move_base", "type": "x"}],
+        [{"action_name": "move_base"}],
+    ):
         for keys in ({"actions": actions}, {"definitions": {"actions": actions}}):
             assert parse({**content, **keys}).doubts(["NavigateToPose"]) == [], "the map describes it"
     assert parse(content).doubts([]) == []
@@ -379,3 +388,51 @@ def test_a_closed_node_closes_its_edges_and_one_of_two_edges_leaves_the_other():
     edges.append({**edges[0], "edge_id": "another way", "restrictions_planning": "robot_tall"})
     assert parse(content).graph.barred is None
     assert "another way" in parse(content).restrictions()
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [{"properties": {"max_speed": 0.5}}, {"properties": {"navigation": {"max_speed": 0.5}}}, {"top_vel": 0.5}],
+)
+def test_times_of_the_planner_and_of_the_robot_keep_the_speeds_of_edges(keys):
+    content = document()
+    content["nodes"][0]["node"]["edges"][0].update(keys)  # from the gate to row 1
+    content["nodes"][1]["node"]["edges"][0]["properties"] = {"max_speed": 0.0}  # none
+    found = parse(content).graph
+    stops, motion = found.stops, RobotMotion(speed_mps=1.0, stop_overhead_s=2.0)
+    slow_m, fast_m = found.length_m[:2].tolist()
+    travel = GraphTravel(found.part(np.ones(3, bool)), motion)
+    times = [2 * slow_m + 2, 2 * slow_m + fast_m + 2]
+    assert travel.travel_s(stops[0].xy, stops[1:]) == pytest.approx(times)
+    assert travel.between_s(stops, np.array([0, 2]))[0, 1] == pytest.approx(times[1])
+    assert travel.legs_s(stops, np.array([0, 2])) == pytest.approx(times[1:])
+    way = travel.route(stops[0].xy, stops[2])
+    arrival_s = VirtualRobot(motion, stops[0].xy).go(0.0, way, travel.slower_m(way, 1.0))
+    assert arrival_s == pytest.approx(times[1])
+    assert travel.slower_m(way, 0.4) == 0, "the robot is slower than that"
+    assert parse(document()).graph.limit_mps is None
+    content["nodes"][0]["node"]["edges"][0].update(properties={"max_speed": "fast"})
+    with pytest.raises(InputError, match="gate: the speed of the edge to row 1 is not a number"):
+        parse(content)
+
+
+def test_actions_may_be_in_a_file_beside_the_map(tmp_path):
+    content = document() | {"navigation_config_file": "actions.yaml"}
+    content["nodes"][0]["node"]["edges"][0]["action"] = "mow"
+    path = tmp_path / "m.tmap2.yaml"
+    path.write_text(TopologicalMap(content, graph()).to_yaml())
+    with pytest.raises(
+        InputError, match=r"navigation_config_file actions\.yaml, with the actions, cannot be read"
+    ):
+        read_topological_map(path)
+    (tmp_path / "actions.yaml").write_text("actions: {mow: {action_server: /mow}}\nnodes: []\n")
+    found = read_topological_map(path)
+    assert found.doubts(["NavigateToPose"]) == []
+    assert len(found.graph.names) == 3
+
+
+def test_a_node_with_a_wide_tolerance_is_named():
+    content = document()
+    content["nodes"][0]["node"]["properties"]["xy_goal_tolerance"] = 3.0
+    (doubt,) = parse(content).doubts([])
+    assert "half the distance to the next node at gate (3 m)" in doubt
