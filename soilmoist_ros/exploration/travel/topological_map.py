@@ -255,7 +255,7 @@ def _configuration(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
         content = read_quickly(text, MAX_MAP_VALUES)
     except (InputError, UnicodeDecodeError) as error:
         what = f"its navigation_config_file {given!s:.200}, with the actions, cannot be read: {error}"
-        raise InputError(what, "put it beside the map, or remove the key", path) from None
+        raise InputError(what, "put it next to the map, or remove the key", path) from None
     return {key: content[key] for key in CONFIG_KEYS if isinstance(content, Mapping) and key in content}
 
 
