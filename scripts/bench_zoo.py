@@ -4,7 +4,7 @@
 """Defaults that may change a map, on against off, over fields that the project did not make.
 
 usage: .venv/bin/python scripts/bench_zoo.py --surfaces FOLDER [--comparisons drift local] [--fields NAME ...]
-       [--seeds 4] [--jobs 1] [--raw FILE.csv] [--save]
+       [--seeds 4] [--jobs 1] [--raw FILE.csv] [--save] [--decide]
 
 A surface is a file of the folder: CSV with the columns x, y and value, of points or of a grid. One rule makes a
 field of each, without a choice: the box of the points is stretched to 60 x 50 m (every third surface by name:
@@ -15,6 +15,9 @@ Each mission is repeated with the default off, on the same field with the same s
 errors is that of their means over the missions of a field, and the table has the mean over the fields. ``--raw``
 keeps each mission at once: an interrupted run resumes from it, further fields, seeds and comparisons join it, and
 the tables are of all its missions. A new version of the code needs a new file.
+
+``--decide`` compares ``gcb`` for a threshold at the 30 % quantile of the truth with ``gcb`` and ``two_pass`` for
+the map, in equal time. The loss of a cell in the wrong zone is the distance of its true rate from the threshold.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import csv
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
@@ -59,6 +63,7 @@ Rows = dict[tuple[str, str, str, str], list[str]]
 
 MISSIONS: Mapping[str, Values] = {
     "gcb": {"strategy": "gcb", "dwell": "optimal"},
+    "two_pass": {"strategy": "two_pass", "dwell": "optimal"},
     "lattice 10 s": {"strategy": "lattice", "dwell": "fmi:10"},
     "lattice 60 s": {"strategy": "lattice", "dwell": "fmi:60"},
 }
@@ -143,7 +148,11 @@ REDRAWN = ("mean covered", "bound of error held", "of map with sample", "half wi
 """Certificate of a mission, its sample and counts drawn 200 times over the same map, which knows none of them:
 shares of the draws, rates as shares of the mean, and kurtosis of the errors of the map."""
 DRAWS = 200
-COLUMNS = (*KEY, "mse", "coverage95", *FIRED, *REDRAWN)
+COLUMNS = (*KEY, "mse", "coverage95", *FIRED, *REDRAWN, "loss", "wrong", "distance_m")
+QUANTILE = 0.3
+"""Quantile of the truth at which the threshold of a decision lies."""
+DECISIONS = (("gcb", {"target": "decision"}), ("gcb", {}), ("two_pass", {}))
+"""Missions and settings of ``--decide``; the first is compared with the others."""
 
 
 def arm(settings: Values) -> str:
@@ -176,7 +185,11 @@ class Job:
         """Simulate the mission."""
         values = dict(json.loads(self.arm or "{}"))
         change = CHANGES[values.pop("change", "none")]
-        ground = zoo_field(self.field, self.surfaces)
+        ground, threshold = zoo_field(self.field, self.surfaces), math.nan
+        if not isinstance(ground, str):
+            threshold = float(np.quantile(ground.rate_at(ground.field.grid().cells), QUANTILE))
+        if values.get("target") == "decision":
+            values["threshold"] = repr(threshold)
         settings = MissionSettings(
             field=ground,
             random_field=isinstance(ground, str),
@@ -199,7 +212,12 @@ class Job:
             sum(bool(record.quarantine) for record in result.records),
         )
         stated = redrawn(result) if result.certificate else [""] * len(REDRAWN)
-        return [*self.key, f"{last.mse:.6g}", f"{last.coverage95:.4f}", *(str(int(one)) for one in fired), *stated]
+        truth, rate = (raster[soil_map.grid.mask] for raster in (result.truth_rate, soil_map.rate))
+        wrong = (truth < threshold) != (rate < threshold)
+        loss = float((np.abs(truth - threshold) * wrong).mean())
+        decided = f"{loss:.6g}", f"{wrong.mean():.5f}", f"{last.distance_m:.0f}"
+        fires = (str(int(one)) for one in fired)
+        return [*self.key, f"{last.mse:.6g}", f"{last.coverage95:.4f}", *fires, *stated, *decided]
 
 
 def redrawn(result: MissionResult) -> list[str]:
@@ -373,18 +391,55 @@ class Score:
         )
 
 
+def decisions(done: Rows) -> list[tuple[str, ...]]:
+    """Missions for a decision against those for the map, by field, and the means with their standard errors."""
+    names = [(mission, arm(values)) for mission, values in DECISIONS]
+    fields, seeds = (sorted({key[at] for key in done}) for at in (0, 2))
+
+    def mean(field: str, of: tuple[str, str], column: str) -> float:
+        every = [float(done[field, of[0], seed, of[1]][COLUMNS.index(column)]) for seed in seeds]
+        return float(np.mean(every))
+
+    against = [("loss", names[1]), ("loss", names[2]), ("wrong", names[1]), ("mse", names[1])]
+    ratios = np.array(
+        [[mean(one, names[0], column) / mean(one, of, column) for column, of in against] for one in fields]
+    )
+    errors = ratios.std(axis=0, ddof=1) / math.sqrt(len(fields)) if len(fields) > 1 else ratios[0] * math.nan
+    return [
+        *((one, *(f"{value:.2f}" for value in own)) for one, own in zip(fields, ratios, strict=True)),
+        ("mean", *(f"{value:.2f} ± {sd:.2f}" for value, sd in zip(ratios.mean(axis=0), errors, strict=True))),
+    ]
+
+
 def main() -> None:
     """Print a table of the comparisons, and one of the fields."""
     options = results.parser(__doc__)
     options.add_argument("--surfaces", type=Path, help="folder with surfaces as CSV: x, y, value")
     options.add_argument("--comparisons", nargs="*", choices=list(COMPARISONS), default=list(COMPARISONS))
     options.add_argument("--fields", nargs="+", help="names of fields instead of all")
-    options.add_argument("--missions", nargs="+", choices=list(MISSIONS), default=list(MISSIONS))
+    usual = [name for name in MISSIONS if name != "two_pass"]
+    options.add_argument("--missions", nargs="+", choices=list(MISSIONS), default=usual)
+    options.add_argument("--decide", action="store_true", help="missions for a decision instead")
     options.add_argument("--seeds", type=int, default=4)
     options.add_argument("--jobs", type=int, default=1, help="number of processes")
     options.add_argument("--raw", type=Path, default=Path("bench/zoo.csv"), help="file that keeps the missions")
     given = options.parse_args()
     real = real_surfaces(given.surfaces)
+    if given.decide:
+        each = [(name, seed) for seed in range(1, given.seeds + 1) for name in given.fields or real]
+        jobs = [
+            Job(name, mission, seed, arm(values), given.surfaces)
+            for name, seed in each
+            for mission, values in DECISIONS
+        ]
+        rows = decisions(run(jobs, given.raw, given.jobs))
+        columns = ("field", "loss by that of gcb", "loss by that of two_pass", "wrong area by that of gcb",
+                   "squared error by that of gcb")  # fmt: skip
+        about = (
+            f"{len(rows) - 1} real surfaces, threshold at the {QUANTILE:.0%} quantile, 2 h, {given.seeds} seeds"
+        )
+        results.publish("decisions", columns, rows, about, given.save)
+        return
     jobs = [
         Job(name, mission, seed, arm(settings), given.surfaces)
         for name in given.fields or [*real, *OWN, "100 ha"]

@@ -25,7 +25,7 @@ from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
 from soilmoist_ros.reporting.page import statistics
 from soilmoist_ros.reporting.page.decision import decision
 from soilmoist_ros.reporting.page.field_dose import has_level, root_zone
-from soilmoist_ros.reporting.page.irrigation import irrigation
+from soilmoist_ros.reporting.page.irrigation import IrrigationZone, irrigation
 from soilmoist_ros.reporting.page.report import relations
 from soilmoist_ros.reporting.page.statistics import band_statistics, calibration_sd
 from soilmoist_ros.reporting.page.wording import notes
@@ -324,21 +324,31 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
     """Zones of the field as in the report, relative without ``zone_limits_vwc``, and the dose."""
     found, limits, ground = irrigation(run), run.irrigation, root_zone(run)
     names = ("name", "area_m2", "share", "water_mm", "missing_mm", "missing_mm_p05", "missing_mm_p95")
-    zones = []
-    for zone in found.zones:
-        sure = zone.certainty
-        certain = {"certain": sure.certain, "certain_share": sure.sure, "expected_share": sure.expected}
-        zones.append({name: getattr(zone, name) for name in names} | certain)
     about = {
         "root_depth_mm": limits.root_depth_mm,
         "field_capacity_vwc": limits.field_capacity if has_level(run) else None,
         "moisture_usable": statistics.is_usable(run.soil_map) if run.calibrated else None,
-        "zone_limits_vwc": found.edges, "root_zone": ground and ground[0].model_dump(), "zones": zones,
+        "zone_limits_vwc": found.edges, "root_zone": ground and ground[0].model_dump(),
+        "zones": _zones(found.zones, names),
         "advice": found.advice,
     }  # fmt: skip
-    decided = decision(run)
-    content = {} if decided is None else {"decision": decided.content}
-    return {"irrigation": about, "dose": found.dose and found.dose.content, **content}
+    parts = {"irrigation": about, "dose": found.dose and found.dose.content}
+    if (decided := decision(run)) is not None:
+        parts["decision"] = {
+            "thresholds": decided.thresholds, "unit": "m3/m3" if decided.of_moisture else "counts/s",
+            "outside": decided.outside, "wrong_share": decided.wrong,
+            "zones": _zones(decided.zones, ("limits", "area_m2", "share")),
+        }  # fmt: skip
+    return parts
+
+
+def _zones(zones: Sequence[IrrigationZone], names: Sequence[str]) -> list[dict[str, Any]]:
+    """Zones with their certainty."""
+    return [
+        {name: getattr(zone, name) for name in names}
+        | {"certain": sure.certain, "certain_share": sure.sure, "expected_share": sure.expected}
+        for zone, sure in ((zone, zone.certainty) for zone in zones)
+    ]
 
 
 def _budget(run: MapRun) -> dict[str, Any] | None:

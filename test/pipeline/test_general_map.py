@@ -16,10 +16,10 @@ from soilmoist_ros import sensing
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import load_field, make_bands
-from soilmoist_ros.pipeline import map_logs, open_survey, planning_curve
+from soilmoist_ros.pipeline import map_logs, open_survey, planning_curve, planning_thresholds
 from soilmoist_ros.pipeline.field_survey import with_general_calibration
 from soilmoist_ros.pipeline.log_map import MapSettings, survey_air, with_sensor
-from soilmoist_ros.sensing import Calibration, Site, SurveyAir, load_site, read_log
+from soilmoist_ros.sensing import Calibration, CalibrationCurve, Site, SurveyAir, load_site, read_log
 
 LOG = Path("examples/station_kansas_2021-10.dat")
 STATION = load_site("station_kansas")
@@ -70,6 +70,23 @@ def test_a_plan_weighs_moisture_by_the_general_calibration_not_by_a_guess(logs):
         planning_curve(without(STATION), field, True)
     peat = without(site, soil={"bulk_density_gcm3": 0.2})
     assert [planning_curve(one, field, False) for one in (without(STATION), peat)] == [None, None]
+
+
+def test_thresholds_of_a_plan_are_those_given_or_those_between_the_doses():
+    curve, plain = CalibrationCurve(5.0, 1.4), without(STATION)
+    loam = without(STATION, irrigation={"texture": "loam", "steps_mm": 20, "max_dose_mm": 40})
+    found = planning_thresholds("decision", "dose", loam, curve)
+    assert found.values == pytest.approx([0.28 - 30 / 300, 0.21]), "20 mm at once where plants lack water, then 40"
+    assert planning_thresholds("decision", "0.2 0.1", plain, None).rates_cps == (0.1, 0.2)
+    assert planning_thresholds("vwc", "", plain, curve) is None
+    for target, text, site, of, why in (
+        ("decision", "", plain, curve, "belong together"),
+        ("rate", "0.2", plain, curve, "belong together"),
+        ("decision", "dose", loam, None, "no calibration"),
+        ("decision", "dose", plain, curve, "water that plants use"),
+    ):
+        with pytest.raises(InputError, match=why):
+            planning_thresholds(target, text, site, of)
 
 
 def test_a_calibrated_site_refuses_another_sensor():

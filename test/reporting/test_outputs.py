@@ -105,6 +105,25 @@ def test_all_files(mission, tmp_path):
 
 
 @pytest.mark.slow
+def test_zones_of_a_decision_have_one_certainty_with_the_other_zones(mission, tmp_path):
+    settings = dataclasses.replace(mission.settings, target="decision", threshold="0.06,0.2")
+    write_mission(tmp_path, dataclasses.replace(mission, settings=settings))
+    found = json.loads((tmp_path / "summary.json").read_text())["decision"]
+    assert (found["thresholds"], found["unit"], found["outside"]) == ([0.06, 0.2], "m3/m3", [])
+    assert [zone["limits"] for zone in found["zones"]] == ["below 6 %", "6 % to 20 %", "above 20 %"]
+    with rasterio.open(tmp_path / "map.tif") as raster:
+        vwc = raster.read(1)
+        dry = np.mean(vwc[np.isfinite(vwc) & (vwc != raster.nodata)] < 0.06)
+    assert found["zones"][0]["share"] == pytest.approx(dry, abs=0.02)
+    assert 1 - found["wrong_share"] == pytest.approx(
+        sum(zone["share"] * zone["expected_share"] for zone in found["zones"] if zone["share"])
+    )
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for text in ('id="decision"', 'value="decision"', 'value="right"', "Expected in the wrong zone"):
+        assert text in html.replace("\xa0", " ")
+
+
+@pytest.mark.slow
 def test_several_robots_are_told_apart(mission, tmp_path):
     half = len(mission.visits) // 2
     visits = [dataclasses.replace(visit, robot=1 + (n >= half)) for n, visit in enumerate(mission.visits)]

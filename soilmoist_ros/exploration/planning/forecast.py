@@ -42,7 +42,7 @@ from soilmoist_ros.mapping import (
 Array = NDArray[np.float64]
 
 SOON_S = 600.0  # time ahead for which a gain is stated [s]
-DECIDED = 0.005
+DECIDED = 0.001
 """Share of the field that twice the counts must still bring into the right zone; else the decision is made."""
 
 

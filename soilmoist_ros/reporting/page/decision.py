@@ -5,31 +5,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import OF_DOSE, Thresholds, parse_thresholds
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.reporting.certainty import Certainty, calibration_of, certainty, class_probability, once_a_run
+from soilmoist_ros.reporting.certainty import calibration_of, certainty, class_probability, once_a_run
 from soilmoist_ros.reporting.colours import WATER, hex_ramp
 from soilmoist_ros.reporting.geometry import field_polygon
-from soilmoist_ros.reporting.page.frame import part_of_area, percent
+from soilmoist_ros.reporting.page.frame import percent
+from soilmoist_ros.reporting.page.irrigation import IrrigationZone
 from soilmoist_ros.sensing import UNKNOWN_SENSOR
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class DecisionZone:
-    """A zone between two thresholds; ``share`` is that of the field's area [0..1]."""
-
-    name: str
-    colour: str
-    area: str
-    share: float
-    certainty: Certainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +34,12 @@ class DecisionMap:
 
     thresholds: tuple[float, ...]
     of_moisture: bool
-    zones: tuple[DecisionZone, ...]
+    zones: tuple[IrrigationZone, ...]
     number: Array
     probability: Array
     outside: tuple[float, ...]
+    basis: ClassVar[str] = "Zones by the thresholds of the mission."
+    water: ClassVar[str] = ""
 
     @property
     def wrong(self) -> float:
@@ -55,27 +47,13 @@ class DecisionMap:
         return 1 - float(self.probability[np.isfinite(self.number)].mean())
 
     @property
-    def text(self) -> str:
+    def level(self) -> str:
         """What is decided, as sentences."""
         text = f"Expected in the wrong zone: {percent(self.wrong)} of the field."
         if self.outside:
             which = " and ".join(_limit(value, self.of_moisture) for value in self.outside)
             text += f" {which} is outside what the field has: the zone is the same nearly everywhere."
         return text
-
-    @property
-    def content(self) -> dict[str, Any]:
-        """The decision as plain JSON values."""
-        zones = [
-            {
-                "name": zone.name, "share": zone.share, "certain": zone.certainty.certain,
-                "certain_share": zone.certainty.sure, "expected_share": zone.certainty.expected,
-            }
-            for zone in self.zones
-        ]  # fmt: skip
-        unit = "m3/m3" if self.of_moisture else "counts/s"
-        about = {"thresholds": list(self.thresholds), "unit": unit, "outside": list(self.outside)}
-        return {**about, "wrong_share": self.wrong, "zones": zones}
 
 
 @once_a_run
@@ -92,13 +70,11 @@ def decision(run: MapRun) -> DecisionMap | None:
     number = np.where(np.isfinite(values), index, np.nan)
     probability = class_probability(soil_map.rate, soil_map.rate_sd, number, edges, curve, relative=False)
     inside, size_m2 = np.isfinite(number), float(field_polygon(soil_map).area)
-    colours = hex_ramp(WATER if of_moisture else f"{WATER}_r", len(edges) + 1)
     zones = []
-    for zone, colour in enumerate(colours):
-        chosen = number == zone
-        share, sure = np.count_nonzero(chosen) / np.count_nonzero(inside), certainty(probability[chosen])
-        area = part_of_area(share * size_m2, size_m2)
-        zones.append(DecisionZone(_range(zone, edges, of_moisture), colour, area, share, sure))
+    for zone, colour in enumerate(hex_ramp(WATER if of_moisture else f"{WATER}_r", len(edges) + 1)):
+        share, sure = float((number[inside] == zone).mean()), certainty(probability[number == zone])
+        text = _range(zone, edges, of_moisture)
+        zones.append(IrrigationZone(f"zone {zone + 1}", text, colour, share * size_m2, share, sure))
     at = soil_map.rate[inside], soil_map.variance[inside]
     outside = Thresholds.of(edges, curve).outside(*at)
     return DecisionMap(edges, of_moisture, tuple(zones), number, probability, outside)

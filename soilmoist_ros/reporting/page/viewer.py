@@ -7,7 +7,7 @@ from __future__ import annotations
 import base64
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ from soilmoist_ros.reporting.page.charts import round_ticks
 from soilmoist_ros.reporting.page.decision import DecisionMap, decision
 from soilmoist_ros.reporting.page.field_dose import FieldDose, has_level
 from soilmoist_ros.reporting.page.frame import percent, plain, round_step
-from soilmoist_ros.reporting.page.irrigation import IrrigationAdvice
+from soilmoist_ros.reporting.page.irrigation import IrrigationAdvice, IrrigationZone
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
         "view": [round(edge, 2) for edge in edges], "place": place_data(run.frame, edges),
         "rootDepth": run.irrigation.root_depth_mm if has_level(run) else 0,
         "grids": [grid_data(one.soil_map.grid) for one in run.properties], "layers": list(_layers(run, found)),
-        "zones": [{"name": zone.name, "limits": zone.limits, "colour": zone.colour} for zone in found.zones],
+        "zones": _legend(found.zones),
         "edge": [rounded(ring) for ring in rings(run.soil_map)],
         "noGo": [rounded(hole) for hole in run.soil_map.grid.holes],
         "samples": [[round(x, 1), round(y, 1), int(z), round(t, 2)] for x, y, z, t in _thinned(samples).tolist()],
@@ -115,6 +115,10 @@ def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
             if math.isfinite(record.x_m)
         ],
     }  # fmt: skip
+
+
+def _legend(zones: Sequence[IrrigationZone]) -> list[dict[str, str]]:
+    return [{"name": zone.name, "limits": zone.limits, "colour": zone.colour} for zone in zones]
 
 
 def view(run: MapRun) -> tuple[float, float, float, float]:
@@ -220,7 +224,7 @@ def _decision(run: MapRun, found: DecisionMap) -> Iterator[dict[str, Any]]:
     yield _layer(
         run, 0, "decision", found.number, title="Decision", kind="zones", hatchText="zone not certain",
         hatch=_hatch(run, inside & (found.probability < CERTAIN)),
-        zones=[{"name": zone.name, "limits": percent(zone.share), "colour": zone.colour} for zone in found.zones],
+        zones=_legend(found.zones),
         about=f"Zones by the thresholds of the mission. Hatched: the probability of the zone is below "
         f"{percent(CERTAIN)}.",
     )  # fmt: skip

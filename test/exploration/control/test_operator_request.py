@@ -158,6 +158,7 @@ def test_an_order_of_stops_that_are_not_in_the_queue(stops):
         (ReplyCode.BAD_SETTING, {"strategy": "gredy"}, "did you mean 'greedy'"),
         (ReplyCode.BAD_SETTING, {"target": "water"}, "rate, vwc"),
         (ReplyCode.BAD_SETTING, {"target": "vwc"}, "no calibration"),
+        (ReplyCode.BAD_SETTING, {"target": "decision"}, "no thresholds"),
         (ReplyCode.BAD_DWELL, {"dwell": "often"}, "fmi"),
         (ReplyCode.UNKNOWN_STOP, {"home": "r0c99"}, "r0c9"),
         (ReplyCode.BAD_SETTING, {"hours": 2.0, "strategy": "none"}, "none"),
