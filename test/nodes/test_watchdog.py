@@ -148,7 +148,9 @@ def test_the_robot_of_a_dead_planner_stops_and_waits_for_people(ros, tmp_path, w
         ros.wait_for(lambda: len(navigation.goals) > len(goals), message="another goal")
 
 
-def test_along_routes_of_nav2_the_fence_judges_each_and_the_watchdog_stops_both_servers(ros, tmp_path):
+def test_along_routes_of_nav2_the_fence_judges_each_and_the_watchdog_stops_both_servers(
+    ros, tmp_path, record_property
+):
     (tmp_path / "pond.yaml").write_text(f"{FIELD}no_go: [[[9, 9], [11, 9], [11, 11], [9, 11]]]\n")
     (tmp_path / "lanes.geojson").write_text(route_graph_text(make_map().graph))
     given = {"field": str(tmp_path / "pond.yaml"), "graph": str(tmp_path / "lanes.geojson"), "hours": 2.0}
@@ -162,9 +164,10 @@ def test_along_routes_of_nav2_the_fence_judges_each_and_the_watchdog_stops_both_
         navigation.via = lambda stop: ((5.0, 5.0), (5.0, stop[1]))
         ros.wait_for(lambda: world.goal is not None, message="the robot to drive")
         ros.wait_for(lambda: told and told[-1].data, message="the watchdog to hear the planner")
-        world.rate = 0.5
+        world.rate, since = 0.5, time.monotonic()
         planning.process.process.kill()
-        ros.wait_for(lambda: navigation.ends == ["canceled"], message="the controller to stop")
+        ros.wait_for(lambda: navigation.ends == ["canceled"], message="the controller to stop", every=0.005)
+        record_property("cancelled_after_s", time.monotonic() - since)
         ros.wait_for(lambda: navigation.tracked[-1:] == ["canceled"], message="the Route Server to end")
         assert world.goal is None
 
