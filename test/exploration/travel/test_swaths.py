@@ -68,8 +68,7 @@ def test_swaths_without_turns_are_joined_through_the_headland(tmp_path, degrees)
     graph = built.graph
     assert f"{'degrees' if degrees else 'metres'}), joined by 4 straight ways" in said
     assert len(graph.names) == 3 * 5
-    way = "swath44-3", "swath44-end", "swath45-start", "swath45-1"
-    assert tuple(graph.path(way[0], way[-1])) == way
+    assert list(graph.path("swath44-3", "swath45-1"))[1:-1] == ["swath44-end", "swath45-start"]
     pond = replace(FIELD, no_go=(np.array([[98, 3], [104, 3], [104, 7], [98, 7]], float),))
     built, said = swath_graph(pond, geojson(tmp_path), 25.0, 1.0)
     assert "1 others would leave the field or cross a no-go area (swath44-end - swath45-start)" in said
@@ -79,7 +78,6 @@ def test_swaths_without_turns_are_joined_through_the_headland(tmp_path, degrees)
 @pytest.mark.parametrize("file", [path_file, components])
 def test_turns_of_the_file_join_its_swaths(tmp_path, file):
     built, said = swath_graph(FIELD, file(tmp_path), 50.0, 1.0)
-    assert "3 swaths" in said
     assert "joined by 2 turns of the file" in said
     way = built.graph.path("swath1-end", "swath2-start")
     assert len(way) > 4, "along the bend, not straight"
