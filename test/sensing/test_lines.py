@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from scripted_server import LIMIT_S, QUICK, ScriptedServer, opened, read, sends
 
 from soilmoist_ros import sensing
-from soilmoist_ros.foundation.errors import Mistake
-from soilmoist_ros.sensing import CountRecord, Kind, LoggerRecord, Problem, Severity
+from soilmoist_ros.sensing import CountRecord, Kind, LoggerRecord
 from soilmoist_ros.sensing.connections import open_source
 from soilmoist_ros.sensing.lines import (
     MAX_WAITING,
@@ -159,11 +158,3 @@ def test_a_kind_is_its_code_and_has_a_text_and_a_severity() -> None:
     assert Kind.NO_POSITION.text == "no position"
     assert [kind.value for kind in Kind] == [kind.name.lower() for kind in Kind]
     assert len({kind.text for kind in Kind}) == len(Kind)
-
-
-@pytest.mark.parametrize("kind", Kind)
-def test_what_is_lost_is_an_error_but_for_duplicates(kind) -> None:
-    mistake = Mistake("something")
-    assert Problem(kind, mistake).severity is kind.severity
-    expected = kind.severity if kind is Kind.DUPLICATE else Severity.ERROR
-    assert Problem(kind, mistake, lost=True).severity is expected

@@ -80,7 +80,7 @@ def test_counts_equal_those_of_a_mission_without_ros():
 @pytest.mark.slow
 @settings(deadline=None, max_examples=10)
 @given(
-    st.lists(st.floats(0.01, 300), min_size=1, max_size=10), st.sampled_from(["", "bad_link", "nav2", "thorvald"])
+    st.lists(st.floats(0.01, 120), min_size=1, max_size=10), st.sampled_from(["", "bad_link", "nav2", "thorvald"])
 )
 def test_the_output_does_not_depend_on_the_number_of_steps(steps, scenario):
     def outputs(times):

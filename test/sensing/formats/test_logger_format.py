@@ -142,16 +142,6 @@ def test_what_is_written_is_read(record) -> None:
         assert getattr(read, name) == pytest.approx(getattr(record, name), nan_ok=True, rel=1e-12), name
 
 
-def test_the_header_has_serial_number_and_period() -> None:
-    parser = RecordParser(FORMAT)
-    for line in format_header("CRS-0007", 5).split("\n"):
-        assert parser.feed(line.encode()) is None
-    assert parser.serial == "CRS-0007"
-    assert parser.period_s == 5
-    assert parser.metadata["logger"] == "thorvald_crs/1"
-    assert not parser.problems
-
-
 @settings(deadline=None)
 @given(st.integers(0, 60), st.integers(1, 255))
 def test_one_changed_byte_is_always_found(place, change) -> None:

@@ -373,15 +373,6 @@ def test_encodings_and_line_ends(tmp_path, encoding, end) -> None:
     assert (len(log.records), log.problems, log.serial) == (1, (), "4711")
 
 
-@pytest.mark.parametrize("kept", [20, 60, 70])
-def test_truncated_last_line(tmp_path, kept) -> None:
-    second = line(number="8", time="2024/05/01 10:01:00", gps="0100100")[:kept]
-    log = read_log(write(tmp_path, ROVER_HEADER + line() + b"\n" + second), "hydroinnova_rover", "east")
-    assert len(log.records) == 1
-    assert kinds(log.problems) == [Kind.TRUNCATED]
-    assert log.records_lost == 1
-
-
 def test_last_line_without_an_end_is_dropped_if_its_last_number_may_be_cut(tmp_path) -> None:
     header = b"//RecordNum,Date Time(UTC),P4_mb,T1_C,RH1,N1Cts,N1ET_sec\n"
     rows = b"1, 2023/05/31 23:39:00, 974.2, 9, 47, 1225, 1200\n2, 2023/05/31 23:59:00, 974.2, 9, 47, 1225, 120"
