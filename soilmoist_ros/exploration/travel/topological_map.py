@@ -238,6 +238,9 @@ def read_topological_map(path: Path) -> TopologicalMap:
         raise InputError(f"is not UTF-8 text (byte {error.start})", "save it as UTF-8", path) from None
     if path.suffix.lower() == ".json":
         return parse_topological_map(text, path)
+    if re.match(r"node:\s*\n\t", text):
+        remedy = "load it in its navigation, and save what topological_map_2 publishes"
+        raise InputError("is a map of the oldest form: text with tabs", remedy, path)
     try:
         found = _checked(read_quickly(text, MAX_MAP_VALUES), path)
     except InputError:  # the slow parser knows the lines of mistakes

@@ -154,6 +154,9 @@ def test_a_missing_file_is_an_input_error(tmp_path):
     for name in ("none.json", "none.yaml"):
         with pytest.raises(InputError, match="cannot be read"):
             read_topological_map(tmp_path / name)
+    (tmp_path / "old.tmap").write_text("node: \n\tgate\n\twaypoint:\n\t\t0,0,0,0,0,0,1\n")
+    with pytest.raises(InputError, match="a map of the oldest form"):
+        read_topological_map(tmp_path / "old.tmap")
     (tmp_path / "link.json").symlink_to("/dev/null")
     with pytest.raises(InputError, match="not a regular file"):
         read_topological_map(tmp_path / "link.json")
