@@ -7,6 +7,7 @@ from __future__ import annotations
 import ast
 import functools
 import re
+import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -83,6 +84,48 @@ def test_nothing_is_installed_in_vain():
     assert {key for key in rosdep_keys() if key.startswith("python3-")} <= {
         ROSDEP_KEYS.get(name, f"python3-{name}") for name in needed
     }
+
+
+WITHOUT_A_KEY = (
+    "pykrige pyvrp pyogrio mcap rosbags lz4 zstandard reverse_geocode pandas pyarrow distributed xarray geopandas"
+)
+"""Imports that rosdep cannot install: pip does on a robot, and the nodes but the recorder do without."""
+WITHOUT = f"""
+import importlib, sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {WITHOUT_A_KEY.split()}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Absent())
+for node in ("sensor_driver", "mapper", "planner", "field_simulator", "console", "watchdog"):
+    importlib.import_module(f"soilmoist_ros.nodes.{{node}}")
+from soilmoist_ros.cli.main import main
+main(["simulate", "--field", "patches", "--hours", "0.3", "--out", sys.argv[1]], standalone_mode=False)
+import soilmoist_ros.nodes.recorder
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_nodes_and_a_mission_do_without_what_rosdep_cannot_install(tmp_path):
+    pytest.importorskip("rclpy")
+    said = subprocess.run([sys.executable, "-c", WITHOUT, tmp_path], capture_output=True, text=True)
+    assert said.returncode == 1, "the recorder, the last one"
+    assert re.search(r"^recorder: (mcap|rosbags) is not installed -> .*\[bags\]", said.stderr, re.MULTILINE), (
+        said.stderr
+    )
+    assert (tmp_path / "summary.json").is_file()
+
+
+@pytest.mark.slow
+def test_every_dependency_is_a_key_of_rosdep_or_can_be_left_out():
+    """Keys of rosdep and names in Jazzy, Kilted and Lyrical: ros/rosdistro of August 2026."""
+    keys = set((ROOT / "test/data/rosdep_keys.txt").read_text(encoding="utf-8").split())
+    files = (ROOT / "package.xml", ROOT / "interfaces/soilmoist_msgs/package.xml")
+    asked = {one.text for file in files for one in ET.parse(file).getroot() if one.tag.endswith("depend")}
+    assert asked - keys == set()
+    by_pip = {name.lower() for name in pip_names()} - {"numpy", "pydantic"}  # newer ones than Ubuntu's
+    assert by_pip <= set(WITHOUT_A_KEY.split())
 
 
 def test_the_keys_of_optional_packages_do_not_break_rosdep():

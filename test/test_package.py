@@ -82,6 +82,27 @@ def test_package_xml_says_what_setup_py_says():
     assert root.find("export").findtext("build_type") == "ament_python"
 
 
+def test_a_release_has_one_version_and_a_dated_section_of_the_changelog(load_script, tmp_path):
+    release = load_script("release")
+    names = ("CHANGELOG.rst", "CITATION.cff", "package.xml", "soilmoist_ros/foundation/version.py")
+    for name in names:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    version = soilmoist_ros.__version__
+    log = tmp_path / names[0]
+    sections = [f"{heading}\n------------------\n* {text}\n\n" for heading, text in (
+        (f"{version} (2026-12-01)", "New"), ("0.1.0 (2026-01-01)", "Old"))]  # fmt: skip
+    log.write_text("Title\n^^^^^\n\n" + "".join(sections))
+    assert release.changes(log.read_text()) == (f"{version} (2026-12-01)", "* New\n")
+    assert release.missing(tmp_path) == []
+    log.write_text("Forthcoming\n-----------\n* New\n")
+    citation = tmp_path / names[1]
+    citation.write_text(citation.read_text().replace(version, "9.9.9"))
+    citation_said, log_said = release.missing(tmp_path)
+    assert citation_said == f"CITATION.cff has the version 9.9.9, not {version}"
+    assert "'Forthcoming'" in log_said
+
+
 def test_every_file_of_the_configuration_and_the_marker_of_the_package_are_installed():
     text = (ROOT / "setup.py").read_text()
     assert all(f'*shared("{folder}")' in text for folder in ("config", "launch", "examples"))
@@ -262,7 +283,9 @@ def test_the_messages_of_the_page_on_troubleshooting_exist():
 
 @pytest.mark.slow
 def test_every_dependency_is_listed_with_its_licence():
-    check = subprocess.run([sys.executable, ROOT / "scripts/licences", "--check"], capture_output=True, text=True)
+    check = subprocess.run(
+        [sys.executable, ROOT / "scripts/release", "--licences", "--check"], capture_output=True, text=True
+    )
     assert check.returncode == 0, check.stdout
     assert "unknown" not in PAGES["docs/dependencies.md"]
 
@@ -316,12 +339,14 @@ def test_messages_of_pip_are_shown_when_it_fails():
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("name", ["demo", "test", "docs", "install", "build_interfaces", "keystore", "fuzz"])
+@pytest.mark.parametrize(
+    "name", ["demo", "test", "docs", "install", "build_interfaces", "keystore", "fuzz", "release"]
+)
 def test_the_help_of_a_script_installs_nothing(name, tmp_path):
     shutil.copytree(SCRIPT.parent, tmp_path / "scripts")
     run = subprocess.run([tmp_path / "scripts" / name, "--help"], capture_output=True, text=True, cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")
-    assert f"usage: {'.venv/bin/python ' * (name in ('install', 'fuzz'))}scripts/{name}" in run.stdout
+    assert f"usage: {'.venv/bin/python ' * (name in ('install', 'fuzz', 'release'))}scripts/{name}" in run.stdout
     assert [path.name for path in tmp_path.iterdir()] == ["scripts"]
 
 

@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -129,6 +130,13 @@ def test_the_citation_is_of_this_version():
     assert content["version"] == soilmoist_ros.__version__
     assert (content["title"], content["license"]) == ("soilmoist_ros", "Apache-2.0")
     assert {"cff-version", "message", "authors"} <= set(content)
+
+
+def test_pixi_names_extras_that_are_there():
+    content = tomllib.loads((ROOT / "pixi.toml").read_text(encoding="utf-8"))
+    setup = (ROOT / "setup.py").read_text(encoding="utf-8")
+    assert all(f'"{extra}": [' in setup for extra in content["pypi-dependencies"]["soilmoist_ros"]["extras"])
+    assert all(f'"{command.split()[0]}"' in setup for command in content["tasks"]["nodes"].split(" && "))
 
 
 def test_hooks_use_the_pinned_tools():

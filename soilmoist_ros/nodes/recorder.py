@@ -23,7 +23,7 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics_to_message
 from soilmoist_ros.exploration import property_weights
-from soilmoist_ros.foundation import InputError
+from soilmoist_ros.foundation import InputError, not_installed
 from soilmoist_ros.nodes.node_process import Aside, run
 from soilmoist_ros.nodes.parameter_tables import RECORDER as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
@@ -36,25 +36,29 @@ from soilmoist_ros.nodes.topics import (
     requested_qos,
     ros_now_s,
 )
-from soilmoist_ros.recording import (
-    BagRecorder,
-    Excess,
-    Qos,
-    Request,
-    RunConfiguration,
-    SequenceGaps,
-    Topic,
-    TopicChoice,
-    check_name,
-    delete_bags,
-    excess_text,
-    find_definition,
-    find_excess,
-    free_bytes,
-    next_bag,
-    recorder_health,
-    request_for,
-)
+
+try:
+    from soilmoist_ros.recording import (
+        BagRecorder,
+        Excess,
+        Qos,
+        Request,
+        RunConfiguration,
+        SequenceGaps,
+        Topic,
+        TopicChoice,
+        check_name,
+        delete_bags,
+        excess_text,
+        find_definition,
+        find_excess,
+        free_bytes,
+        next_bag,
+        recorder_health,
+        request_for,
+    )
+except ModuleNotFoundError as error:  # the only node that needs packages without a key of rosdep
+    raise SystemExit(f"recorder: {not_installed(error)}; the other nodes do without") from None
 
 __all__ = ["PARAMETERS", "Recorder", "main"]
 

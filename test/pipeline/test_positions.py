@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -320,7 +321,7 @@ def test_older_bags_have_no_definitions(tmp_path, kind, code):
     types = Types(2)
     folder = bag(tmp_path / "folder", types, {"/gnss": KINDS[kind](types)}, packed=False)
     (file,) = folder.glob("*.db3")
-    with sqlite3.connect(file) as base:
+    with closing(sqlite3.connect(file)) as base, base:
         base.execute("DROP TABLE message_definitions")
     found, said = run("check", "--log", file)
     assert found == code

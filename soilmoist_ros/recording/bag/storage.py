@@ -258,6 +258,13 @@ class _SqliteFile:
         self._path = path
         uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
         self._base = sqlite3.connect(uri, uri=True, check_same_thread=False)
+        try:
+            self._read_topics()
+        except BaseException:
+            self.close()
+            raise
+
+    def _read_topics(self) -> None:
         self._base.execute("PRAGMA trusted_schema=OFF")
         self._base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CHUNK_BYTES)
         tables = {name for (name,) in self._base.execute("SELECT name FROM sqlite_master WHERE type='table'")}
