@@ -1250,7 +1250,7 @@ _KEPT: Final = (
 def satisfied(rules: MissionRules, forecast: Forecast) -> tuple[MissionEnd, str] | None:
     """Reason why a mission may end by a forecast, as code and in words; ``None`` if it goes on."""
     if forecast.is_decided:
-        return MissionEnd.GOOD_ENOUGH, f"the decision is made, more counts hardly change it: {forecast.wrong_text}"
+        return MissionEnd.GOOD_ENOUGH, f"the decision is made: {forecast.wrong_text}"
     if rules.until_sd > 0 and forecast.sd <= rules.until_sd:
         limit = f"{100 * rules.until_sd:.3g} {forecast.unit}"
         return MissionEnd.GOOD_ENOUGH, f"the map is good enough: ±{100 * forecast.sd:.3g} of {limit} demanded"

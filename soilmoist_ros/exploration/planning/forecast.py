@@ -42,8 +42,8 @@ from soilmoist_ros.mapping import (
 Array = NDArray[np.float64]
 
 SOON_S = 600.0  # time ahead for which a gain is stated [s]
-DECIDED = 0.001
-"""Share of the field that twice the counts must still bring into the right zone; else the decision is made."""
+DECIDED = 0.01
+"""Share of the field expected in the wrong zone below which the decision is made: no count could change much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,6 @@ class Forecast:
     wrong: float | None = None  # share of the field expected in the wrong zone now; ``None`` without thresholds
     wrong_end: float | None = None  # at the end of the mission
     outside: tuple[float, ...] = ()  # thresholds that hardly any place of the field is below, or above
-    is_decided: bool = False  # whether even twice the counts would hardly change the zone of a place
 
     @property
     def gain(self) -> float:
@@ -127,6 +126,11 @@ class Forecast:
             text += f", {100 * self.wrong_end:.1f} % at the end"
         outside = " and ".join(f"{value:g}" for value in self.outside)
         return f"{text}; {outside} is outside what the field has" if outside else text
+
+    @property
+    def is_decided(self) -> bool:
+        """True if hardly any place is expected in the wrong zone."""
+        return self.wrong is not None and self.wrong < DECIDED
 
     @property
     def uniform(self) -> str:
@@ -265,16 +269,10 @@ def map_forecast(
     found = curve.forecast(left_s, mean, of.curve is not None, hidden)
     if of.thresholds is None:
         return found
-    smooth, thresholds = np.clip(np.diag(covariance), 0.0, variance), of.thresholds
-
-    def wrong(sd: float) -> float:
-        return thresholds.wrong(rate, variance, smooth * max(1 - (sd / found.sd) ** 2, 0.0))
-
-    now = wrong(found.sd)
-    is_decided = left_s > 0 and now - wrong(curve.sd(max(counted_s / share, left_s))) < DECIDED
-    end = wrong(found.sd_end) if left_s > 0 else None
-    outside = thresholds.outside(rate, variance)
-    return replace(found, wrong=now, wrong_end=end, outside=outside, is_decided=is_decided)
+    moved = np.clip(np.diag(covariance), 0.0, variance) * max(1 - (found.sd_end / found.sd) ** 2, 0.0)
+    end = of.thresholds.wrong(rate, variance, moved) if left_s > 0 else None
+    outside = of.thresholds.outside(rate, variance)
+    return replace(found, wrong=of.thresholds.wrong(rate, variance), wrong_end=end, outside=outside)
 
 
 def prior_forecast(

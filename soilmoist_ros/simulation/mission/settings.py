@@ -317,7 +317,7 @@ class MissionSettings:
     )  # fmt: skip
     target: Literal["rate", "vwc", "decision"] = _setting(
         "rate", "What the map is to be good for: the rate; the moisture, whose error grows in wet soil; or the "
-        "zones by --threshold. Then the mission also ends when more counts hardly change the zones.",
+        "zones by --threshold. Then the mission also ends when hardly any place is in the wrong zone.",
         choices=("rate", "vwc", "decision"),
     )  # fmt: skip
     threshold: str | None = _setting(

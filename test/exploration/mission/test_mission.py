@@ -432,6 +432,8 @@ def forecast(driver, *forecasts):
         ({"until_gain": 1.0}, replace(FORECAST, hidden=0.06), MissionEnd.NOTHING_VARIES),
         ({"until_gain": 99.0}, replace(FORECAST, is_guess=True), None),
         ({}, replace(FORECAST, hidden=0.06, sd_soon=0.03), None),
+        ({}, replace(FORECAST, wrong=0.009, outside=(0.4,)), MissionEnd.GOOD_ENOUGH),
+        ({}, replace(FORECAST, wrong=0.02, wrong_end=0.019), None),
     ],
 )
 def test_a_mission_ends_when_the_map_is_good_enough_or_little_is_to_be_gained(rules, made, end):
