@@ -72,7 +72,6 @@ def test_failsafes_are_told_for_each_phase():
     assert "off_route: pause instead of warn" in text
     assert "limit        off_route_m 5 m" in text
     assert "travelling   cancels the goal, waits for people" in text
-    assert "paused       refuses resume" in text
     content = json.loads(failsafe("moving", "battery_low", "--phase", "counting", "--json"))
     moving, battery = (item["phases"]["counting"]["does"] for item in content["failsafes"])
     assert moving.startswith("cancels all goals of the navigation")

@@ -80,6 +80,9 @@ def test_an_edge_that_the_map_closes_for_the_robot_is_never_driven_and_the_fence
     assert fenced.nodes_to_send((10, 5), Stop("e", 50, 5), 5.0) == ("s", "e"), "the server would drive through m"
     assert "m" in fenced.warning
     assert "edge" not in fenced.warning
+    announced = np.array([[10, 5], [30, 5], [50, 5]], float)
+    assert fenced.refusal(announced) == "it takes the edge w - m, which is not for this robot"
+    assert fenced.refusal(np.array([[10, 5], [30.2, 10], [50, 5]], float)) == ""
 
 
 def test_a_navigation_may_take_every_route_that_is_about_the_shortest():

@@ -80,7 +80,6 @@ def test_turns_of_the_file_join_its_swaths(tmp_path, file):
     built, said = swath_graph(FIELD, file(tmp_path), 50.0, 1.0)
     assert "joined by 2 turns of the file" in said
     way = built.graph.path("swath1-end", "swath2-start")
-    assert len(way) > 4, "along the bend, not straight"
     assert max(built.graph.xy[[built.graph.index(name) for name in way], 0]) == pytest.approx(105.0, abs=0.2)
     narrow = replace(FIELD, polygon=np.array([[-10, -10], [103, -10], [103, 40], [-10, 40]], float))
     assert "1 others would leave the field" in swath_graph(narrow, file(tmp_path), 50.0, 1.0)[1]
