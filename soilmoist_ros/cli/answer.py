@@ -318,6 +318,9 @@ def print_knowledge(run: MapRun) -> None:
     for row in run.corrections:
         if row.name == REFERENCE:
             say(f"reference  {', '.join(f'{name} {value}' for name, value in row.parameters.items())}")
+    fit = run.soil_map.fit
+    if fit is not None and (verdict := fit.message.partition(", ")[2]):
+        say(f"prior      {'; '.join(filter(None, (str(run.settings.get('other_fields', '')), verdict)))}")
     related = relations(run)
     for one in run.earlier:
         known = related.get(one.survey.name)

@@ -25,7 +25,7 @@ GROUPS: Mapping[str, str] = {
     "speed_mps turn_s_per_rad stop_overhead_s min_dwell_s learn_travel stop_cost_s metre_cost_s navigator "
     "autostart",
     "Map": "model fit noise local drift_model map_from cell_m",
-    "Knowledge": "site earlier covariates",
+    "Knowledge": "site earlier prior covariates",
     "Simulation": "person seed time_factor scenario real_speed_mps cadence_s footprint_m position_sd_m weather "
     "drift drift_hour series_every_s random_field earlier_surveys persistence survey_days pattern_days "
     "covariate_correlation useless_covariates",

@@ -311,10 +311,23 @@ def reference_option(command: Command) -> Command:
 # The map --------------------------------------------------------------------------------------------------------
 
 
+class _FarmPrior(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """Surveys of other fields, or ``none``, read when the command begins."""
+
+    name = "FOLDER|FILE"
+
+    def require(self, value: str) -> None:
+        """Check that there is a survey."""
+        from soilmoist_ros.mapping import FarmPrior
+
+        FarmPrior.named(value)
+
+
 _NAMES = {"keep_nugget": "--nugget", "cell_m": "--cell", "merge_radius_m": "--merge"}
 """Options with other names than their settings."""
 _TYPES: Mapping[str, click.ParamType[Any]] = {
     "model": VariogramModel(),
+    "prior": _FarmPrior(),
     "keep_nugget": click.Choice(["keep", "filter"]),
     "cell_m": click.FloatRange(min=0, min_open=True),
     "merge_radius_m": click.FloatRange(min=0),
@@ -326,7 +339,7 @@ def map_options(default: str) -> Callable[[Command], Command]:
 
     :param default: help on the defaults of the variogram, such as ``by --preset``
     """
-    defaults = {"cell_m": "", "merge_radius_m": ""}
+    defaults = {"cell_m": "", "merge_radius_m": "", "prior": ""}
     if not default.startswith("as "):
         defaults["keep_nugget"] = " Default: keep."
 

@@ -126,7 +126,7 @@ FAR_M: Final = 5e3
 """Distance from the field at which the field file is doubted, and nothing starts [m]."""
 LIMIT_VWC, LIMIT_SHARE = 0.005, 0.1
 """Distance from the limits of the soil [m^3/m^3] at which a share of the cells makes the whole level doubtful."""
-_MAPPED: Final = ("model", "fit", "noise", "local", "drift_model")
+_MAPPED: Final = ("model", "fit", "noise", "local", "drift_model", "prior")
 
 NO_LOGGER: Final = "the logger does not answer: check its power, its cable and the address"
 _log = logging.getLogger(__name__)

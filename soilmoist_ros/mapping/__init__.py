@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.several_surveys import FieldChange as FieldChange, JointKriging as JointKriging, Persistence as Persistence, SurveysEstimate as SurveysEstimate, field_change as field_change, mean_places as mean_places, moisture_slope as moisture_slope
     from soilmoist_ros.mapping.soil_map import CELL as CELL, Bands as Bands, SoilMap as SoilMap, common_rate_sd as common_rate_sd, level_of as level_of, make_bands as make_bands, make_soil_map as make_soil_map, map_cells as map_cells, moisture_terms as moisture_terms, placed_cells as placed_cells, possible_moisture as possible_moisture
     from soilmoist_ros.mapping.variogram.field_prior import Effect as Effect, FieldPrior as FieldPrior
+    from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior as FarmPrior, FarmSurvey as FarmSurvey
     from soilmoist_ros.mapping.variogram.fit import FitMethod as FitMethod, LocalModel as LocalModel, NoiseModel as NoiseModel, VariogramFit as VariogramFit, estimate_variogram as estimate_variogram, fit_variogram as fit_variogram
     from soilmoist_ros.mapping.variogram.local import LocalFit as LocalFit, LocalRate as LocalRate
     from soilmoist_ros.mapping.variogram.model import VARIOGRAM_MODELS as VARIOGRAM_MODELS, Amplitude as Amplitude, CorrelationModel as CorrelationModel, ModelName as ModelName, Variogram as Variogram, correlation_model as correlation_model
@@ -62,6 +63,7 @@ __getattr__, __dir__, __all__ = open_door(
         "several_surveys": "FieldChange JointKriging Persistence SurveysEstimate field_change mean_places moisture_slope",
         "soil_map": "Bands CELL SoilMap common_rate_sd level_of make_bands make_soil_map map_cells moisture_terms placed_cells possible_moisture",
         "variogram.field_prior": "Effect FieldPrior",
+        "variogram.farm_prior": "FarmPrior FarmSurvey",
         "variogram.fit": "FitMethod LocalModel NoiseModel VariogramFit estimate_variogram fit_variogram",
         "variogram.local": "LocalFit LocalRate",
         "variogram.model": "Amplitude CorrelationModel ModelName VARIOGRAM_MODELS Variogram correlation_model",

@@ -47,6 +47,7 @@ from soilmoist_ros.mapping.records import (
 )
 from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples, as_samples
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
+from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel, VariogramFit, estimate_variogram
 from soilmoist_ros.mapping.variogram.model import ModelName, Variogram
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
@@ -104,6 +105,7 @@ class FieldMapSettings:
     local: LocalModel = "auto"
     drift_model: DriftModel = "auto"
     deconvolve: bool | None = None
+    prior: str | None = None
 
     @classmethod
     def chosen(cls, settings: object, **more: Any) -> FieldMapSettings:
@@ -569,7 +571,13 @@ class FieldMap:
             others=others,
             effects=effects,
             like=like,
+            farm=self.farm,
         )
+
+    @cached_property
+    def farm(self) -> FarmPrior | None:
+        """Surveys of other fields that inform the variogram; ``None`` without any."""
+        return FarmPrior.named(self.settings.prior)
 
     def _change(self, state: MapState, fit: VariogramFit) -> Change:
         """Change of the mean rate up to a state, as far as it is known."""

@@ -51,6 +51,10 @@ class MappingSettings:
     drift_model: DriftModel | None = _choice(
         "Whether the mean rate may change during the survey.", "auto", "auto", "off", before="off"
     )
+    prior: str | None = _choice(
+        "Surveys of other fields that inform the variogram before the counts do: a folder of runs, or a table.",
+        None,
+    )
     keep_nugget: bool | None = _choice(
         "Map the rate with its micro-scale variation (keep), or its smooth part only (filter).", True
     )

@@ -143,6 +143,7 @@ MAPPER: Final = (
     of_setting("noise"),
     of_setting("local"),
     of_setting("drift_model"),
+    of_setting("prior", default=""),
     row("keep_nugget", True, "whether the map includes the micro-scale variation (the nugget)"),
     row("merge_radius_m", 0.0, "records within this distance become one sample; 0 for a radius chosen from "
         "footprint and extent of the field", "m", 0, 1000),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.samples import Samples, Surveys, as_samples, merge_exactly, noise_rate
+from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.local import LocalFit, LocalRate, fit_amplitude
 from soilmoist_ros.mapping.variogram.model import Box, ModelName, Variogram, correlation_model
@@ -130,6 +131,7 @@ def estimate_variogram(
     others: Sequence[Samples] = (),
     effects: Sequence[Array] | None = None,
     like: VariogramFit | None = None,
+    farm: FarmPrior | None = None,
 ) -> VariogramFit:
     """Fit a variogram of the latent rate to counts.
 
@@ -158,6 +160,7 @@ def estimate_variogram(
     :param effects: known further structure of each survey, as in :class:`Surveys`, where ``xy`` has no place twice
     :param like: fit to fewer of the samples, for a quick one: the search begins at it, its direction is used, and
         the variance differs from place to place only if it does there; soft_l1 ignores it
+    :param farm: surveys of other fields, which inform the prior; soft_l1 ignores them
     :raises ValueError: if there are too few samples, for an unknown model or method, for bad input
     """
     correlation_model(model)
@@ -174,7 +177,7 @@ def estimate_variogram(
         return replace(fit, local_rate=LocalRate.of(places, fit.variogram)) if local_noise else fit
     surveys = Surveys((places, *others), None if effects is None else tuple(effects))
     extent_m = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
-    estimate = maximise_reml(surveys, model, extent_m, anisotropy, None if like is None else like.mode)
+    estimate = maximise_reml(surveys, model, extent_m, anisotropy, None if like is None else like.mode, farm)
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
     found = estimate.log_likelihood, estimate.log_sd, estimate.prior_share, estimate.converged, estimate.message
     mean_rate = places.mean_rate_cps

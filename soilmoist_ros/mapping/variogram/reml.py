@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.samples import Samples, Surveys, noise_rate, spatial_blocks
+from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior
 from soilmoist_ros.mapping.variogram.model import ModelName, Variogram, correlation_model, isotropic_plane
 from soilmoist_ros.mapping.variogram.support import correlation_by_range
 
@@ -45,6 +46,8 @@ _DIRECTED_STEP = 1.5
 """Maximum change of a parameter, in prior standard deviations, between the peaks of two directions."""
 _LARGEST_STEP = 5.0  # search bounds of the parameters, in prior standard deviations
 _TOLERANCE = 1e-4  # distance from the mode at which the optimiser stops, in posterior standard deviations
+OTHER_FIELDS = ("unlike the other fields: the usual prior", "like the other fields")
+"""Verdict of the counts on surveys of other fields, which the message of a fit ends with."""
 _ROUGH = 0.3
 """Tolerance of searches from further starts [posterior sd]; misses peaks higher by less than half its square."""
 
@@ -191,7 +194,14 @@ class Prior:
     GUESS_WORTH = 10.0
 
     @classmethod
-    def of(cls, places: Samples, model: ModelName, extent_m: float, others: tuple[Samples, ...] = ()) -> Prior:
+    def of(
+        cls,
+        places: Samples,
+        model: ModelName,
+        extent_m: float,
+        others: tuple[Samples, ...] = (),
+        farm: FarmPrior | None = None,
+    ) -> Prior:
         """Prior for merged samples, and those of other surveys, in a field of extent ``extent_m`` [m], > 0."""
         m = noise_rate(places)
         structured, worth = cls.GUESS_WORTH * (cls.GUESSED_VARIATION * m) ** 2, cls.GUESS_WORTH
@@ -205,7 +215,14 @@ class Prior:
             extent_m / cls.RANGES_PER_EXTENT / correlation_model(model).practical,
             cls.GUESSED_NUGGET * structured,
         ]
-        return cls(np.log(medians), np.array([1.0, 1.0, 1.5]))
+        usual = cls(np.log(medians), np.array([1.0, 1.0, 1.5]))
+        if farm is None:
+            return usual
+        practical, square = np.log(correlation_model(model).practical), np.log(m**2)
+        guess = [np.log(cls.GUESSED_VARIATION), usual.log_median[1] + practical, np.log(cls.GUESSED_NUGGET)]
+        mean, sd = farm.expected(np.array(guess), usual.log_sd * [0.5, 1.0, 1.0])
+        structured = 2 * mean[0] + square
+        return cls(np.array([structured, mean[1] - practical, structured + mean[2]]), sd * [2.0, 1.0, 1.0])
 
     def position(self, variogram: Variogram) -> Array:
         """A variogram in prior standard deviations from the medians, shape (3,)."""
@@ -381,6 +398,7 @@ def maximise_reml(
     extent_m: float,
     anisotropy: bool = True,
     like: Variogram | None = None,
+    farm: FarmPrior | None = None,
 ) -> RemlEstimate:
     """Variogram under the restricted likelihood and :class:`Prior`.
 
@@ -398,15 +416,28 @@ def maximise_reml(
 
     :param places: merged samples, at least one; or those of several surveys
     :param like: variogram fitted to fewer of the samples: its direction is used, and the search begins at it
+    :param farm: surveys of other fields, whose expectation is the prior if the counts prefer it to the usual one
     """
     surveys = places if isinstance(places, Surveys) else Surveys((places,))
-    prior = Prior.of(surveys.samples[0], model, extent_m, surveys.samples[1:])
-    if like is None:
-        best = _highest_peak(surveys, model, prior, anisotropy)
-    else:
-        direction = (like.anisotropy, like.angle_deg)
-        best = _Peak.climb(surveys, model, prior, [prior.position(like)], direction)
-    covariance = _laplace_covariance(best.slope, best.u, best.gradient)
+
+    def fitted(farm: FarmPrior | None) -> tuple[float, Prior, _Peak, Array]:
+        """Logarithm of the evidence, by Laplace's approximation, and what it belongs to."""
+        prior = Prior.of(surveys.samples[0], model, extent_m, surveys.samples[1:], farm)
+        if like is None:
+            peak = _highest_peak(surveys, model, prior, anisotropy)
+        else:
+            direction = (like.anisotropy, like.angle_deg)
+            peak = _Peak.climb(surveys, model, prior, [prior.position(like)], direction)
+        covariance = _laplace_covariance(peak.slope, peak.u, peak.gradient)
+        return 0.5 * float(np.linalg.slogdet(covariance)[1]) - peak.cost, prior, peak, np.diag(covariance)
+
+    evidence, prior, best, covariance = fitted(None)
+    chosen = ""
+    if farm is not None:
+        by_farm = fitted(farm)
+        chosen = f", {OTHER_FIELDS[by_farm[0] > evidence]}"
+        if by_farm[0] > evidence:
+            _, prior, best, covariance = by_farm
     structured, range_m, nugget = np.exp(prior.log_median + prior.log_sd * best.u)
     mean = np.exp(0.5 * prior.log_sd**2 * covariance)  # of a log-normal variable, in units of its median
     return RemlEstimate(
@@ -416,7 +447,7 @@ def maximise_reml(
         _three(prior.log_sd * np.sqrt(covariance)),
         _three(np.clip(covariance, 0, 1)),
         best.converged,
-        "converged" if best.converged else "the optimiser did not come to rest",
+        f"{'converged' if best.converged else 'the optimiser did not come to rest'}{chosen}",
     )
 
 
@@ -540,13 +571,12 @@ def _likelihood_blocks(xy: Array) -> list[NDArray[np.intp]]:
 
 
 def _laplace_covariance(gradient: Callable[[Array], Array], mode: Array, at_mode: Array) -> Array:
-    """Variances of the parameters at the mode, from differences of the gradient (``at_mode`` at the mode)."""
+    """Covariance of the parameters at the mode, from differences of the gradient (``at_mode`` at the mode)."""
     step = 1e-4
     hessian = np.array([(gradient(mode + d) - at_mode) / step for d in step * np.eye(len(mode))])
     eigenvalues, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
     # The prior alone has curvature 1; a lower curvature means that the mode lies on a bound or a saddle.
-    inverse = vectors / np.maximum(eigenvalues, 1.0) @ vectors.T
-    return np.diag(inverse)
+    return np.asarray(vectors / np.maximum(eigenvalues, 1.0) @ vectors.T)
 
 
 def _three(values: Array) -> tuple[float, float, float]:

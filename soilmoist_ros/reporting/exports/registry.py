@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from soilmoist_ros.foundation import InputError, Registry
+from soilmoist_ros.mapping import FarmPrior
 from soilmoist_ros.recording import SUMMARY, sync_file
 from soilmoist_ros.reporting.exports.irrigation import write_dose
 from soilmoist_ros.reporting.exports.isoxml import write_isoxml
@@ -24,6 +25,13 @@ from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, op
 from soilmoist_ros.reporting.opened_run import open_run
 
 Write = Callable[[RunSource, Path, ExportSettings], list[Path]]
+
+
+def write_prior(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
+    """Write the six numbers of a survey that inform those of other fields; ``InputError`` without a fit."""
+    path = folder / f"{source.run.folder.absolute().name}_prior.csv"
+    path.write_text(FarmPrior.read(source.run.folder).table())
+    return [path]
 
 
 @dataclass(frozen=True)
@@ -75,6 +83,10 @@ BUILT_IN = {
     ),
     "kmz": Export(
         write_kmz, "KMZ", "map and samples for Google Earth on a phone, without network", ".kmz",
+    ),
+    "prior": Export(
+        write_prior, "prior of the farm",
+        "what the survey says of the variogram, for --prior of a survey of another field (CSV)", ".csv",
     ),
     "netcdf": Export(
         write_netcdf, "NetCDF", "maps by the CF conventions, for models and archives", ".nc",

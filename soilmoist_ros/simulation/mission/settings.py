@@ -307,6 +307,10 @@ class MissionSettings:
         None, "Whether the mean rate may change during the survey, by drying or rain, where the counts ask for it "
         "(auto), or never (off). The map is of the end.", str, choices=("auto", "off"),
     )  # fmt: skip
+    prior: str | None = _setting(
+        None, "Surveys of other fields that inform the variogram before the counts do: a folder of runs, or a "
+        "table of them.", str,
+    )  # fmt: skip
     preset: Preset = _setting(
         "recommended", "Settings where none are given: the recommended ones, those of the paper, or those of the "
         "authors' experiments, with the constants of its strategies.", choices=tuple(PRESETS),
