@@ -354,8 +354,8 @@ def test_the_help_of_a_script_installs_nothing(name, tmp_path):
 
 COLLECT = """
 import sys, pytest
-sys.modules["matplotlib"] = None
-sys.exit(pytest.main(["-p", "no:cacheprovider", "--collect-only", "test/reporting/test_paper_figures.py"]))
+sys.modules["mkdocs"] = None
+sys.exit(pytest.main(["-p", "no:cacheprovider", "--collect-only", "test/test_site.py"]))
 """
 
 

@@ -53,8 +53,8 @@ def command(
         load_campaign,
         run_campaign,
         write_campaign_report,
+        write_figures,
     )
-    from soilmoist_ros.reporting import write_figures
     from soilmoist_ros.simulation import simulate_mission
 
     plan = load_campaign(campaign)

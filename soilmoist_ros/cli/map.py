@@ -64,7 +64,6 @@ NO_MOISTURE = "the site file asks for the rate alone, or its soil is peat withou
 @options.reference_option
 @options.crs_option
 @click.option("--title", help="Title of the report.")
-@options.figures_option
 @options.output_options()
 @answering
 def command(
@@ -77,7 +76,6 @@ def command(
     crs: str | None,
     out: Path,
     overwrite: bool,
-    figures: tuple[str, ...],
     covariates: tuple[str, ...],
     start: datetime | None,
     end: datetime | None,
@@ -97,7 +95,7 @@ def command(
     from soilmoist_ros.foundation import shared_work
     from soilmoist_ros.mapping import CovariateSource
     from soilmoist_ros.pipeline import MapSettings, map_logs
-    from soilmoist_ros.reporting import run_figures, write_figures, write_outputs
+    from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.sensing import utc_text
 
     settings = MapSettings(
@@ -107,7 +105,7 @@ def command(
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:
         run = map_logs(logs, settings, progress, compute)
         progress("writing the results", 0.0)
-        written = [*write_outputs(out, run, crs), *write_figures(out, run_figures(run), figures)]
+        written = write_outputs(out, run, crs)
     if start or end:
         stamps = [record.stamp_s for record in run.track]
         say(f"time       {' to '.join(map(utc_text, (min(stamps), max(stamps))))} UTC, by --from and --to")

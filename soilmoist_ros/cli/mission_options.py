@@ -29,7 +29,7 @@ GROUPS: Mapping[str, str] = {
     "Simulation": "person seed time_factor scenario real_speed_mps cadence_s footprint_m position_sd_m weather "
     "drift drift_hour series_every_s random_field earlier_surveys persistence survey_days pattern_days "
     "covariate_correlation useless_covariates",
-    "Output": "figures console leave",
+    "Output": "console leave",
 }
 """Names of the options below each heading of ``--help``, in their order; all others come last."""
 

@@ -56,14 +56,12 @@ if TYPE_CHECKING:
 @options.reference_option
 @options.covariate_option(" Default: as in the run; none for those of the field only.")
 @options.crs_option
-@options.figures_option
 @options.output_options()
 @answering
 def command(
     bag: Path,
     out: Path,
     overwrite: bool,
-    figures: tuple[str, ...],
     crs: str | None,
     truths: tuple[str, ...],
     earlier: tuple[Path, ...],
@@ -76,7 +74,7 @@ def command(
     """
     options.prepare_output(out, overwrite)
     from soilmoist_ros.pipeline import ReplaySettings, replay_bag
-    from soilmoist_ros.reporting import run_figures, write_figures, write_outputs
+    from soilmoist_ros.reporting import write_outputs
 
     named: dict[str | int, str] = dict(_truth(text) for text in truths)
     with progress_bar() as progress:
@@ -88,7 +86,7 @@ def command(
         with options.reported_failure(out):
             replay = replay_bag(bag, settings, progress)
         progress("writing the results", 1.0)
-        written = [*write_outputs(out, replay.run, crs), *write_figures(out, run_figures(replay.run), figures)]
+        written = write_outputs(out, replay.run, crs)
     print_replay(replay)
     wrote(written, out)
 

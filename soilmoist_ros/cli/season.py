@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from soilmoist_ros.cli.answer import answering, progress_bar, say, warn, wrote
-from soilmoist_ros.cli.options import FILE, Name, VariogramModel, figures_option, output_options, prepare_output
+from soilmoist_ros.cli.options import FILE, Name, VariogramModel, output_options, prepare_output
 
 
 @click.command("season")
@@ -22,17 +22,10 @@ from soilmoist_ros.cli.options import FILE, Name, VariogramModel, figures_option
 @click.option("--model", type=VariogramModel(), default="matern32", show_default=True, help="Variogram model.")
 @click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")
 @click.option("--title", help="Title of the page.")
-@figures_option
 @output_options()
 @answering
 def command(
-    runs: tuple[Path, ...],
-    field: str | None,
-    site: str | None,
-    out: Path,
-    overwrite: bool,
-    figures: tuple[str, ...],
-    **choices: Any,
+    runs: tuple[Path, ...], field: str | None, site: str | None, out: Path, overwrite: bool, **choices: Any
 ) -> None:
     """Make a time series of all RUNS of one field.
 
@@ -41,14 +34,7 @@ def command(
     """
     prepare_output(out, overwrite)
     from soilmoist_ros.foundation import resource
-    from soilmoist_ros.reporting import (
-        SeasonSettings,
-        estimate_text,
-        make_season,
-        season_figures,
-        write_figures,
-        write_season,
-    )
+    from soilmoist_ros.reporting import SeasonSettings, estimate_text, make_season, write_season
 
     settings = SeasonSettings(
         field=resource("fields", field) if field else None,
@@ -58,7 +44,7 @@ def command(
     with progress_bar() as progress:
         season = make_season(runs, settings, progress)
         progress("writing the results", 1.0)
-        written = [*write_season(out, season), *write_figures(out, season_figures(season), figures)]
+        written = write_season(out, season)
     share = season.persistence
     say(f"patterns   correlation of two surveys {share.share:.2f} +- {share.sd:.2f}")
     for label, survey in zip(season.labels, season.surveys, strict=True):

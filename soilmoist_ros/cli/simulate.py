@@ -51,13 +51,11 @@ TIME_FACTOR = 60.0
 @options.earlier_option(" Not for a series of simulated surveys: --earlier-surveys.")
 @options.covariate_option()
 @irrigation_option
-@options.figures_option
 @options.output_options()
 @answering
 def command(
     out: Path,
     overwrite: bool,
-    figures: tuple[str, ...],
     live: bool,
     time_factor: float | None,
     earlier: tuple[Path, ...],
@@ -77,7 +75,7 @@ def command(
     options.prepare_output(out, overwrite)
     from soilmoist_ros.mapping import CovariateSource
     from soilmoist_ros.pipeline import mission_earlier
-    from soilmoist_ros.reporting import mission_run, run_figures, write_figures, write_mission
+    from soilmoist_ros.reporting import mission_run, write_mission
     from soilmoist_ros.simulation import simulate_mission
 
     sources = list(map(CovariateSource.parse, covariates))
@@ -93,7 +91,6 @@ def command(
             progress("writing the results", 1.0)
             run = None if result.soil_map is None else mission_run(result, earlier=runs, irrigation=irrigation)
             written = write_mission(out, result, run=run)
-            written += write_figures(out, () if run is None else run_figures(run), figures)
         _print_summary(settings, result, run)
         wrote(written, out)
         if page is not None and not page.stopped and sys.stdin.isatty() and sys.stdout.isatty():

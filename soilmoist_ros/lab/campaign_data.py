@@ -23,6 +23,7 @@ NAMES = {
     "drift_model": "drift model {}", "preset": "constants: {}", "map_from": "map from {}", "travel": "travel {}",
     "graph": "graph {}", "speed_mps": "{} m/s", "stop_overhead_s": "{} s lost at each stop",
     "turn_s_per_rad": "{} s/rad for turning", "learn_travel": "travel times learned: {}", "person": "person: {}",
+    "prior": "prior {}",
     "real_speed_mps": "{} m/s in truth", "stop_cost_s": "a stop avoided for {} s",
     "metre_cost_s": "a metre avoided for {} s", "min_dwell_s": "at least {} s at a stop",
     "cadence_s": "records of {} s", "cell_m": "cells of {} m", "footprint_m": "footprint {} m",

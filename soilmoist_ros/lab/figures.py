@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.foundation import InputError, optional_module
 from soilmoist_ros.lab.campaign_data import CampaignData, Case, strategies_in
 from soilmoist_ros.lab.mission_store import CampaignRun
 from soilmoist_ros.reporting import (
@@ -22,11 +24,9 @@ from soilmoist_ros.reporting import (
     RATE,
     SOFT,
     UNCERTAIN,
-    colour_map,
+    colour_ramp,
     data_uri,
     dwell_text,
-    extension,
-    plain_axes,
     robust_range,
     strategy_text,
     strategy_traits,
@@ -53,6 +53,15 @@ LARGEST_SVG = 250_000  # larger drawings become pictures of pixels [bytes]
 TEXT_IN = 174 / 25.4  # width of the text of a journal page [in]
 HEIGHTENED, ENLARGED = 1.12, 1.07
 """Height and text of a figure grow by more than the share of the width, to be read on paper."""
+FORMATS: Final = ("svg", "pdf")
+FOLDER: Final = "figures"
+"""Folder of the figures in an output folder."""
+_VECTOR: Final[dict[str, Any]] = {
+    "pdf.fonttype": 42,  # TrueType, embedded: journals refuse Type 3
+    "svg.fonttype": "path",  # needs no fonts of the reader
+}
+_DATE: Final = {"svg": "Date", "pdf": "CreationDate"}
+"""Metadata key of the creation date by format; left out, so that equal figures are equal files."""
 
 
 def _look(strategy: str) -> Look:
@@ -398,3 +407,50 @@ def _plain(axes: Axes, grid: str = "") -> Axes:
         axes.grid(axis=grid, color=FAINT, linewidth=0.7)  # type: ignore[arg-type]
         axes.set_axisbelow(True)
     return axes
+
+
+def write_figures(out: Path, figures: Iterable[tuple[str, Figure]], formats: Iterable[str]) -> list[Path]:
+    """Write figures to the folder ``figures``, and remove figures of an earlier run.
+
+    :param formats: of :data:`FORMATS`; none writes nothing
+    :raises InputError: if the folder cannot be written, or matplotlib is missing
+    """
+    folder, chosen = out / FOLDER, list(dict.fromkeys(formats))
+    try:
+        for path in [path for ending in FORMATS for path in folder.glob(f"*.{ending}")]:
+            path.unlink()
+        if not chosen:
+            return []
+        matplotlib = optional_module("matplotlib", "reports")
+        folder.mkdir(parents=True, exist_ok=True)
+        written = []
+        with matplotlib.rc_context(_VECTOR):
+            for name, figure in figures:
+                for ending in chosen:
+                    path = folder / f"{name}.{ending}"
+                    figure.savefig(path, format=ending, metadata={_DATE[ending]: None})
+                    written.append(path)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
+    return written
+
+
+def plain_axes(axes: Axes) -> Axes:
+    """Axes without the upper and right spines, and with light ticks."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(SOFT)
+    axes.tick_params(colors=SOFT, labelcolor=INK, length=3, width=0.8)
+    return axes
+
+
+def colour_map(name: str) -> Any:
+    """The colours of :func:`.colour_ramp`, as matplotlib takes them."""
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colour_ramp(name, 256) / 255, name)
+
+
+def extension(values: ArrayLike, low: float, high: float) -> str:
+    """The ends of a colour bar that need an arrow, as matplotlib's ``extend``."""
+    below, above = bool(np.nanmin(values, initial=low) < low), bool(np.nanmax(values, initial=high) > high)
+    return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.reporting.budget import Budget as Budget, make_budget as make_budget
     from soilmoist_ros.reporting.certified import certificate_of as certificate_of, check_certificate as check_certificate, sample_text as sample_text, statement_text as statement_text
-    from soilmoist_ros.reporting.colours import BLUE as BLUE, FAINT as FAINT, INK as INK, ORANGE as ORANGE, RATE as RATE, SOFT as SOFT, UNCERTAIN as UNCERTAIN, between as between, data_uri as data_uri, palette_png as palette_png, robust_range as robust_range
+    from soilmoist_ros.reporting.colours import BLUE as BLUE, FAINT as FAINT, INK as INK, ORANGE as ORANGE, RATE as RATE, SOFT as SOFT, UNCERTAIN as UNCERTAIN, between as between, colour_ramp as colour_ramp, data_uri as data_uri, palette_png as palette_png, robust_range as robust_range
     from soilmoist_ros.reporting.core_plan import CorePlan as CorePlan, LevelOfPlaces as LevelOfPlaces, n0_at_places as n0_at_places, plan_cores as plan_cores, write_plan as write_plan
     from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS, Export as Export, export_run as export_run
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings, RunSource as RunSource, open_source as open_source
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.report import change_summary as change_summary, dated as dated, relations as relations
     from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance, is_usable as is_usable, mean_moisture as mean_moisture, moisture_text as moisture_text, truth_score as truth_score, unusable_share as unusable_share
     from soilmoist_ros.reporting.page.wording import notes as notes
-    from soilmoist_ros.reporting.paper_figures import colour_map as colour_map, extension as extension, plain_axes as plain_axes, run_figures as run_figures, season_figures as season_figures, write_figures as write_figures
     from soilmoist_ros.reporting.run_summary import summary as summary
     from soilmoist_ros.reporting.season import SeasonSettings as SeasonSettings, make_season as make_season
     from soilmoist_ros.reporting.season_outputs import estimate_text as estimate_text, write_season as write_season
@@ -38,7 +37,7 @@ _open, __dir__, __all__ = open_door(
     {
         "budget": "Budget make_budget",
         "certified": "certificate_of check_certificate sample_text statement_text",
-        "colours": "BLUE FAINT INK ORANGE RATE SOFT UNCERTAIN between data_uri palette_png robust_range",
+        "colours": "BLUE FAINT INK ORANGE RATE SOFT UNCERTAIN between colour_ramp data_uri palette_png robust_range",
         "core_plan": "CorePlan LevelOfPlaces n0_at_places plan_cores write_plan",
         "exports.registry": "EXPORTS Export export_run",
         "exports.source": "ExportSettings RunSource open_source",
@@ -53,7 +52,6 @@ _open, __dir__, __all__ = open_door(
         "page.report": "change_summary dated relations",
         "page.statistics": "covariate_importance is_usable mean_moisture moisture_text truth_score unusable_share",
         "page.wording": "notes",
-        "paper_figures": "colour_map extension plain_axes run_figures season_figures write_figures",
         "run_summary": "summary",
         "season": "SeasonSettings make_season",
         "season_outputs": "estimate_text write_season",

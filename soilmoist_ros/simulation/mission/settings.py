@@ -514,8 +514,10 @@ class MissionSettings:
     def as_texts(self) -> dict[str, Any]:
         """All settings by name, as cells of a table: numbers, truth values and texts."""
         properties = " ".join(map(str, self.properties)) or "none"
+        plain = self.as_dict()
+        missing = {name: "none" for name, one in SETTINGS.items() if one.kind is str and plain[name] is None}
         texts = {"graph": self.graph or "default", "person": self.person or "robot", "properties": properties}
-        return self.as_dict() | texts
+        return plain | missing | texts
 
     def __str__(self) -> str:
         usual, always = MissionSettings(preset=self.preset).as_texts(), ("field", "strategy", "dwell", "seed")
