@@ -241,11 +241,16 @@ def read_topological_map(path: Path) -> TopologicalMap:
     if re.match(r"node:\s*\n\t", text):
         remedy = "load it in its navigation, and save what topological_map_2 publishes"
         raise InputError("is a map of the oldest form: text with tabs", remedy, path)
+    found = _of_yaml(text, path)
+    return replace(found, document={**_configuration(found.document, path), **found.document})
+
+
+def _of_yaml(text: str, path: Path | None) -> TopologicalMap:
     try:
         found = _checked(read_quickly(text, MAX_MAP_VALUES), path)
     except InputError:  # the slow parser knows the lines of mistakes
         found = _checked(parse_yaml(text, path, "rt", MAX_MAP_BYTES, MAX_MAP_VALUES), path)
-    return replace(found, document=_plain({**_configuration(found.document, path), **found.document}))
+    return replace(found, document=_plain(found.document))
 
 
 def _configuration(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -263,13 +268,15 @@ def _configuration(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
 
 
 def parse_topological_map(text: str, path: Path | None = None) -> TopologicalMap:
-    """Read the JSON text that comes on the topic ``topological_map_2``.
+    """Read the text that comes on the topic ``topological_map_2``: JSON, or YAML of newer servers.
 
     Unknown keys are kept and not looked at.
 
     :raises InputError: with the names of all nodes without a name or place, duplicate nodes and edges, and unknown
         edge targets. Nodes that cannot be reached are kept: which part is used depends on where the robot stands
     """
+    if text.lstrip()[:1] not in ("", "{", "["):
+        return _of_yaml(text, path)
     try:
         content = read_json(text)
     except ValueError as error:
