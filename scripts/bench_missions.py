@@ -5,7 +5,7 @@
 
 usage: .venv/bin/python scripts/bench_missions.py lattices [--fields rough FILE.yaml] [--seeds 20] [--cell 2]
                                                   [--strategies gcb ivr lattice:optimal] [--save]
-       .venv/bin/python scripts/bench_missions.py forecasts|hours|speed [--seeds N] [--surfaces FOLDER] [--save]
+       .venv/bin/python scripts/bench_missions.py forecasts|until|hours|speed [--seeds N] [--surfaces DIR] [--save]
 
 *lattices*: lattices with fixed dwells of 10, 20, 30 and 60 s run on the same fields with the same seeds. The *best
 lattice* at a time is the one with the lowest mean squared error of the rate, averaged over the seeds. Ratios are
@@ -18,6 +18,9 @@ time. A row is the forecast for the end that was made at a share of the time. ``
 of the map at the end, ``error`` the root mean squared error of the map against the truth, both divided by the
 forecast. Uniform fields and those with few counts are part of the set. ``--surfaces`` adds the surfaces of
 ``bench_zoo.py``, whose fields are the same with each seed, and missions on them by a person.
+
+*until*: missions of ``gcb`` planned for an aim, against missions planned for two hours that end once it is met.
+The aim is the median figure of the latter at :data:`AIM_AT` of the time. Every third surface is taken, by name.
 
 *hours*: root mean squared error of the moisture [% by volume] at the end of missions of the recommended strategy
 on random square fields, by the size of the field and by how fast the soil changes.
@@ -40,6 +43,7 @@ import statistics
 import sys
 import tempfile
 import time
+from bisect import bisect
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
@@ -55,6 +59,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 import soilmoist_ros
+from soilmoist_ros.exploration.mission.mission import GOOD_FORECASTS, MIN_GOOD_SAMPLES
+from soilmoist_ros.exploration.planning.properties import Aim
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.lab.comparisons import LATTICE_DWELLS, QUARTER, hindsight_table
 from soilmoist_ros.mapping.field import Field
@@ -503,6 +509,74 @@ def forecasts(given: argparse.Namespace) -> None:
     results.publish("forecasts", columns, forecast_table(found), settings, given.save)
 
 
+# Aims ------------------------------------------------------------------------------------------------------------
+
+OUT_OF_REACH = {"sd": "sd=0.001%", "p95-sd": "p95-sd=0.001%", "zone": "zone=99.99%"}
+AIM_AT = 0.6  # share of the time at which a mission that is planned for the time meets the aim
+AIMED_FIELDS = 8
+
+
+def met(result: MissionResult, aim: Aim) -> float | None:
+    """Time at which a mission of this result would have ended by an aim [s], ``None`` if it would not."""
+    arrived_s, good = [visit.arrived_s for visit in result.visits], 0
+    for made in result.forecasts:
+        figure = made.forecast.reaching
+        enough = bisect(arrived_s, made.time_s) >= MIN_GOOD_SAMPLES and figure is not None
+        good = good + 1 if enough and aim.met(figure.now) else 0
+        if good == GOOD_FORECASTS:
+            return made.time_s
+    return None
+
+
+def aimed(kind: str, name: str, seeds: Sequence[int], surfaces: Path | None) -> tuple[str, ...]:
+    """Row of a field: times until the aim is met, and what the map is worth then."""
+
+    def flown(seed: int, until: str) -> MissionResult:
+        field = zoo_field(name, surfaces)
+        cell_m = None if isinstance(field, str) else field.field.cell_m
+        settings = MissionSettings(field=field, random_field=isinstance(field, str), cell_m=cell_m, seed=seed)
+        return simulate_mission(replace(settings, until=until, series_every_s=EVERY_S))
+
+    plain = [flown(seed, OUT_OF_REACH[kind]) for seed in seeds]
+    limit_s = 3600 * plain[0].settings.hours
+    at = [
+        next(one.forecast.reaching for one in result.forecasts if one.time_s >= AIM_AT * limit_s)
+        for result in plain
+    ]
+    aim = Aim.parse(f"{kind}={np.median([one.now for one in at]):.3g}")
+    figures = []
+    for seed, result in zip(seeds, plain, strict=True):
+        mine, end_s = flown(seed, str(aim)), met(result, aim) or limit_s
+        then = result.series[bisect([row.time_s for row in result.series], end_s) - 1]
+        last = mine.series[-1]
+        first = next(one for one in mine.forecasts if one.time_s >= 0.25 * last.time_s).forecast
+        soonest_s, latest_s = first.reaching.times_s[1:]
+        told = (soonest_s or 0.0) <= 0.75 * last.time_s <= (latest_s or limit_s)
+        figures.append((end_s, last.time_s, then.mse, last.mse, then.distance_m, last.distance_m, told))
+    mean, ratio = np.mean(figures, axis=0), np.array(figures)[:, 1] - np.array(figures)[:, 0]
+    return (
+        name, str(aim), f"{mean[0] / 60:.0f}", f"{mean[1] / 60:.0f}",
+        f"{mean[1] / mean[0]:.2f} ± {ratio.std(ddof=1) / len(seeds) ** 0.5 / mean[0]:.2f}",
+        f"{mean[3] / mean[2]:.2f}", f"{mean[5] / mean[4]:.2f}", f"{100 * mean[6]:.0f} %",
+    )  # fmt: skip
+
+
+def until(given: argparse.Namespace) -> None:
+    """Compare missions planned for an aim with missions that stop at it."""
+    names = given.fields or real_surfaces(given.surfaces)[1::3][:AIMED_FIELDS]
+    seeds, rows = range(1, given.seeds + 1), []
+    for kind in given.kinds:
+        for name in names:
+            rows.append(aimed(kind, name, seeds, given.surfaces))
+            print(*rows[-1], flush=True)
+    columns = (
+        "field", "aim", "planned for 2 h [min]", "for the aim [min]", "÷ planned for 2 h", "true error ÷",
+        "driven ÷",
+        "in the band told at a quarter",
+    )  # fmt: skip
+    results.publish("until", columns, rows, f"gcb, 0.6 m/s, 12 s per stop, {given.seeds} seeds", given.save)
+
+
 # Hours -----------------------------------------------------------------------------------------------------------
 
 HECTARES, RANGES_M, HOURS = (0.25, 1.0, 4.0), (20, 60), (1.0, 2.0, 4.0)
@@ -587,7 +661,13 @@ def speed(given: argparse.Namespace) -> None:
     results.publish("missions", ("mission of 2 h", "processor time [s]"), rows, settings, given.save)
 
 
-PARTS = {"lattices": (lattices, 20), "forecasts": (forecasts, 3), "hours": (hours, 4), "speed": (speed, 5)}
+PARTS = {
+    "lattices": (lattices, 20),
+    "forecasts": (forecasts, 3),
+    "until": (until, 4),
+    "hours": (hours, 4),
+    "speed": (speed, 5),
+}
 """Functions with their numbers of seeds."""
 
 
@@ -597,6 +677,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, help="seeds 1 to this number; of speed: repeats")
     parser.add_argument("--fields", nargs="+", help="names or field files; default: all families")
     parser.add_argument("--surfaces", type=Path, help="folder of surfaces, for forecasts; see bench_zoo.py")
+    parser.add_argument("--kinds", nargs="+", choices=list(OUT_OF_REACH), default=list(OUT_OF_REACH), help="aims")
     parser.add_argument("--strategies", nargs="+", default=["gcb"], help="NAME (dwell optimal) or NAME:DWELL")
     parser.add_argument("--cell", type=float, default=0.0, help="least cell size of lattices [m]")
     parser.add_argument("--hours", type=float, default=2.0, help="of lattices")

@@ -29,7 +29,7 @@ from soilmoist_ros.foundation import InputError, install, is_installed
 
 DEMO = (
     *("field", "strategy", "dwell", "hours", "seed", "robots", "model", "fit", "noise", "local", "drift_model"),
-    *("preset", "until_sd", "until_gain", "certify", "properties", "stop_overhead_s", "turn_s_per_rad"),
+    *("preset", "until", "until_sd", "until_gain", "certify", "properties", "stop_overhead_s", "turn_s_per_rad"),
     *("stop_cost_s", "metre_cost_s", "min_dwell_s"),
 )
 """Mission settings that are options of the demo."""

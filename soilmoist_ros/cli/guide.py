@@ -20,7 +20,7 @@ from soilmoist_ros.sensing import FORMAT_NAME
 
 GUIDE = (
     *("strategy", "dwell", "hours", "target", "threshold", "speed_mps", "stop_overhead_s", "min_dwell_s"),
-    *("until_sd", "until_gain", "certify", "seed", "preset", "model", "fit", "cell_m", "travel", "graph"),
+    *("until", "until_sd", "until_gain", "certify", "seed", "preset", "model", "fit", "cell_m", "travel", "graph"),
 )
 """Mission settings that are options of the command."""
 DEFAULTS = {"speed_mps": 1.2, "stop_overhead_s": 5.0}

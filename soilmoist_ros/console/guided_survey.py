@@ -167,6 +167,7 @@ class GuideSettings:
             min_last_dwell_s=(mission.min_dwell_s or mission.cadence_s) + mission.cadence_s,
             speed_mps=mission.speed_mps, stop_overhead_s=mission.stop_overhead_s,
             stays=mission.preset == "recommended", until_sd=mission.until_sd, until_gain=mission.until_gain,
+            until=mission.aim,
         )  # fmt: skip
         return person_rules(rules)
 
@@ -236,13 +237,14 @@ class GuidedSurvey:
                     "threshold": mission.threshold or "",
                     "graph": mission.graph or mission.travel, "lanes": mission.travel == "lanes",
                     "preset": mission.preset, "until_sd": mission.until_sd, "until_gain": mission.until_gain,
-                    "certify": mission.certify, "navigator": "person",
+                    "certify": mission.certify, "until": mission.until, "navigator": "person",
                 },
             }
         )  # fmt: skip
         explorer = ExplorerSettings(
             strategy=str(mission.strategy), preset=mission.preset, seed=mission.seed, motion=mission.motion,
-            curve=None if mission.target == "rate" else curve, calibration=curve, knowledge=survey.map.knowledge,
+            curve=curve if mission.of_moisture(curve is not None) else None, calibration=curve,
+            knowledge=survey.map.knowledge,
             thresholds=planning_thresholds(mission.target, mission.threshold, survey.site, curve),
             certify=mission.certify,
             access=AccessRules(entry_m=PERSON_ENTRY_M, outside=Outside.WAY, lanes=mission.travel == "lanes"),

@@ -135,7 +135,27 @@ def _forecast(one: Forecast | None) -> dict[str, Any] | None:
         return None
     end = [one.times_s[-1], one.sd_end, *one.band_end] if one.times_s else None
     wrong = [one.wrong, one.wrong_end]
-    return {"sd": one.sd, "moisture": one.moisture, "end": end, "hidden": one.hidden, "wrong": wrong}
+    return {
+        "sd": one.sd,
+        "moisture": one.moisture,
+        "end": end,
+        "hidden": one.hidden,
+        "wrong": wrong,
+        "aim": _aim(one),
+    }
+
+
+def _aim(one: Forecast) -> dict[str, Any] | None:
+    """When the map is good enough, as far as the page says it; times in minutes."""
+    if (found := one.reaching) is None:
+        return None
+    kind, _, value = found.aim.partition("=")
+    minutes = [None if time_s is None else round(time_s / 60) for time_s in found.times_s]
+    about = {"sd": "mean", "p95-sd": "p95", "zone": "zone"}[kind]
+    return {
+        "about": about, "moisture": found.moisture, "value": float(value.split()[0]), "met": found.is_met,
+        "end": found.end, "minutes": minutes,
+    }  # fmt: skip
 
 
 def _home(text: str) -> list[float] | None:

@@ -90,7 +90,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     for number, robot in enumerate(robots):
         nodes[node_name(robot, "planner")] = {
             "field": files["field"],
-            **of_mission("strategy", "dwell", "hours", "until_sd", "until_gain", "certify", "preset"),
+            **of_mission("strategy", "dwell", "hours", "until", "until_sd", "until_gain", "certify", "preset"),
             "seed": mission.seed + number, **trips, **of_mission("stop_cost_s", "metre_cost_s", "min_dwell_s"),
             **known, "navigator": settings.navigator, "autostart": settings.autostart,
             "exit_when_finished": settings.exit_when_finished,

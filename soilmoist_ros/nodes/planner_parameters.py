@@ -15,6 +15,7 @@ from soilmoist_ros.exploration import (
     PUBLISHED_MIN_LAST_DWELL_S,
     ROBOT_RADIUS_M,
     AccessRules,
+    Aim,
     Cause,
     Changes,
     ExplorerSettings,
@@ -69,6 +70,7 @@ PARAMETERS: Final = (
     row("site", "", "site file with the calibration, or name of a shipped one; for target vwc"),
     of_setting("hours", description="time of the mission, the way home and pauses included", low=0.01,
         live=True),
+    of_setting("until"),
     of_setting("until_sd", high=MAX_UNTIL_SD, live=True),
     of_setting("until_gain", live=True),
     of_setting("certify"),
@@ -148,6 +150,9 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
     check_places(parameters.whole("certify"))
     site, target = load_site(text("site")) if text("site") else Site(), text("target")
     calibration = planning_curve(site, field, target == "vwc")
+    of_moisture, aim = target != "rate", wanted(parameters)
+    if aim is not None:
+        of_moisture = aim.wants_moisture(target, calibration is not None)
     return ExplorerSettings(
         strategy=text("strategy"),
         preset=text("preset"),
@@ -159,7 +164,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
             number("stop_cost_s"),
             number("metre_cost_s"),
         ),
-        curve=None if target == "rate" else calibration,
+        curve=calibration if of_moisture else None,
         calibration=calibration,
         thresholds=planning_thresholds(target, text("threshold"), site, calibration),
         knowledge=_knowledge(parameters, field, site.curve),
@@ -200,6 +205,14 @@ def make_team(parameters: Parameters) -> Team:
     return Team(keep_apart_m(parameters.number("robot_radius_m")))
 
 
+def wanted(parameters: Parameters) -> Aim | None:
+    """How good the map must be; ``None`` if the time decides."""
+    aim = Aim.parse(parameters.text("until")) if parameters.text("until") else None
+    if aim is not None and parameters.number("until_sd") > 0:
+        raise InputError("until and until_sd are both given", "give one of them")
+    return aim
+
+
 def mission_rules(parameters: Parameters, settings: ExplorerSettings) -> MissionRules:
     """Rules of the mission."""
     number = parameters.number
@@ -212,7 +225,7 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings) -> Mission
         arrival_radius_m=number("arrival_radius_m"), return_margin_s=number("return_margin_s"),
         cancel_limit_s=CANCEL_LIMIT_S, silence_limit_s=number("records_old_s") or SILENCE_S,
         on_silence=OnSilence(parameters.text("on_silence")), until_sd=number("until_sd"),
-        until_gain=number("until_gain"),
+        until_gain=number("until_gain"), until=wanted(parameters),
     )  # fmt: skip
     return person_rules(rules) if parameters.text("navigator") == PERSON else rules
 

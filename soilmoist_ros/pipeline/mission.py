@@ -281,5 +281,6 @@ def _settings(
         **{name: made[name] for name in ("model", "fit", "noise", "local", "drift_model")},
         travel="free" if had.get("graph") == "free" else "graph", until_sd=float(had.get("until_sd", 0.0)),
         until_gain=float(had.get("until_gain", 0.0)), certify=int(had.get("certify", 0)),
+        until=str(had.get("until", "")),
         properties=tuple(PropertySettings(one.name, one.weight) for one in others),
     )  # fmt: skip

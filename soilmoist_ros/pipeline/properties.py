@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 
 FIRST = "moisture"  # name of the property with the topic counts in the robot's own namespace
 _NUMBERS: Final = ("hours", "seed", "until_sd", "until_gain", "certify")
-_TEXTS: Final = ("target", "threshold", "preset")  # parameters of a planner that a report shows
+_TEXTS: Final = ("target", "threshold", "preset", "until")  # parameters of a planner that a report shows
 
 
 @dataclass(frozen=True)

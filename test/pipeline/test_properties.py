@@ -107,6 +107,7 @@ def test_one_alone_is_a_replay_of_its_own(run_with):
         ("seed", 10**400),
         ("until_sd", [1]),
         ("until_gain", "much"),
+        ("until", 1),
         ("preset", ["a"]),
     ],
 )

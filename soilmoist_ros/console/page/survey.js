@@ -208,11 +208,21 @@ const hundredths = (share) => fixed(100 * share, share < 0.0995 ? 1 : 0);
 // Standard deviation of the map now.
 const spread = (one) => `±${hundredths(one.sd)} ${t(one.moisture ? "unit_vwc" : "unit_of_rate")}`;
 
+// When the map is as good as demanded, or how much is missing at the end.
+function aimText(one) {
+  const said = (value) => one.about === "zone" ? `${fixed(100 * value, 0)} %` : `±${hundredths(value)} ${t(one.moisture ? "unit_vwc" : "unit_of_rate")}`;
+  const aim = t(`aim_${one.about}`, { value: said(one.value) });
+  const [min, soonest, latest] = one.minutes;
+  if (one.met) return t("aim_met", { aim });
+  if (min === null) return t("aim_missed", { aim, end: said(one.end[0]), lack: said(Math.abs(one.end[0] - one.value)).replace("±", "") });
+  return t("aim_in", { aim, min, soonest, latest: latest ?? t("too_late") });
+}
+
 function forecastText(one) {
   const end = one.end && t("forecast_at_end", { error: hundredths(one.end[1]), low: hundredths(one.end[2]), high: hundredths(one.end[3]), min: Math.round(one.end[0] / 60) });
   const [now, later] = one.wrong.map((share) => share === null ? null : fixed(100 * share, 1));
   const wrong = now === null ? null : later === null ? t("wrong_now", { now }) : t("wrong_later", { now, later });
-  const text = [[t("forecast_now", { error: spread(one) }), end].filter(Boolean).join(", "), wrong].filter(Boolean).join("; ");
+  const text = [[t("forecast_now", { error: spread(one) }), end].filter(Boolean).join(", "), wrong, one.aim && aimText(one.aim)].filter(Boolean).join("; ");
   return one.hidden === null ? text : `${text}; ${t("uniform", { error: Math.round(100 * one.hidden) })}`;
 }
 

@@ -26,7 +26,7 @@ from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
 from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster, prior_forecast
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
-from soilmoist_ros.exploration.planning.properties import Property, variation
+from soilmoist_ros.exploration.planning.properties import Aim, Goal, Property, slope2, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
 from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
@@ -130,7 +130,7 @@ class Explorer:
         if not self._forecasts:
             return planned
         times_s = request.time_used_s, request.time_left_s
-        forecast = self._forecaster.forecast(self.properties[0], *times_s, 1 + len(others))
+        forecast = self._forecaster.forecast(self.properties[0], *times_s, 1 + len(others), self.rules.aim)
         return replace(planned, forecast=forecast)
 
     def home_s(self, stop: str) -> float:
@@ -170,7 +170,7 @@ class Explorer:
 
     def achieved(self) -> Forecast | None:
         """Standard deviation of the map now, ``None`` without a map."""
-        return self._forecaster.achieved(self.properties[0])
+        return self._forecaster.achieved(self.properties[0], self.rules.aim)
 
     def situation(
         self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()
@@ -224,7 +224,16 @@ class Explorer:
             prospect=cache(
                 lambda: self._prospect(maps, considered, travel_s[rows], cost_s[rows], place, request, rows)
             ),
+            goal=lambda: self._goal(maps[0]),
         )
+
+    def _goal(self, of: Property) -> Goal | None:
+        """What the map must reach; ``None`` without an aim or a map."""
+        field_map, aim = of.field_map, self.rules.aim
+        if aim is None or field_map.soil_map is None:
+            return None
+        rate, variance = field_map.rate[self._mapped], field_map.variance[self._mapped]
+        return Goal(aim, rate, variance, slope2(of, rate))
 
     def _maps(self, others: Sequence[PendingMeasurement], certified: Sequence[Visit]) -> list[Property]:
         """The properties that matter, as far as there are maps; pending measurements seem counted.
@@ -476,20 +485,27 @@ def nominal_rate_cps(calibration: MoistureCurve | None) -> float:
     return 4.0 if calibration is None else float(calibration.rate_cps(0.15))
 
 
-def first_forecast(grid: FieldGrid, settings: ExplorerSettings, budget_s: float) -> Forecast:
-    """The forecast before a mission of this time [s] starts."""
+def first_forecast(
+    grid: FieldGrid, settings: ExplorerSettings, budget_s: float, aim: Aim | None = None
+) -> Forecast:
+    """The forecast before a mission of this time [s] and aim starts."""
     expected = _expected_fit(grid, settings.knowledge)
     rate_cps = nominal_rate_cps(settings.calibration) if expected is None else expected.mean_rate
     slope = None if settings.curve is None else math.sqrt(float(settings.curve.weight([rate_cps])[0]))
-    return _first_forecast(grid, rate_cps, budget_s, slope, expected)
+    return _first_forecast(grid, rate_cps, budget_s, slope, expected, aim)
 
 
 @lru_cache(maxsize=4)
 def _first_forecast(
-    grid: FieldGrid, rate_cps: float, budget_s: float, slope: float | None, expected: VariogramFit | None
+    grid: FieldGrid,
+    rate_cps: float,
+    budget_s: float,
+    slope: float | None,
+    expected: VariogramFit | None,
+    aim: Aim | None,
 ) -> Forecast:
     cells_xy = grid.cells[spread_cells(grid.mask, FORECAST_CELLS)[grid.mask]]
-    return prior_forecast(cells_xy, grid.extent_m, rate_cps, budget_s, slope, expected)
+    return prior_forecast(cells_xy, grid.extent_m, rate_cps, budget_s, slope, expected, aim)
 
 
 @lru_cache(maxsize=2)

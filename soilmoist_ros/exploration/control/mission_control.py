@@ -592,7 +592,8 @@ class MissionControl:
         if status.phase is Phase.IDLE and self._access is not None:
             rules, changes = self._mission.current_rules, self._mission.state.changes
             settings = changed_settings(self._settings, changes)
-            status = replace(status, forecast=first_forecast(self._access.grid, settings, rules.budget_s))
+            forecast = first_forecast(self._access.grid, settings, rules.budget_s, rules.aim)
+            status = replace(status, forecast=forecast)
         target, choice = status.target, self._choice
         requested = tuple(queued.stop for queued in self._mission.state.queue)
         ahead = requested if target is None else (target, *requested)

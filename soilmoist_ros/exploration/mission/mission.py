@@ -73,6 +73,7 @@ MOVED_S: Final = 3.0
 UNDER_THE_WHEELS_M: Final = 0.1
 """A robot that stands this near a stop needs no goal to it [m]; navigations are not more precise."""
 SDS: Final = 3.0  # errors of positions up to this many standard deviations are noise
+MIN_GOOD_SAMPLES: Final = 10  # fewer samples say too little of the field to call its map good enough
 GOOD_FORECASTS: Final = 3
 """A mission ends by so many forecasts in a row: each fit of the variogram makes them jump a little."""
 SATISFIED: Final = (MissionEnd.GOOD_ENOUGH, MissionEnd.LITTLE_GAIN, MissionEnd.NOTHING_VARIES)
@@ -338,7 +339,7 @@ class _Step:
         """Go to the stop that the planner has chosen, or count on, or end."""
         choice = event.choice
         if event.forecast is not None:
-            end = satisfied(self.rules, event.forecast)
+            end = satisfied(self.rules, event.forecast, self.state.samples)
             good = 0 if end is None else self.state.good_forecasts + 1
             if end is not None and end[0] is MissionEnd.NOTHING_VARIES:
                 good = max(good, GOOD_FORECASTS)
@@ -1247,13 +1248,16 @@ _KEPT: Final = (
 """Fields of the state that a new mission takes over from the mission before."""
 
 
-def satisfied(rules: MissionRules, forecast: Forecast) -> tuple[MissionEnd, str] | None:
+def satisfied(rules: MissionRules, forecast: Forecast, samples: int) -> tuple[MissionEnd, str] | None:
     """Reason why a mission may end by a forecast, as code and in words; ``None`` if it goes on."""
     if forecast.is_decided:
         return MissionEnd.GOOD_ENOUGH, f"the decision is made: {forecast.wrong_text}"
-    if rules.until_sd > 0 and forecast.sd <= rules.until_sd:
+    if rules.until is None and 0 < rules.until_sd >= forecast.sd:
         limit = f"{100 * rules.until_sd:.3g} {forecast.unit}"
         return MissionEnd.GOOD_ENOUGH, f"the map is good enough: ±{100 * forecast.sd:.3g} of {limit} demanded"
+    reaching = forecast.reaching if rules.until is not None and samples >= MIN_GOOD_SAMPLES else None
+    if reaching is not None and reaching.is_met:
+        return MissionEnd.GOOD_ENOUGH, f"the map is good enough: {reaching.met_text}"
     if rules.until_gain > 0 and not forecast.is_guess:
         if forecast.hidden is not None:
             return MissionEnd.NOTHING_VARIES, f"nothing varies: {forecast.uniform}"

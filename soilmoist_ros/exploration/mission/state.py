@@ -318,6 +318,8 @@ def changed_rules(rules: MissionRules, changes: Changes | None) -> MissionRules:
         for name in ("budget_s", "home", "warm_up_stops", "until_sd", "until_gain")
         if (value := getattr(changes, name)) is not None
     }
+    if changes.until_sd is not None:
+        new["until"] = None
     if changes.home is not None and rules.home is not None and changes.home.name == rules.home.name:
         new["home"] = rules.home  # on a new map the stop has another place
     if changes.dwell is not None:

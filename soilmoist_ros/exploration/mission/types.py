@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from soilmoist_ros.exploration.planning.dwell import DwellRule
 from soilmoist_ros.exploration.planning.forecast import Forecast, forecast_to_text
+from soilmoist_ros.exploration.planning.properties import Aim
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation import Health, Level
 
@@ -129,6 +130,8 @@ class MissionRules:
         [m^3/m^3], or of the rate as a share of its mean [-]; see :class:`Forecast`. 0: never
     :param until_gain: the mission ends when the standard deviation will fall by less than this in ten minutes [%],
         or when the counts show no differences within the field. 0: never
+    :param until: how good the map must be; the tour is planned to reach it in the shortest time, and the mission
+        ends then. ``until_sd`` is an ``sd`` in the unit of the target
     :param by_person: a person carries the sensor: who stands at another place than the target measures there, and
         who leaves a stop ends its visit; neither is a failure
     :raises ValueError: if a value is out of its range
@@ -161,6 +164,7 @@ class MissionRules:
     stays: bool = False
     until_sd: float = 0.0
     until_gain: float = 0.0
+    until: Aim | None = None
     by_person: bool = False
 
     def __post_init__(self) -> None:
@@ -176,6 +180,11 @@ class MissionRules:
             if not (math.isfinite(value) and value >= low) or (field.name in above_zero and value <= 0):
                 limit = "> 0" if field.name in above_zero else f">= {low:g}"
                 raise ValueError(f"{field.name} must be {limit} and finite, got {value}")
+
+    @property
+    def aim(self) -> Aim | None:
+        """How good the map must be; ``None`` if the time decides."""
+        return self.until or (Aim("sd", self.until_sd) if self.until_sd > 0 else None)
 
     @property
     def needed_dwell_s(self) -> float:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.decision import EXPLORING
-from soilmoist_ros.exploration.planning.properties import Property
+from soilmoist_ros.exploration.planning.properties import MIN_RATE_CPS, Aim, Property, slope2
 from soilmoist_ros.foundation import read_json
 from soilmoist_ros.mapping import (
     ModelName,
@@ -44,6 +44,63 @@ Array = NDArray[np.float64]
 SOON_S = 600.0  # time ahead for which a gain is stated [s]
 DECIDED = 0.01
 """Share of the field expected in the wrong zone below which the decision is made: no count could change much."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reaching:
+    """When the aim of a mission is met. Figures are in its unit: m^3/m^3, shares of the rate, probabilities."""
+
+    aim: str  # as :meth:`Aim.parse` reads it
+    moisture: bool  # whether it is of the moisture
+    now: float  # figure of the map now
+    end: tuple[float, float, float]  # figure at the end of the mission, and its better and worse limit
+    times_s: tuple[
+        float | None, ...
+    ]  # time from now at which it is met, soonest and latest [s]; ``None``: too late
+
+    @property
+    def is_met(self) -> bool:
+        """True if the map is good enough now."""
+        aim = Aim.parse(self.aim)
+        return aim.met(self.now)
+
+    @property
+    def met_text(self) -> str:
+        """The figure now and the one demanded, in words."""
+        aim = Aim.parse(self.aim)
+        return f"{self._said(self.now)} {self._about(aim)}, {self._said(aim.value)} demanded"
+
+    @property
+    def text(self) -> str:
+        """When the aim is met, or by how much it is missed, in words."""
+        aim = Aim.parse(self.aim)
+        about = f"{self._said(aim.value)} {self._about(aim)}"
+        when_s, soonest_s, latest_s = self.times_s
+        if self.is_met:
+            return f"{about}: reached"
+        if when_s is None:
+            lack = self._said(abs(self.end[0] - aim.value)).lstrip("±")
+            side = "too little" if aim.kind == "zone" else "too much"
+            best = "; with luck just so" if soonest_s is not None else ""
+            if self.end[1] == self.end[2]:
+                return f"{about}: missed, {self._said(self.end[0])}, {lack} {side}"
+            better, worse = (self._said(value).strip("±% ") for value in self.end[1:])
+            return (
+                f"{about} cannot be reached in the time: {self._said(self.end[0])} ({better} to {worse}) "
+                f"at its end, {lack} {side}{best}"
+            )
+        latest = "later than the time allows" if latest_s is None else f"{latest_s / 60:.0f}"
+        assert soonest_s is not None
+        return f"{about} in {when_s / 60:.0f} min ({soonest_s / 60:.0f} to {latest})"
+
+    def _said(self, value: float) -> str:
+        return f"{100 * value:.3g} %" if self.aim.startswith("zone") else f"±{hundredths(value)} %"
+
+    def _about(self, aim: Aim) -> str:
+        if aim.kind == "zone":
+            return "of the zones right"
+        unit = "by volume" if self.moisture else "of the rate"
+        return f"{unit} on 95 % of the field" if aim.kind == "p95-sd" else f"{unit} on the mean of the field"
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +127,7 @@ class Forecast:
     wrong: float | None = None  # share of the field expected in the wrong zone now; ``None`` without thresholds
     wrong_end: float | None = None  # at the end of the mission
     outside: tuple[float, ...] = ()  # thresholds that hardly any place of the field is below, or above
+    reaching: Reaching | None = None  # when the mission's aim is met; ``None`` without an aim
 
     @property
     def gain(self) -> float:
@@ -109,6 +167,8 @@ class Forecast:
             text += f", {self.end_text} in {self.times_s[-1] / 60:.0f} min"
         if self.wrong is not None:
             text += f"; {self.wrong_text}"
+        if self.reaching is not None:
+            text += f"; {self.reaching.text}"
         return text if self.hidden is None else f"{text}; {self.uniform}"
 
     @property
@@ -165,7 +225,10 @@ def forecast_from_text(text: str) -> Forecast | None:
         known = {name: values.get(name) for name in ("hidden", "wrong", "wrong_end")}
         numbers |= {name: float(value) for name, value in known.items() if value is not None}
         outside = tuple(float(value) for value in values.get("outside", ()))
-        return Forecast(**{**values, **known, **lists, **numbers, "outside": outside})
+        reaching = values.get("reaching")
+        if reaching:
+            reaching = Reaching(**{**reaching, **{name: tuple(reaching[name]) for name in ("end", "times_s")}})
+        return Forecast(**{**values, **known, **lists, **numbers, "outside": outside, "reaching": reaching})
     except (TypeError, KeyError, ValueError, OverflowError) as error:
         raise ValueError(f"{text[:40]!r} is not a forecast: {error}") from None
 
@@ -185,15 +248,16 @@ EFFICIENCY = 0.7  # even counting time that a second of a plan is worth [-]
 LEARNING = 0.08
 """Power of the counting time by which the standard deviation falls because the variogram becomes certain [-]."""
 MIN_EVERY_S = 60.0  # shortest mission time between two forecasts [s]
+AIMED_EVERY_S = 60.0  # shortest mission time between two forecasts of a mission with an aim [s]
 MAX_FORECASTS = 60  # number of forecasts in a long mission
 UNIFORM_FROM = 0.2  # share of the mission time after which a field may be called uniform
 SPREAD, MAX_SPREAD = 2.2, 1.4
 """Band in which 80 % of missions end: where the exposure grows e^x-fold, the logarithm of its factor is
 ``x / (2.2 + 1.4 x)``. Fitted to 168 missions, 72 of them on fields that the project did not make."""
 _STEPS = 8
+_AIM_STEPS = 25
 _PRIOR_EXPOSURE_S = 120.0
 _MIN_SHARE = 0.05
-_MIN_RATE_CPS = 1e-3
 
 
 class Forecaster:
@@ -210,7 +274,9 @@ class Forecaster:
         self._due_s = -math.inf
         self._varies = False
 
-    def forecast(self, of: Property, used_s: float, left_s: float, robots: int = 1) -> Forecast | None:
+    def forecast(
+        self, of: Property, used_s: float, left_s: float, robots: int = 1, aim: Aim | None = None
+    ) -> Forecast | None:
         """The forecast now; ``None`` if the last one is recent.
 
         :param of: what is mapped, by a number of robots
@@ -218,22 +284,23 @@ class Forecaster:
         """
         if used_s < self._due_s or left_s <= 0:
             return None
-        self._due_s = used_s + max(MIN_EVERY_S, (used_s + left_s) / MAX_FORECASTS)
+        every_s = max(MIN_EVERY_S, (used_s + left_s) / MAX_FORECASTS)
+        self._due_s = used_s + (every_s if aim is None else AIMED_EVERY_S)
         if of.field_map.soil_map is None:
             expected = of.field_map.expected_fit
             rate_cps = self._nominal_rate_cps if expected is None else expected.mean_rate
             slope = None if of.curve is None else math.sqrt(float(of.curve.weight([rate_cps])[0]))
-            return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope, expected)
+            return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope, expected, aim)
         counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
         share = min(max(counted_s / used_s, _MIN_SHARE), robots) if used_s > 0 else 1.0
         if used_s < EXPLORING * (used_s + left_s):
             of = replace(of, thresholds=None)
         hidden = self._hidden(of) if used_s >= UNIFORM_FROM * (used_s + left_s) else None
-        return map_forecast(of, self._cells_xy, left_s, share, hidden)
+        return map_forecast(of, self._cells_xy, left_s, share, hidden, aim)
 
-    def achieved(self, of: Property) -> Forecast | None:
+    def achieved(self, of: Property, aim: Aim | None = None) -> Forecast | None:
         """Standard deviation of the map now, ``None`` without a map."""
-        return None if of.field_map.soil_map is None else map_forecast(of, self._cells_xy, 0.0)
+        return None if of.field_map.soil_map is None else map_forecast(of, self._cells_xy, 0.0, aim=aim)
 
     def _hidden(self, of: Property) -> float | None:
         """Upper limit of the variation, ``None`` if differences were found or may be hidden."""
@@ -247,7 +314,12 @@ class Forecaster:
 
 
 def map_forecast(
-    of: Property, cells_xy: Array, left_s: float, share: float = 1.0, hidden: float | None = None
+    of: Property,
+    cells_xy: Array,
+    left_s: float,
+    share: float = 1.0,
+    hidden: float | None = None,
+    aim: Aim | None = None,
 ) -> Forecast:
     """Forecast from the map of a property.
 
@@ -257,16 +329,14 @@ def map_forecast(
     kriging = of.field_map.kriging
     assert kriging is not None
     rate, variance = kriging.predict(cells_xy)
-    mean = max(float(rate.mean()), _MIN_RATE_CPS)
-    rate = np.maximum(rate, _MIN_RATE_CPS)
-    weight = np.full(len(rate), 1 / mean**2) if of.curve is None else of.curve.weight(rate)
-    weight = weight / len(rate)
+    mean = max(float(rate.mean()), MIN_RATE_CPS)
+    rate = np.maximum(rate, MIN_RATE_CPS)
     covariance = kriging.covariance(cells_xy)
-    # The nugget: counting does not lower it.
-    fixed = float(weight @ np.maximum(variance - np.diag(covariance), 0.0))
+    fixed = np.maximum(variance - np.diag(covariance), 0.0)  # the nugget: counting does not lower it
     counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
-    curve = _Curve(covariance, weight, of.factor * rate, fixed, counted_s, share)
-    found = curve.forecast(left_s, mean, of.curve is not None, hidden)
+    curve = _Curve(covariance, slope2(of, rate), of.factor * rate, fixed, counted_s, share)
+    reaching = None if aim is None else curve.reaching(aim, rate, left_s, of.curve is not None)
+    found = replace(curve.forecast(left_s, mean, of.curve is not None, hidden), reaching=reaching)
     if of.thresholds is None:
         return found
     moved = np.clip(np.diag(covariance), 0.0, variance) * max(1 - (found.sd_end / found.sd) ** 2, 0.0)
@@ -282,6 +352,7 @@ def prior_forecast(
     left_s: float,
     slope: float | None = None,
     expected: VariogramFit | None = None,
+    aim: Aim | None = None,
 ) -> Forecast:
     """Forecast before there is a map, for a field that varies as the prior of the variogram guesses.
 
@@ -305,22 +376,27 @@ def prior_forecast(
         covariance += prior.covariance(at, at)
     rate = np.full(len(cells_xy), rate_cps)
     weight = np.full(len(rate), 1 / rate_cps**2 if slope is None else slope**2)
-    fixed = variogram.nugget * float(weight[0])
-    found = _Curve(covariance, weight / len(rate), rate, fixed, _PRIOR_EXPOSURE_S, 1.0)
-    return replace(found.forecast(left_s, rate_cps, slope is not None), is_guess=True)
+    found = _Curve(covariance, weight, rate, np.full(len(rate), variogram.nugget), _PRIOR_EXPOSURE_S, 1.0)
+    made = replace(found.forecast(left_s, rate_cps, slope is not None), is_guess=True)
+    if aim is None:
+        return made
+    # Without a map, the places that may be dry and wet are spread as the variogram says.
+    spread = math.sqrt(variogram.sill) * np.resize((-1.22, 0.0, 1.22), len(rate))
+    return replace(made, reaching=found.reaching(aim, rate + spread, left_s, slope is not None))
 
 
 class _Curve:
     """Standard deviation against further counting time."""
 
     def __init__(
-        self, covariance: Array, weight: Array, noise: Array, fixed: float, counted_s: float, share: float
+        self, covariance: Array, weight: Array, noise: Array, fixed: Array, counted_s: float, share: float
     ) -> None:
         root = np.sqrt(len(noise) * noise)
         values, vectors = np.linalg.eigh(covariance / root / root[:, None])
         self._values = np.maximum(values, 0.0)
-        self._parts = ((weight * root**2) @ vectors**2) * self._values
-        self._fixed = fixed
+        self._weight, self._shares = weight, root[:, None] ** 2 * vectors**2
+        self._parts = (weight / len(noise)) @ self._shares * self._values
+        self._each_fixed, self._fixed = fixed, float(weight @ fixed) / len(noise)
         self._counted_s = counted_s
         self._share = share
 
@@ -329,6 +405,30 @@ class _Curve:
         even_s = EFFICIENCY * self._share * after_s
         variance = self._fixed + float((self._parts / (1 + even_s * self._values)).sum())
         return float(math.sqrt(variance) * self._growth(after_s) ** -LEARNING)
+
+    def reaching(self, aim: Aim, rate: Array, left_s: float, moisture: bool) -> Reaching:
+        """When an aim is met within the time left [s]."""
+        times_s = np.linspace(0.0, left_s, _AIM_STEPS)
+        now = self._variance(0.0)
+
+        def figures(power: float) -> Array:
+            made = ((self._variance(s), self._factor(s) ** (2 * power)) for s in times_s.tolist())
+            return np.array([aim.figure(rate, now, self._weight, factor * later) for later, factor in made])
+
+        middle, better, worse = (figures(power) for power in (0.0, -1.0, 1.0))
+        found = tuple(_first(aim, each, times_s) for each in (middle, better, worse))
+        return Reaching(str(aim), moisture, float(middle[0]), (middle[-1], better[-1], worse[-1]), found)
+
+    def _variance(self, after_s: float) -> Array:
+        """Variance of each cell after some mission time [(counts/s)^2]."""
+        even_s = EFFICIENCY * self._share * after_s
+        cells = self._shares @ (self._values / (1 + even_s * self._values))
+        return np.asarray((self._each_fixed + cells) * self._growth(after_s) ** (-2 * LEARNING))
+
+    def _factor(self, after_s: float) -> float:
+        """Band about the standard deviation after some mission time."""
+        growth = math.log(self._growth(after_s))
+        return math.exp(growth / (SPREAD + MAX_SPREAD * growth))
 
     def _growth(self, after_s: float) -> float:
         """Exposure of the map after some mission time [s], divided by that now."""
@@ -341,9 +441,17 @@ class _Curve:
         steps = range(1, _STEPS + 1) if left_s > 0 else ()
         times_s = tuple(left_s * step / _STEPS for step in steps)
         sds = tuple(map(self.sd, times_s))
-        growths = (math.log(self._growth(time_s)) for time_s in times_s)
-        factors = tuple(math.exp(growth / (SPREAD + MAX_SPREAD * growth)) for growth in growths)
+        factors = tuple(map(self._factor, times_s))
         return Forecast(self.sd(0.0), times_s, sds, factors, self.sd(SOON_S), mean_rate_cps, moisture, hidden)
+
+
+def _first(aim: Aim, figures: Array, times_s: Array) -> float | None:
+    """Time from which on all figures are good enough [s], ``None`` if the last one is not."""
+    short = (figures - aim.value) * (-1.0 if aim.kind == "zone" else 1.0)
+    last = np.flatnonzero(short > 0).max(initial=-1)
+    if last < 0 or last + 1 == len(short):
+        return 0.0 if last < 0 else None
+    return float(np.interp(0.0, short[[last + 1, last]], times_s[[last + 1, last]]))
 
 
 # Whether the counts so far show any difference between places of a field ----------------------------------------

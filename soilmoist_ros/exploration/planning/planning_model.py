@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.planning.decision import Thresholds
+from soilmoist_ros.exploration.planning.properties import MIN_RATE_CPS as MIN_RATE_CPS
 from soilmoist_ros.mapping import PoissonKriging, SoilMap
 
 if TYPE_CHECKING:
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MIN_RATE_CPS = 1e-3
-"""Lower limit of predicted rates [counts/s]: kriging may undershoot."""
 EVEN_SHARE = 0.1
 """Share of the weight that all cells share where a decision is planned for: the posterior may be wrong."""
 SHARPNESS = 1.25
@@ -222,13 +221,17 @@ class PlanningModel:
         counting = self.factor * self.rate[nodes] / np.maximum(exposure_s, _NO_TIME_S)
         return np.asarray(self.nugget[nodes] + counting)
 
-    def fall(self, nodes: Indices, exposure_s: Array) -> float:
-        """Reduction of the integrated variance by counts at some nodes."""
+    def cell_fall(self, nodes: Indices, exposure_s: Array) -> Array:
+        """Reduction of the variance of each cell by counts at some nodes, shape (g,) [(counts/s)^2]."""
         from scipy.linalg import cholesky, solve_triangular
 
         noisy = self.covariance[np.ix_(nodes, nodes)] + np.diag(self.noise(nodes, exposure_s))
         solved = solve_triangular(cholesky(noisy, lower=True), self.covariance[nodes, : self._cells], lower=True)
-        own = self._value((solved**2).sum(axis=0))
+        return np.asarray((solved**2).sum(axis=0))
+
+    def fall(self, nodes: Indices, exposure_s: Array) -> float:
+        """Reduction of the integrated variance by counts at some nodes."""
+        own = self._value(self.cell_fall(nodes, exposure_s))
         return own + sum(model.fall(nodes, exposure_s) for model in self.others)
 
     def worth(self, trips: Trips) -> Worth:

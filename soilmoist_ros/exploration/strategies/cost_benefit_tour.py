@@ -17,6 +17,8 @@ moved to where the variance is now, and stops are added or dropped as the time a
 
 from __future__ import annotations
 
+import math
+from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -62,6 +64,7 @@ class Ground:
     def __init__(self, situation: Situation) -> None:
         self._situation = situation
         self.prospect = situation.prospect() if situation.prospect is not None else None
+        self.goal = None if self.prospect is None or situation.goal is None else situation.goal()
         if self.prospect is None:
             rows = np.flatnonzero(reachable(situation))
             self._index = rows[:: max(len(rows) // MAX_CANDIDATES, 1)]
@@ -73,7 +76,12 @@ class Ground:
             self.stops = self.prospect.reachable_stops
             self._index = self.prospect.of_candidates[self.prospect.reachable]
             self.cells_xy = model.cells_xy
-            self.mass = np.asarray(sum(each.cell_gain for each in (model, *model.others)))
+            if self.goal is None:
+                self.mass = np.asarray(sum(each.cell_gain for each in (model, *model.others)))
+            else:
+                power = POWERS[self.goal.aim.kind]
+                each_mass = (each.weight * each.cell_variance**power for each in (model, *model.others))
+                self.mass = np.asarray(sum(each_mass))
         self.xy = situation.candidates_xy[self._index]
         self.travel_s = situation.travel_s[self._index]  # from the robot, stop overhead included [s]
 
@@ -120,6 +128,38 @@ class Ground:
         between_s = self.between_s(rows).diagonal(1) if legs_s is None else legs_s(self._index[rows])
         return whole_records(np.concatenate([self.travel_s[rows[:1]], between_s]), self.cadence_s)
 
+    def needed_s(self, rows: Indices, longest_s: float, share: float = 1.0, slack: float = 0.0) -> float | None:
+        """Shortest dwell at each stop of a tour after which the aim is expected to be met [s].
+
+        :param longest_s: longest dwell for which there is time [s]
+        :param slack: share by which the figure may miss the aim
+        :param share: length of the tour as it will be driven, relative to that of these legs
+        :returns: ``None`` if the tour cannot meet the aim
+        """
+        goal, prospect, legs_s = self.goal, self.prospect, self.legs_s(rows)
+        assert goal is not None
+        assert prospect is not None
+
+        def meets(dwell_s: float) -> bool:
+            counted = prospect.counted_on_tour(rows, dwell_s, share * legs_s)
+            return goal.is_met_after(prospect.model.cell_fall(*counted), slack)
+
+        low_s, high_s = self.min_dwell_s, self.fixed_dwell_s or longest_s
+        if high_s < low_s or not meets(high_s):
+            return None
+        if self.fixed_dwell_s or meets(low_s):
+            return self.fixed_dwell_s or low_s
+        while high_s > DWELL_STEP * low_s:
+            middle_s = math.sqrt(low_s * high_s)
+            low_s, high_s = (low_s, middle_s) if meets(middle_s) else (middle_s, high_s)
+        return high_s
+
+    def aimed_s(self, rows: Indices, time_s: float) -> float | None:
+        """Time of a tour with the dwell that the aim needs [s]; ``None`` if it needs more than a time."""
+        travel_s = float(self.legs_s(rows).sum())
+        dwell_s = self.needed_s(rows, (time_s - travel_s) / len(rows))
+        return None if dwell_s is None else travel_s + len(rows) * dwell_s
+
     def left(self, rows: Indices, dwell_s: float) -> float:
         """Integrated variance that a tour leaves, and what the operator's costs of it are worth in variance."""
         prospect, legs_s = self.prospect, self.legs_s(rows)
@@ -145,6 +185,10 @@ class Ground:
 
 # Design of a tour for a given time: how many stops, where, in which order, and how long the dwell ---------------
 
+POWERS = {"sd": 2, "p95-sd": 4, "zone": 2}
+"""Powers of the posterior variance that spread the stops: the larger, the more the stops lie where it is large."""
+DWELL_STEP = 1.05  # precision of the dwell that an aim needs
+FEWER = 0.8  # ratio of the numbers of stops of two tours that are compared for an aim
 DWELL_RECORDS = (1, 2, 3, 4, 6, 8, 12, 16, 32, 64)  # dwells that are compared [records]
 FEWER_IF_AS_GOOD = 0.03
 """The fewest stops whose integrated variance is at most this share above the least are chosen: with noisy counts
@@ -199,6 +243,32 @@ def design(ground: Ground, time_s: float, rng: np.random.Generator, dwell_s: flo
     chosen = next(tour for left, tour in reversed(found) if left <= least * (1 + FEWER_IF_AS_GOOD))
     tour = filled(ground, _ordered(ground, chosen.stops, rng), time_s, chosen.planned_s)
     return None if tour is None else _extended(ground, tour, np.empty((0, 2)))
+
+
+def shortest(ground: Ground, time_s: float, rng: np.random.Generator, slack: float = 0.0) -> Tour | None:
+    """The shortest tour after which the aim is expected to be met; ``None`` if none meets it in a time."""
+    clusters = KMeans(ground.cells_xy, np.random.default_rng(int(rng.integers(2**31))), ground.mass)
+    most = _of_dwell(ground, time_s, ground.fixed_dwell_s or ground.min_dwell_s, clusters)
+    count, least_s, best, worse = 0 if most is None else len(most.stops), math.inf, None, 0
+    while count and worse < 3:
+        rows = np.unique(ground.nearest(clusters.centres(count)))
+        between = ground.between_s(rows)
+        rows = rows[nearest_neighbour(ground.travel_s[rows], between)]
+        fixed_s = SHORTEST * float(ground.legs_s(rows).sum()) + 0.5 * ground.cadence_s * len(rows)
+        dwell_s = ground.needed_s(rows, (min(time_s, least_s) - fixed_s) / len(rows), SHORTEST, slack)
+        if dwell_s is not None:
+            least_s, best, worse = fixed_s + len(rows) * dwell_s, (rows, dwell_s), 0
+        elif best is not None:
+            worse += 1
+        count = min(int(FEWER * count), count - 1)
+    if best is None:
+        return None
+    rows = _ordered(ground, best[0], rng)
+    travel_s = float(ground.legs_s(rows).sum())
+    longest_s = (time_s - travel_s) / len(rows)
+    dwell_s = ground.needed_s(rows, longest_s, slack=slack)
+    dwell_s = min(best[1], longest_s) if dwell_s is None else dwell_s
+    return Tour(rows, dwell_s, travel_s + len(rows) * dwell_s, dwell_s)
 
 
 def stops_in(ground: Ground, time_s: float) -> int:
@@ -330,6 +400,10 @@ driving cost up to 8 % of the error at the end."""
 MIN_STAGED_STOPS = 40
 """A pass is divided into finer ones if the mission time would suffice for at least this many stops in one tour.
 With fewer, driving decides; a few counts tell too little of the field to choose the number of stops by the map."""
+GROWTH = 2.0  # time at the end of a pass, relative to that at its begin, where the time until the aim is unsure
+LONGER = 1.5  # a pass may take so much longer if it is the last one then
+SLACK = 0.15  # share by which a figure may exceed the aim and still be within reach
+EARLY = 0.3  # share of the time that the aim needs after which the first pass ends
 REDESIGN_EVERY = 5
 """Number of stops after which a tour is compared with a new one, where places matter more here than there."""
 MIN_STOPS = 3  # least number of stops of a pass that is not the last
@@ -344,6 +418,8 @@ class CostBenefitTour:
     _end_s: float = field(default=0.0, repr=False)
     _done: list[tuple[float, float]] = field(default_factory=list, repr=False)
     _dwell_s: float = field(default=0.0, repr=False)
+    _passes: int = field(default=0, repr=False)  # passes begun for a time
+    _aimed: bool = field(default=False, repr=False)  # whether the tour ends when the aim is met
 
     def choose(self, situation: Situation, rng: np.random.Generator) -> Choice | None:
         """See :class:`Strategy`."""
@@ -366,6 +442,10 @@ class CostBenefitTour:
         """The rest of the tour of this pass, as it is best now; ``None`` if the pass is over."""
         row = {stop.name: number for number, stop in enumerate(ground.stops)}
         rows = np.array([row[stop.name] for stop in self.ahead if stop.name in row], np.intp)
+        if self._aimed and len(rows) and not len(self._done) % REDESIGN_EVERY:
+            needed_s = ground.aimed_s(rows, left_s)
+            if needed_s is not None:
+                self._end_s = left_s - needed_s
         if not len(rows) or left_s <= self._end_s:
             return None
         tour = renewed(ground, rows, np.array(self._done), left_s - self._end_s, self._dwell_s)
@@ -377,11 +457,38 @@ class CostBenefitTour:
             return tour
         return other
 
+    def _toward_aim(self, ground: Ground, left_s: float, few: bool, rng: np.random.Generator) -> Tour | None:
+        """The tour of the next pass of a mission with an aim; ``None`` if the aim is out of reach.
+
+        The estimated variogram, and the time until the aim is met with it, change while the map grows. So no pass
+        takes much longer than all before it: whenever the aim turns out to be met, the stops are spread evenly.
+        """
+        assert self.begun_s is not None
+        rng = deepcopy(rng)  # an aim out of reach changes no tour
+        aimed = shortest(ground, left_s, rng)
+        if aimed is None and (few or shortest(ground, left_s, rng, SLACK) is None):
+            return None
+        usual_s = (GROWTH - 1) * (self.begun_s - left_s)
+        if not self._passes:
+            usual_s = left_s * PASS_ENDS[0] if aimed is None else min(EARLY * aimed.time_s, left_s * PASS_ENDS[0])
+        if aimed is not None and (few or (len(aimed.stops) >= MIN_STOPS and aimed.time_s <= LONGER * usual_s)):
+            tour: Tour | None = aimed
+        else:
+            tour = design(ground, left_s if left_s <= LONGER * usual_s else usual_s, rng)
+        if tour is None or (len(tour.stops) < MIN_STOPS and aimed is None):
+            return None
+        self._aimed = tour is aimed
+        self._end_s, self._dwell_s, self._done = left_s - tour.time_s, tour.planned_s, []
+        self._passes += 1
+        return tour
+
     def _begun(self, ground: Ground, left_s: float, rng: np.random.Generator) -> Tour | None:
         """The tour of the next pass; ``None`` if no stop fits into the time left."""
         assert self.begun_s is not None
         few = stops_in(ground, self.begun_s) < MIN_STAGED_STOPS
         ends = PASS_ENDS[-1:] if few else PASS_ENDS
+        if ground.goal is not None and (tour := self._toward_aim(ground, left_s, few, rng)) is not None:
+            return tour
         for end in ends:
             end_s = self.begun_s * (1 - end)
             if left_s <= end_s:
@@ -389,6 +496,7 @@ class CostBenefitTour:
             tour = design(ground, left_s - end_s, rng, NO_MAP_DWELL_S if few else None)
             if tour is not None and (len(tour.stops) >= MIN_STOPS or end == ends[-1]):
                 self._end_s, self._dwell_s, self._done = end_s, tour.planned_s, []
+                self._passes, self._aimed = self._passes + 1, False
                 return tour
         # A dwell that no longer fits whole is better than none.
         nearest = np.array([np.argmin(ground.travel_s)], np.intp)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.decision import Thresholds
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule
+from soilmoist_ros.exploration.planning.properties import Goal
 from soilmoist_ros.exploration.planning.prospect import Counting, Prospect
 from soilmoist_ros.exploration.strategies.route import ITERATIONS, Route, open_route
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -43,6 +44,7 @@ class Situation:
         the prospect has the covariances of cells that represent the field
     :param legs_s: travel times from candidate to candidate of a route: ``legs_s(indices)``, shape (m - 1,) [s];
         ``None``: from ``travel_between_s``, which takes longer
+    :param goal: gives what the map must reach, over the cells of the prospect; ``None`` without an aim or a map
     """
 
     candidates: tuple[Stop, ...]  # stops that may be chosen, without the blacklisted ones
@@ -67,6 +69,7 @@ class Situation:
     legs_s: Callable[[NDArray[np.intp]], Array] | None = None
     map_rate: Array | None = None  # [counts/s], shape (g,); ``None`` while there is no map
     thresholds: Thresholds | None = None  # those of the decision that the map is for, if it is for one
+    goal: Callable[[], Goal | None] | None = None
 
     @cached_property
     def variance(self) -> Array:

@@ -84,8 +84,14 @@ def forecast_text(forecasts: Sequence[TimedForecast], planned_s: float) -> str:
     if end is None:
         return ""
     reached = f"±{hundredths(end.forecast.sd)} {end.forecast.unit} reached"
-    made = [f"{made.forecast.end_text} {_when(share)}" for share, made in reported(forecasts, planned_s)]
+    if end.forecast.reaching is not None:
+        reached += f"; {end.forecast.reaching.text}"
+    made = [f"{_expected(made.forecast)} {_when(share)}" for share, made in reported(forecasts, planned_s)]
     return "; ".join([reached, f"forecast {', '.join(made)}"] if made else [reached])
+
+
+def _expected(forecast: Forecast) -> str:
+    return forecast.end_text if forecast.reaching is None else forecast.reaching.text
 
 
 def _when(share: float) -> str:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from soilmoist_ros.foundation import InputError, Mistake, did_you_mean
 
 if TYPE_CHECKING:
-    from soilmoist_ros.exploration import DwellRule, RobotMotion, Strategy, StrategyKind
+    from soilmoist_ros.exploration import Aim, DwellRule, RobotMotion, Strategy, StrategyKind
     from soilmoist_ros.mapping import DriftModel, FitMethod, LocalModel, ModelName, NoiseModel
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
     from soilmoist_ros.simulation.robot.scenario import RateDrift
@@ -114,7 +114,7 @@ class Setting:
             raise ValueError(f"must be finite, but it is {value!r}")
         if self.low is not None and not (value > self.low or (value == self.low and not self.above)):
             raise ValueError(f"must be {self.limits}, but it is {value!r}")
-        if self.kind is str and not value:
+        if self.kind is str and not value and self.default != "":
             raise ValueError("must not be empty")
         if self.check is None:
             return value
@@ -172,6 +172,12 @@ def _plain_person(text: str) -> str:
     from soilmoist_ros.simulation.robot.virtual_navigation import Habits
 
     return str(Habits.parse(text))
+
+
+def _plain_aim(text: str) -> str:
+    from soilmoist_ros.exploration import Aim
+
+    return text and str(Aim.parse(text))
 
 
 def _share(value: float) -> float:
@@ -399,6 +405,12 @@ class MissionSettings:
         "strategy, and compared with the map. They state its mean and its error without a model; at least 5, and "
         "0 for none.", low=0,
     )  # fmt: skip
+    until: str = _setting(
+        "", "Plan the shortest mission in which the map becomes this good, and end it then: p95-sd=0.02 (standard "
+        "deviation on 95 % of the field), sd=2% (on its mean), both of the moisture in m3/m3 where the sensor is "
+        "calibrated, else as a share of the mean rate; sd=5% rate; zone=0.85 (probability that a place is in the "
+        "third of the field, from dry to wet, in which the map has it).", check=_plain_aim,
+    )  # fmt: skip
     random_field: bool = _setting(
         False, "Draw what is random in the field (patches, random fields) from the seed as well."
     )
@@ -450,6 +462,8 @@ class MissionSettings:
         if self.travel == "free" and self.graph is not None:
             text = "a travel graph is given, but the robot travels freely"
             mistakes.append(Mistake(text, "choose travel graph"))
+        if self.until and self.until_sd > 0:
+            mistakes.append(Mistake("until and until_sd are both given", "give one of them"))
         if self.travel == "lanes" and self.graph is None:
             mistakes.append(Mistake("travel lanes needs a file of lanes", "give it as graph"))
         try:
@@ -476,6 +490,20 @@ class MissionSettings:
 
         costs = self.stop_cost_s, self.metre_cost_s
         return RobotMotion(self.speed_mps, self.stop_overhead_s, self.turn_s_per_rad, *costs)
+
+    @property
+    def aim(self) -> Aim | None:
+        """How good the map must be, by :attr:`until`."""
+        from soilmoist_ros.exploration import Aim
+
+        return Aim.parse(self.until) if self.until else None
+
+    def of_moisture(self, calibrated: bool) -> bool:
+        """True if plans improve the map of the moisture.
+
+        :raises InputError: if the aim needs a calibration that is missing
+        """
+        return self.target != "rate" if self.aim is None else self.aim.wants_moisture(self.target, calibrated)
 
     @property
     def real_motion(self) -> RobotMotion:

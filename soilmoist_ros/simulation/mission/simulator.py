@@ -147,7 +147,12 @@ class _Simulation:
     ) -> None:
         settings.check()
         self.settings = settings
-        ends = settings.until_sd > 0 or settings.until_gain > 0 or settings.threshold is not None
+        ends = (
+            bool(settings.until)
+            or settings.until_sd > 0
+            or settings.until_gain > 0
+            or settings.threshold is not None
+        )
         self.forecasts_wanted = forecasts or ends
         # Without this, nothing depends on the maps; they are made for the entries of the series only.
         kind = strategy_kind(settings.strategy)
@@ -163,6 +168,7 @@ class _Simulation:
         self.thresholds = None
         if settings.threshold is not None:
             self.thresholds = Thresholds.of(parse_thresholds(settings.threshold), first.curve)
+        self.of_moisture = settings.of_moisture(first.curve is not None)
         self.grid = first.field.grid(settings.cell_m)
         self.travel, self.stops = travel_and_stops(first.field, self.grid, settings.motion, settings)
         known = read_covariates((*first.field.covariates, *covariates), first.frame, self.grid)
@@ -209,6 +215,7 @@ class _Simulation:
             silence_limit_s=max(60.0, 3 * settings.cadence_s),
             until_sd=settings.until_sd,
             until_gain=settings.until_gain,
+            until=settings.aim,
         )
         mission = Mission(rules if settings.person is None else person_rules(rules))
         explorer = Explorer(
@@ -216,7 +223,7 @@ class _Simulation:
                 Property(
                     channel.field_map,
                     channel.wanted.weight,
-                    curve=None if settings.target == "rate" else channel.curve,
+                    curve=channel.curve if self.of_moisture else None,
                     thresholds=None if channel is not self.channels[0] else self.thresholds,
                 )
                 for channel in self.channels

@@ -8,16 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration import Forecast, Property, forecast_from_text, forecast_to_text
+from soilmoist_ros.exploration import Aim, Forecast, Property, forecast_from_text, forecast_to_text
 from soilmoist_ros.exploration.planning import forecast as forecaster
 from soilmoist_ros.exploration.planning.forecast import (
     CERTAIN,
     MAX_HIDDEN,
     SHOWN,
     Forecaster,
+    Reaching,
     differences,
     map_forecast,
 )
+from soilmoist_ros.exploration.planning.properties import zones_right
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import EarlierSurvey, FieldGrid, FieldMap, FieldMapSettings, Knowledge, Variogram
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
@@ -36,7 +39,85 @@ def test_a_forecast_in_words():
     assert DONE.text == "±2.4 % of the rate now"
 
 
-@pytest.mark.parametrize("forecast", [FORECAST, DONE, replace(FORECAST, hidden=0.06, moisture=True), None])
+REACHING = Reaching("p95-sd=0.03", True, 0.042, (0.031, 0.027, 0.036), (None, 900.0, None))
+
+
+def test_when_an_aim_is_met_in_words():
+    assert replace(FORECAST, reaching=REACHING).text == (
+        f"{FORECAST.text}; ±3.0 % by volume on 95 % of the field cannot be reached in the time: "
+        "±3.1 % (2.7 to 3.6) at its end, 0.1 % too much; with luck just so"
+    )
+    late = replace(REACHING, end=(0.031, 0.031, 0.031), times_s=(None, None, None))
+    assert late.text == "±3.0 % by volume on 95 % of the field: missed, ±3.1 %, 0.1 % too much"
+    zones = Reaching("zone=0.85", False, 0.7, (0.9, 0.92, 0.84), (1500.0, 900.0, None))
+    assert zones.text == "85 % of the zones right in 25 min (15 to later than the time allows)"
+    assert replace(zones, now=0.86).text == "85 % of the zones right: reached"
+    assert replace(zones, now=0.86).met_text == "86 % of the zones right, 85 % demanded"
+
+
+@pytest.mark.parametrize(
+    ("text", "aim"),
+    [
+        ("p95-sd=0.02", Aim("p95-sd", 0.02)), (" SD = 2 %", Aim("sd", 0.02)), ("zone=85%", Aim("zone", 0.85)),
+        ("sd=0.02 m³/m³", Aim("sd", 0.02, "vwc")), ("p95-sd=5% rate", Aim("p95-sd", 0.05, "rate")),
+    ],
+)  # fmt: skip
+def test_an_aim_is_read_in_the_units_that_people_write(text, aim):
+    assert Aim.parse(text) == aim
+    assert Aim.parse(str(aim)) == aim
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("sd=2", "write sd=2%"), ("zone=0.2", "not between"), ("sd=", "not an aim"), ("0.02", "not an aim"),
+        ("var=0.1", "no aim 'var' -> use one of"), ("zone=80% rate", "unit 'rate'"), ("sd=nan", "not an aim"),
+        ("sd=2% m3/m3", "unit 'm3/m3'"), ("sd=1e", "not between"),
+    ],
+)  # fmt: skip
+def test_another_aim_is_refused(text, why):
+    with pytest.raises(InputError, match=why):
+        Aim.parse(text)
+
+
+def test_moisture_is_aimed_at_where_the_sensor_is_calibrated():
+    assert Aim.parse("sd=0.02").wants_moisture("rate", True)
+    assert not Aim.parse("sd=0.02").wants_moisture("rate", False)
+    assert not Aim.parse("sd=2% rate").wants_moisture("rate", True)
+    with pytest.raises(InputError, match="needs a calibration"):
+        Aim.parse("sd=0.02 m3/m3").wants_moisture("rate", False)
+
+
+def test_zones_are_right_as_often_as_drawn():
+    dice = np.random.default_rng(3)
+    rate, before, after = dice.normal(4.0, 0.5, 60), np.full(60, 0.09), np.full(60, 0.03)
+    limits = np.quantile(rate, [1 / 3, 2 / 3])
+    mapped = rate + dice.normal(0, math.sqrt(0.06), (20000, 60))
+    true = mapped + dice.normal(0, math.sqrt(0.03), mapped.shape)
+    right = np.mean(np.searchsorted(limits, mapped) == np.searchsorted(limits, true))
+    assert zones_right(rate, before, after) == pytest.approx(right, abs=0.005)
+    assert zones_right(rate, before, before) < right < zones_right(rate, before, 0.1 * after)
+
+
+@pytest.mark.parametrize("kind", ["sd", "p95-sd", "zone"])
+def test_the_time_until_an_aim_is_that_of_the_curve(kind):
+    of, left_s = mapped(), 3600.0
+    now = map_forecast(of, CELLS, left_s, aim=Aim(kind, 0.9)).reaching
+    demanded = (now.now + now.end[0]) / 2
+    found = map_forecast(of, CELLS, left_s, aim=Aim(kind, demanded)).reaching
+    when_s, soonest_s, latest_s = found.times_s
+    assert not found.is_met
+    assert 0 < soonest_s < when_s < min(latest_s or left_s, left_s)
+    assert map_forecast(of, CELLS, when_s, aim=Aim(kind, demanded)).reaching.end[0] == pytest.approx(
+        demanded, rel=0.01
+    )
+    if kind == "sd":
+        assert found.now == pytest.approx(map_forecast(of, CELLS, left_s).sd)
+
+
+@pytest.mark.parametrize(
+    "forecast", [FORECAST, DONE, replace(FORECAST, hidden=0.06, moisture=True, reaching=REACHING), None]
+)
 def test_it_comes_back_from_text(forecast):
     assert forecast_from_text(forecast_to_text(forecast)) == forecast
 

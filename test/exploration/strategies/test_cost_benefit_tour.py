@@ -10,7 +10,15 @@ import pytest
 from soilmoist_ros.exploration import Counting, Explorer, Property, RequestPlan, cell_stops, make_strategy
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, MarginalValue, Optimal, parse_dwell
-from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour, Ground, design, filled, renewed
+from soilmoist_ros.exploration.planning.properties import Aim
+from soilmoist_ros.exploration.strategies.cost_benefit_tour import (
+    CostBenefitTour,
+    Ground,
+    design,
+    filled,
+    renewed,
+    shortest,
+)
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import open_lattice
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings
@@ -23,14 +31,15 @@ PLANNING = FieldMapSettings(for_planning=True)
 OPTIMAL, MOTION = Optimal(), RobotMotion()
 
 
-def situation(left_s=3600.0, on_way=True, graph=False, place=PLACE, dwell=OPTIMAL, motion=MOTION):
+def situation(left_s=3600.0, on_way=True, graph=False, place=PLACE, dwell=OPTIMAL, motion=MOTION, aim=None):
     travel, stops = FreeTravel(motion), cell_stops(GRID)
     if graph:
         lattice = open_lattice(known_field("synthetic-high"), 8.0).graph
         travel, stops = GraphTravel(lattice, RobotMotion()), lattice.stops
     planner = Explorer(
         [Property(FieldMap(GRID, PLANNING))], stops, travel, make_strategy("gcb"), make_strategy("random"),
-        MissionRules(budget_s=left_s, dwell=dwell), np.random.default_rng(1), counting=Counting(on_way=on_way),
+        MissionRules(budget_s=left_s, dwell=dwell, until=aim), np.random.default_rng(1),
+        counting=Counting(on_way=on_way),
     )  # fmt: skip
     for xy, counts in (((5.0, 5.0), 300), ((9.0, 20.0), 320), ((20.0, 8.0), 410), ((5.0, 40.0), 330)):
         planner.properties[0].field_map.add_sample(xy, counts, 100.0)
@@ -78,6 +87,25 @@ def test_passes_end_at_their_shares_of_the_time_and_become_finer():
     assert [7200.0 - left_s for left_s in begun] == pytest.approx([1800.0], abs=120.0)
     assert made[-1][1] < 120.0
     assert max(remaining) > 1.5 * remaining[0]
+
+
+@pytest.mark.parametrize(("kind", "graph"), [("sd", False), ("p95-sd", False), ("zone", False), ("sd", True)])
+def test_the_shortest_tour_meets_its_aim_and_no_second_more(kind, graph):
+    best, share = 0.9 if kind == "zone" else 0.001, 0.3 if graph or kind == "p95-sd" else 0.4
+    now = situation(7200.0, graph=graph, aim=Aim(kind, best)).goal()
+    figure = now.aim.figure(now.rate, now.variance, now.slope2)
+    ground = Ground(situation(7200.0, graph=graph, aim=Aim(kind, figure + share * (best - figure))))
+    tour = shortest(ground, 7200.0, rng())
+
+    def met(dwell_s):
+        counted = ground.prospect.counted_on_tour(tour.stops, dwell_s, ground.legs_s(tour.stops))
+        return ground.goal.is_met_after(ground.prospect.model.cell_fall(*counted))
+
+    assert 100 < tour.time_s < 7000
+    assert tour.time_s == pytest.approx(ground.legs_s(tour.stops).sum() + len(tour.stops) * tour.dwell_s)
+    assert met(1.15 * tour.dwell_s)
+    assert tour.dwell_s <= 10 or not met(0.8 * tour.dwell_s)
+    assert shortest(ground, 0.7 * tour.time_s, rng()) is None, "no other tour is much shorter"
 
 
 def test_the_rest_of_a_tour_moves_to_where_the_variance_is():

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.simulation import MissionSettings, achieved, simulate_mission, surrogate_field
 
 UNIFORM = replace(surrogate_field("smooth"), name="uniform", truth=lambda xy: np.full(len(xy), 8.0))
@@ -39,8 +40,10 @@ def test_a_map_that_is_good_enough_ends_the_mission():
     assert "good enough" in result.ended
     assert hours < 0.8
     assert achieved(result.forecasts).forecast.sd == pytest.approx(0.07, abs=0.01)
-    wet, _ = mission(field="patches", target="vwc", until_sd=0.06)
-    assert "% by volume" in wet.ended
+    wet, _ = mission(field="patches", until="p95-sd=12%")
+    assert "% by volume on 95 % of the field" in wet.ended
+    with pytest.raises(InputError, match="both given -> give one of them"):
+        mission(until="sd=2%", until_sd=0.02)
 
 
 @pytest.mark.slow
@@ -49,8 +52,9 @@ def test_without_a_limit_forecasts_change_nothing():
     assert plain.forecasts == ()
     result = simulate_mission(plain.settings, forecasts=True)
     assert result.series == plain.series
-    asked, _ = mission(field=UNIFORM, hours=0.5, until_sd=1e-6)
+    asked, _ = mission(field=UNIFORM, hours=0.5, until="sd=0.0001% rate")
     assert result.series == asked.series
+    assert "cannot be reached in the time" in asked.forecasts[0].forecast.text
     assert any(one.forecast.hidden is not None for one in result.forecasts), "it is told, and the mission goes on"
 
 
