@@ -62,9 +62,13 @@ def decision(run: MapRun) -> DecisionMap | None:
     text = None if run.mission is None else run.mission.settings.threshold
     if not text:
         return None
-    soil_map, of_moisture = run.soil_map, run.calibrated and calibration_of(run) != UNKNOWN_SENSOR
+    soil_map = run.soil_map
     edges = run.irrigation.dose_thresholds if text == OF_DOSE else parse_thresholds(text)
-    edges, curve = tuple(sorted(set(edges))), soil_map.curve if of_moisture else None
+    edges = tuple(sorted(set(edges)))
+    # Without a level the plan was for rates, and so it was if the soil cannot have such moistures.
+    possible = soil_map.limits is not None and edges[-1] < soil_map.limits.saturation
+    of_moisture = possible and calibration_of(run) != UNKNOWN_SENSOR
+    curve = soil_map.curve if of_moisture else None
     values = np.where(soil_map.grid.mask, soil_map.rate if curve is None else soil_map.vwc, np.nan)
     index = np.searchsorted(edges, np.nan_to_num(values), side="right")
     number = np.where(np.isfinite(values), index, np.nan)
