@@ -67,7 +67,7 @@ def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
     """Killed at random moments, ``GUIDE_KILLS`` times; the counts that the page had shown are stored by then."""
     pages, out, moment = [], tmp_path / "out", random.Random(KILLS)
     hours = str(0.02 + 0.001 * (KILLS - 1))
-    asked = ("--hours", hours, "--autostart", "--sensor", "10", "--target", "vwc")
+    asked = ("--hours", hours, "--autostart", "--sensor", "10", "--target", "decision", "--threshold", "0.15")
     with SimulatedPerson(SETTINGS, lambda: pages and pages[-1]()) as person:
         for kill in range(KILLS):
             with guided(person, out, *asked) as (process, page):
@@ -90,6 +90,7 @@ def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
     assert "bit for bit" in said
     about = json.loads((out / "summary.json").read_text())
     assert about["calibration"]["method"] == "general", "by the sensor of the option"
+    assert about["decision"]["thresholds"] == [0.15]
     stored = (out / "records" / "sensor_driver" / "journal.jsonl").read_text().count('"record"')
     with BagReader(out / "bag") as reader:
         assert len(reader.read_counts()) == stored == len(read_records(out / "records.csv"))
