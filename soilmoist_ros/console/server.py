@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gzip
 import hashlib
 import html
 import json
 import logging
+import socket
 import ssl
 import threading
 import time
@@ -304,41 +306,64 @@ class ConsoleServer:
             self._onlookers -= Counter([address])
 
     async def _follow(self, request: Any, may_steer: bool) -> Any:
-        socket = self._web.WebSocketResponse(heartbeat=10.0, compress=True, max_msg_size=1024)
-        await socket.prepare(request)
-        self._viewers.add(socket)
-        self.operators += may_steer
         client = request.query.get("client", "")[:MAX_CLIENT]
+        is_stream = "text/event-stream" in request.headers.get("Accept", "")
+        self.operators += may_steer
         self._controls.connect(client)
-        sender = asyncio.create_task(self._show(socket, client, may_steer))
         try:
-            async for _ in socket:  # what a viewer sends is ignored; the loop ends with the connection
-                pass
+            return await (self._stream if is_stream else self._socket)(request, client, may_steer)
         finally:
-            self._viewers.discard(socket)
             self.operators -= may_steer
             self._controls.disconnect(client)
-            sender.cancel()
-        return socket
 
-    async def _show(self, socket: Any, client: str, may_steer: bool) -> None:
+    async def _socket(self, request: Any, client: str, may_steer: bool) -> Any:
+        viewer = self._web.WebSocketResponse(heartbeat=10.0, compress=True, max_msg_size=1024)
+        await viewer.prepare(request)
+        self._viewers.add(viewer)
+        sender = asyncio.create_task(self._show(viewer, client, may_steer))
+        try:
+            async for _ in viewer:  # what a viewer sends is ignored; the loop ends with the connection
+                pass
+        finally:
+            self._viewers.discard(viewer)
+            sender.cancel()
+        return viewer
+
+    async def _show(self, viewer: Any, client: str, may_steer: bool) -> None:
         """Keep a viewer up to date; one that cannot be is disconnected, which its page says."""
         try:
-            await self._send(socket, client, may_steer)
+            await self._send(viewer.send_str, client, may_steer)
         except ConnectionError:  # the viewer is gone
             pass
         except Exception as error:
             _log.error("a viewer is disconnected, since its update failed: %r", error)
-            await socket.close(code=1011)
+            await viewer.close(code=1011)
 
-    async def _send(self, socket: Any, client: str, may_steer: bool) -> None:
+    async def _stream(self, request: Any, client: str, may_steer: bool) -> Any:
+        """Events for a browser that opens no WebSocket; what has a gap of :data:`SILENT_S` is lost."""
+        headers = {**_HEADERS, "Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+        response = self._web.StreamResponse(headers=headers)
+        response.content_type = "text/event-stream"
+        if hasattr(socket, "TCP_USER_TIMEOUT"):  # a phone that is out of reach does not say goodbye
+            line = request.transport.get_extra_info("socket")
+            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1000 * SILENT_S))
+        await response.prepare(request)
+
+        async def send(text: str) -> None:
+            await asyncio.wait_for(response.write(f"data: {text}\n\n".encode()), SILENT_S)
+
+        with contextlib.suppress(OSError, TimeoutError):
+            await self._send(send, client, may_steer)
+        return response
+
+    async def _send(self, send: Callable[[str], Awaitable[None]], client: str, may_steer: bool) -> None:
         sent: dict[str, Any] = {}
         while True:
             version, sent_s = self._board.version, self._board.now_s()
             viewer = {"may_steer": may_steer, "holds": self._controls.holds(client), "holder": self._controls.who}
             now = {**self._board.snapshot(), "viewer": viewer}
             message = {**changes(sent, now), "now": round(sent_s, 2), "utc": round(time.time(), 1)}
-            await socket.send_str(_text(message))
+            await send(_text(message))
             sent = now
             await asyncio.sleep(UPDATE_S)
             while self._board.version == version and self._board.now_s() < sent_s + IDLE_S:

@@ -123,7 +123,7 @@ def test_ctrl_c_before_the_first_record_says_how_to_go_on(tmp_path):
 
 
 def test_a_phone_is_the_receiver_and_shows_arrow_ring_and_report(tmp_path, monkeypatch):
-    """By https, with the certificate that the command makes; the person ignores advice and turns wrong."""
+    """By https, with the certificate that the command makes, and without WebSockets, which Safari refuses for it."""
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     pages, faults, asked = [], [], []
     frame = surrogate_field("patches").field.frame
@@ -147,6 +147,7 @@ def test_a_phone_is_the_receiver_and_shows_arrow_ring_and_report(tmp_path, monke
         def seen(what):
             until(lambda: carry(phone) or what())
 
+        phone.add_init_script("window.WebSocket = class { constructor() { throw new DOMException('no'); } }")
         page = phone.new_page()
         page.on("pageerror", lambda error: faults.append(str(error)))
         page.on("request", lambda request: asked.append(request.url))

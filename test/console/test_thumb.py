@@ -163,6 +163,40 @@ def test_the_map_stays_in_view_while_corners_are_tapped(browser, served):  # noq
     shows(page, "draft-about", "Drawn: a boundary")
 
 
+NO_WEBSOCKET = """window.WebSocket = class {
+    constructor() { setTimeout(() => { this.onerror?.(new Event("error")); this.onclose?.(new Event("close")); }, 20); }
+    close() {}
+}"""
+
+
+def test_a_browser_that_opens_no_websocket_follows_steers_and_stops(browser, served):  # noqa: F811
+    """As Safari with a certificate that the computer has made; one part of the page fails on top of it."""
+    with Link(served.port) as link:
+        context = browser.new_context(viewport=PHONE)
+        context.add_init_script(NO_WEBSOCKET)
+        page = context.new_page()
+        page.goto(f"http://127.0.0.1:{link.port}/")
+        shows(page, "link", "live")
+        served.board.put("mission/r1", UNDER_WAY | {"stops": 8})
+        shows(page, "stops", "8")
+        slide(page, "Slide to end the mission")
+        shows(page, "notice", "not now")
+        link.lose()
+        shows(page, "alarm", "Connection to the console lost")
+        link.find()
+        shows(page, "link", "live")
+        served.board.put("visits", [[1.0, 2.0], 7])  # the map fails
+        served.board.put("health", [7])
+        shows(page, "faults", "A part of this page has failed: map (TypeError")
+        shows(page, "faults", "A part of this page has failed: Health (TypeError")
+        page.locator("#stop").click()
+        shows(page, "stop", "STOP is pressed")
+        served.board.put("visits", [])
+        served.board.put("health", [])
+        expect(page.locator("#faults")).to_be_hidden(timeout=LIMIT_MS)
+        assert [verb for _, verb, *_ in served.robots.asked if verb == "abort"] == ["abort"]
+
+
 def test_the_first_view_is_small():
     later = re.compile(r"guide\.|.*\.rare\.json")
     sizes = {name: len(content) for name, (content, _) in module._files().items() if not later.match(name)}

@@ -11,7 +11,7 @@ const client = sessionStorage.getItem("client") || Array.from(crypto.getRandomVa
 sessionStorage.setItem("client", client);
 const listeners = new Set();
 const RETRY_MS = 1000, SILENT_MS = 6000, COMMAND_MS = 9000, CHOICE_MS = 65000, STOP_MS = 6000, LOST_S = 5, DRIFT = 2e-4;
-let socket = null, heardAt = null, offset = 0, fresh = false;
+let socket = null, heardAt = null, triedAt = 0, failed = 0, offset = 0, fresh = false;
 
 export const listen = (call) => listeners.add(call);
 export const silence = (call) => listeners.delete(call);
@@ -39,31 +39,43 @@ function apply(message) {
   for (const call of listeners) call(new Set([...Object.keys(message.set ?? {}), ...Object.keys(message.extend ?? {})]));
 }
 
+// Safari takes a certificate that the computer has made for https, but not for WebSockets (WebKit bug 145819). A page
+// whose WebSocket has twice ended without a message follows an event stream, which takes a connection of the few
+// that a browser opens to one host.
+const STREAM_AFTER = 2;
+
+function opened() {
+  const path = `${location.host}${location.pathname.replace(/[^/]*$/, "")}live?client=${client}`;
+  if (failed >= STREAM_AFTER) return new EventSource(`${location.protocol}//${path}`);
+  return new WebSocket(`${location.protocol === "https:" ? "wss:" : "ws:"}//${path}`);
+}
+
 export function connect() {
-  const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-  const mine = new WebSocket(`${scheme}//${location.host}${location.pathname.replace(/[^/]*$/, "")}live?client=${client}`);
+  let mine = {};
+  triedAt = performance.now();
+  try { mine = opened(); } catch { setTimeout(ended); }  // a browser may forbid it at once
   socket = mine;
   let first = true;
+  function ended() {
+    if (socket !== mine) return;
+    socket = null;
+    mine.close?.();
+    failed += first ? 1 : 0;
+    for (const call of listeners) call(new Set());
+    setTimeout(connect, RETRY_MS);
+  }
   mine.onmessage = (event) => {
     if (socket !== mine) return;
+    if (first && failed < STREAM_AFTER) failed = -Infinity;  // WebSockets work here
     if (first) { fresh = true; first = false; }
     apply(JSON.parse(event.data));
   };
-  mine.onclose = () => {
-    if (socket !== mine) return;
-    socket = null;
-    for (const call of listeners) call(new Set());
-    setTimeout(connect, RETRY_MS);
-  };
+  mine.onclose = mine.onerror = ended;
+  mine.end = ended;
 }
 
 setInterval(() => {  // a connection that is only silent is lost as well
-  if (socket !== null && socket.readyState === 1 && silentS() * 1000 > SILENT_MS) {
-    const old = socket;
-    socket = null;
-    old.close();
-    connect();
-  }
+  if (performance.now() - Math.max(heardAt ?? 0, triedAt) > SILENT_MS) socket?.end();
 }, 1000);
 
 // Answer of the console, or {error}.

@@ -3,6 +3,7 @@
 // The map: a picture of the server in metres of the field, and what is drawn over it.
 
 import { sections } from "./link.js";
+import { guard } from "./widgets.js";
 
 const canvas = document.getElementById("map");
 const pen = canvas.getContext("2d");
@@ -106,7 +107,7 @@ export function load() {
 export function draw() {
   if (asked) return;
   asked = true;
-  requestAnimationFrame(() => { asked = false; paint(); });
+  requestAnimationFrame(() => { asked = false; guard("map", paint); });
 }
 
 function path(points, closed = true) {

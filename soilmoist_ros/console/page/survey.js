@@ -7,7 +7,7 @@ import { command, connect, connected, emergency, listen, lost, nowS, sections, s
 import { draft, draw, fade, fit, insideOf, load, mark, onPlace, showLayer, shownLayer, showRobot, zoom } from "./map.js";
 import { addCorner, drawingBar, dwellWords, know, renderPlan, showChoices, startPlan } from "./plan.js";
 import { renderResults, reportSince, showRuns, startResults } from "./results.js";
-import { $, button, duration, element, fill, metres, setText, slide } from "./widgets.js";
+import { $, button, duration, element, fill, guard, metres, setText, slide } from "./widgets.js";
 
 const OLD_S = 10, GONE_S = 30, SNAP_M = 12, RETRY_MS = 1000, LOOK_MS = 5000;
 const SETTINGS = [["hours", { type: "number", step: "0.1", min: "0.1" }], ["dwell"], ["strategy"], ["target"]];
@@ -478,11 +478,22 @@ function renderTabs() {
 let guide = null;  // its part of the page comes with a person's survey only
 function renderGuide() {
   if (!guide && !mission()?.guided) return;
-  guide ??= import("./guide.js");
-  guide.then((part) => part.renderGuide({ ask, maySteer, mayAsk, takeOver, holder, mission, robot: () => robot }));
+  guide ??= import("./guide.js").catch(() => { guide = null; });
+  guide.then((part) => part && guard("guide", () => part.renderGuide({ ask, maySteer, mayAsk, takeOver, holder, mission, robot: () => robot })));
 }
 
-function render() { forPerson(Boolean(mission()?.guided)); renderGuide(); renderTabs(); renderFrame(); renderSteer(); if (tab === "plan") renderPlan(); if (tab === "results") renderResults(); renderState(); renderMission(); renderHealth(); renderAges(); renderMap(); renderMapbar(); renderPlace(); }
+// One part that fails stops no other.
+const PARTS = [
+  ["guide", renderGuide], ["page", renderTabs], ["tab_survey", renderFrame], ["news", renderSteer],
+  ["tab_plan", () => tab === "plan" && renderPlan()], ["tab_results", () => tab === "results" && renderResults()],
+  ["state", renderState], ["mission", renderMission], ["health", renderHealth], ["link", renderAges], ["map_name", renderMap],
+  ["drawing", renderMapbar], ["this_place", renderPlace],
+];
+
+function render() {
+  forPerson(Boolean(mission()?.guided));
+  for (const [name, part] of PARTS) guard(name, part);
+}
 
 document.title = t("title");
 $("language").append(...Object.entries(languages).map(([code, name]) => element("option", { value: code, selected: code === language, title: name }, code.toUpperCase())));

@@ -57,8 +57,23 @@ export function fill(id, key, make) {
   const node = $(id);
   const text = JSON.stringify(key);
   if (node.dataset.key === text || node.contains(held)) return;
-  node.dataset.key = text;
   node.replaceChildren(...make());
+  node.dataset.key = text;
+}
+
+// Runs a part of the page; what fails is named at the top, as long as it does, and the rest goes on.
+const faults = new Map();
+export function guard(name, part) {
+  let fault = "";
+  try { part(); } catch (error) {
+    fault = String(error);
+    if (faults.get(name) !== fault) (window.reportError ?? console.error)(error);
+  }
+  if ((faults.get(name) ?? "") === fault) return;
+  faults.set(name, fault);
+  const lines = [...faults].filter(([, why]) => why).map(([one, why]) => t("part_failed", { part: t(one), why }));
+  setText("faults", lines.join(" "));
+  $("faults").hidden = !lines.length;
 }
 
 export function duration(seconds) {
