@@ -123,7 +123,7 @@ def test_ctrl_c_before_the_first_record_says_how_to_go_on(tmp_path):
 
 
 def test_a_phone_is_the_receiver_and_shows_arrow_ring_and_report(tmp_path, monkeypatch):
-    """By https, with the certificate that the command makes, and without WebSockets, which Safari refuses for it."""
+    """By https, with the certificate that the command makes, without WebSockets: Safari refuses them for it."""
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     pages, faults, asked = [], [], []
     frame = surrogate_field("patches").field.frame
@@ -175,6 +175,7 @@ def test_a_phone_is_the_receiver_and_shows_arrow_ring_and_report(tmp_path, monke
         pages.append(advice)
         seen(page.locator("#guide .ring").is_visible)
         seen(page.get_by_text("more: ±").is_visible)
+        page.screenshot(path=tmp_path / "ring.png")
         box = page.get_by_role("button", name="Go on now").bounding_box()
         assert box["height"] >= 64, "for a thumb"
         assert box["y"] + box["height"] <= PHONE["height"], "in sight"

@@ -164,7 +164,7 @@ def test_the_map_stays_in_view_while_corners_are_tapped(browser, served):  # noq
 
 
 NO_WEBSOCKET = """window.WebSocket = class {
-    constructor() { setTimeout(() => { this.onerror?.(new Event("error")); this.onclose?.(new Event("close")); }, 20); }
+    constructor() { setTimeout(() => { this.onerror?.(); this.onclose?.(); }, 20); }
     close() {}
 }"""
 

@@ -192,15 +192,17 @@ function picture(shown) {
 export function renderGuide(helpers) {
   use = helpers;
   document.body.classList.toggle("guided", Boolean(use.mission()?.guided));
+  document.body.classList.toggle("guiding", Boolean(use.mission()?.running));
   if (watch !== null && sections.viewer?.holder && !sections.viewer.holds) stopPhone();
   const now = use.mission(), shown = view(now), wrong = connected() && now?.phase !== "finished" ? alarms(now) : [];
   fill("guide-sign", [shown.kind, shown.turn, shown.share], () => picture(shown));
   setText("guide-title", shown.title); setText("guide-big", shown.big ?? ""); setText("guide-line", shown.line ?? "");
   const gone = Date.now() - backAt < TELL_MS ? t("phone_away", { duration: duration(awayS) }) : "";
-  const lines = [...(watch === null ? [] : [gone, isAwake() ? "" : t("phone_sleeps")].filter(Boolean)), ...(sections.phone && fault ? [fault] : []), ...wrong.map((part) => `${said(part.name)}: ${said(part.message)}`)];
+  const lines = [...(watch !== null && gone ? [gone] : []), ...(sections.phone && fault ? [fault] : []), ...wrong.map((part) => `${said(part.name)}: ${said(part.message)}`)];
   fill("guide-alarm", lines, () => lines.map((line) => element("p", {}, line)));
   $("guide").dataset.edge = shown.edge || (wrong.length ? (wrong.some((part) => part.level === 2) ? "bad" : "warn") : "");
-  setText("guide-rest", now?.running ? `${t("n_stops", { n: now.stops })} · ${t("guide_left", { duration: duration(now.left_s) })}` : "");
+  const rest = now?.running ? [t("n_stops", { n: now.stops }), t("guide_left", { duration: duration(now.left_s) })] : [];
+  setText("guide-rest", [...rest, watch === null || isAwake() ? "" : t("phone_sleeps")].filter(Boolean).join(" · "));
   fill("guide-actions", [now?.phase, now?.paused, now?.running, now?.ready, sections.over, isEnough(now ?? {}), near(now ?? {}), sections.viewer, sections.report, connected(), watch !== null], () => [...phoneActions(), ...actions(now)]);
   const key = now ? `${now.phase} ${now.stop?.[0]} ${isEnough(now)}` : "";
   if (key !== before && before) {
