@@ -8,7 +8,10 @@
   per second, strategy gcb, dwell optimal; with simulated time (a clock of 50 Hz) and without
 * time from a request to abort to its answer, while stops are chosen and large maps computed and published
 
-usage: .venv/bin/python scripts/bench_ros.py [--only PART] [--quick] [--save]
+``--maps`` instead: public topological maps, which are read, and which are refused and why. The folder has a folder
+``OWNER+NAME`` for each repository, below which lie its map files, whatever their folders.
+
+usage: .venv/bin/python scripts/bench_ros.py [--only PART] [--quick] [--maps FOLDER] [--save]
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ import contextlib
 import json
 import math
 import os
+import re
 import signal
 import statistics
 import subprocess
@@ -25,6 +29,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -41,7 +46,9 @@ import results
 
 import msg_adapters
 import soilmoist_ros
+from soilmoist_ros.exploration import read_topological_map
 from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
 from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
 from soilmoist_ros.recording.run_folder import write_parameters
@@ -448,11 +455,43 @@ def cpu_s(process: psutil.Process) -> float:
     return float(times.user + times.system)
 
 
+def map_outcome(path: Path) -> tuple[str, int, int]:
+    """Why a topological map is refused, empty if it is read; its nodes and edges."""
+    try:
+        graph = read_topological_map(path).graph
+    except InputError as error:
+        return re.sub(r"^:\d+: |^: ", "", str(error).removeprefix(str(path))).partition(" -> ")[0][:70], 0, 0
+    return "", len(graph.names), len(graph.edges)
+
+
+def read_maps(folder: Path, save: bool) -> None:
+    """Read all topological maps of a folder; a row for each repository and outcome."""
+    found = defaultdict(list)
+    for path in sorted(one for one in folder.glob("*/**/*") if one.is_file()):
+        repository, branch, *_, name = path.relative_to(folder).parts
+        reason, nodes, edges = map_outcome(path)
+        name = branch if name.startswith(("network", ".network", "poi")) else name
+        found[repository.replace("+", "/"), re.sub(r"^node \d+", "node 1", reason)].append((name, nodes, edges))
+    rows = []
+    for (repository, reason), maps in sorted(found.items()):
+        counts = [[one[column] for one in maps] for column in (1, 2)]
+        nodes, edges = (f"{min(each)} to {max(each)}" if max(each) else "" for each in counts)
+        names = ", ".join(dict.fromkeys(name for name, *_ in maps))
+        rows.append((repository, len(maps), names, nodes, edges, reason or "read"))
+    settings = f"{sum(map(len, found.values()))} files with different contents, of all branches and requests"
+    columns = ("repository", "files", "maps", "nodes", "edges", "read, or why not")
+    results.publish("maps", columns, rows, settings, save)
+
+
 def main() -> None:
     parser = results.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer records and repeats, shorter missions")
     parser.add_argument("--only", choices=("latency", "start-up", "load", "abort"), help="one part")
+    parser.add_argument("--maps", type=Path, metavar="FOLDER", help="read topological maps instead")
     given = parser.parse_args()
+    if given.maps:
+        read_maps(given.maps, given.save)
+        return
     records, repeats, seconds = (60, 2, 60.0) if given.quick else (240, 7, 120.0)
     # An installed package has compiled modules; compiling takes time and memory.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
