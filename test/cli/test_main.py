@@ -98,6 +98,13 @@ def test_every_shipped_file_passes_the_check():
     assert result.output.count("ok: ") == len(options) / 2
 
 
+def test_an_unreadable_log_exits_with_2_and_leaves_no_folder(tmp_path):
+    (tmp_path / "log.txt").write_bytes(b"hello,world\n1,2\n")
+    result = run("map", tmp_path / "log.txt", "--out", tmp_path / "out")
+    assert (result.exit_code, "log.txt" in result.output, "--logger" in result.output) == (2, True, True)
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.slow
 def test_calibration_is_written_into_the_site_file(survey, tmp_path):
     (tmp_path / "cores.csv").write_text("vwc\n0.16\n0.18\n0.20\n")
