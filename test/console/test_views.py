@@ -17,7 +17,7 @@ from soilmoist_ros.console.board import MAX_TRAIL, MAX_VISITS, Board, RobotHisto
 from soilmoist_ros.console.server import PAGE
 from soilmoist_ros.console.views import graph_views, mission_view, node_views, place_views
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
-from soilmoist_ros.exploration.planning.forecast import Forecast
+from soilmoist_ros.exploration.planning.forecast import Forecast, Reaching
 from soilmoist_ros.exploration.travel.stop import Stop
 
 NAN = math.nan
@@ -42,8 +42,12 @@ def test_a_view_has_codes_and_values_of_which_the_page_makes_sentences():
     sure = Forecast(0.028, (600.0,), (0.02,), (1.25,), 0.02, 4.0, moisture=True, wrong=0.12, wrong_end=0.07)
     assert mission_view(replace(over, forecast=sure), {})["forecast"] == {
         "sd": 0.028, "moisture": True, "end": [600.0, 0.02, 0.016, 0.025], "hidden": None,
-        "wrong": [0.12, 0.07],
+        "wrong": [0.12, 0.07], "aim": None,
     }  # fmt: skip
+    reaching = Reaching("p95-sd=0.03 m3/m3", True, 0.042, (0.03, 0.02, 0.04), (1500.0, 900.0, None))
+    view = mission_view(replace(over, forecast=replace(sure, reaching=reaching)), {})["forecast"]["aim"]
+    assert (view["about"], view["value"], view["minutes"], view["met"]) == ("p95", 0.03, [25, 15, None], False)
+    assert f"aim_{view['about']}" in TEXTS
     idle = replace(STATUS, phase=Phase.IDLE)
     assert [mission_view(replace(idle, hindered=one), {})["ready"] for one in (False, True)] == [True, False]
     assert mission_view(STATUS, {})["error_percent"] == 5.0

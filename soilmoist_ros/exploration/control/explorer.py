@@ -228,8 +228,8 @@ class Explorer:
         )
 
     def _goal(self, of: Property) -> Goal | None:
-        """What the map must reach; ``None`` without an aim or a map."""
-        field_map, aim = of.field_map, self.rules.aim
+        """What the map must reach; ``None`` without a map, or an aim that is planned for."""
+        field_map, aim = of.field_map, self.rules.until
         if aim is None or field_map.soil_map is None:
             return None
         rate, variance = field_map.rate[self._mapped], field_map.variance[self._mapped]

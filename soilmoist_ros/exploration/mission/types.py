@@ -131,7 +131,7 @@ class MissionRules:
     :param until_gain: the mission ends when the standard deviation will fall by less than this in ten minutes [%],
         or when the counts show no differences within the field. 0: never
     :param until: how good the map must be; the tour is planned to reach it in the shortest time, and the mission
-        ends then. ``until_sd`` is an ``sd`` in the unit of the target
+        ends then. ``until_sd`` only ends the mission
     :param by_person: a person carries the sensor: who stands at another place than the target measures there, and
         who leaves a stop ends its visit; neither is a failure
     :raises ValueError: if a value is out of its range
@@ -183,7 +183,7 @@ class MissionRules:
 
     @property
     def aim(self) -> Aim | None:
-        """How good the map must be; ``None`` if the time decides."""
+        """How good the map must be for the mission to end early; ``None`` if the time decides."""
         return self.until or (Aim("sd", self.until_sd) if self.until_sd > 0 else None)
 
     @property
