@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-KURTOSIS = 9.0
+KURTOSIS = 6.0
 """Kurtosis of the errors of a map over the field for which the bound of the error holds; 3 if they are normal."""
 _CLOCK_S = 1e-3
 _STEP = 0.01  # relative step of the rate for the curvature of the moisture
@@ -144,17 +144,18 @@ def state(
     from scipy.special import stdtrit
 
     error, noise = counts / exposure_s - p[at], np.maximum(counts, 1) / exposure_s**2
-    k, middle, slope, bend = len(at), float(p.mean()), np.ones(len(at)), np.zeros(len(at))
+    k, middle, slope, bend, kurtosis = len(at), float(p.mean()), np.ones(len(at)), np.zeros(len(at)), KURTOSIS
     if curve is not None:
         middle = float(possible_moisture(curve, p).mean())
-        known = np.maximum(p[at], (1 + 5 * _STEP) * curve.lowest_rate_cps)
+        known, weight = np.maximum(p[at], (1 + 10 * _STEP) * curve.lowest_rate_cps), curve.weight(p)
         slope = curve.slope(known)
         bend = (curve.slope((1 + _STEP) * known) - curve.slope((1 - _STEP) * known)) / (2 * _STEP * known)
+        kurtosis *= float(np.mean(weight**2) / weight.mean() ** 2)  # errors of the rate weigh more in wet soil
     difference = slope * error + bend / 2 * (error**2 - noise)
     half_width = float(stdtrit(k - 1, (1 + CONFIDENCE) / 2) * difference.std(ddof=1) / math.sqrt(k))
     square, variance = (slope * error) ** 2, slope**2 * noise
     mse = max(float(np.mean(square - variance)), 0.0)
-    below = math.sqrt(error_bound(square, variance))
+    below = math.sqrt(error_bound(square, variance, kurtosis))
     return Statement(middle + float(difference.mean()), half_width, math.sqrt(mse), below)
 
 

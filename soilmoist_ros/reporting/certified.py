@@ -42,8 +42,11 @@ def statement_text(certificate: Certificate, moist: bool) -> str:
     unit, factor = ("% by volume", 100.0) if moist else ("counts/s", 1.0)
     values = {name: factor * value for name, value in asdict(statement).items()}
     text = f"mean {_figure(values['mean'], values['half_width'])} ± {_figure(values['half_width'])} {unit}"
-    seen = f"RMSE of the map {_figure(values['rmse'])}" if values["rmse"] > 0 else "RMSE too small to be seen"
-    return f"{text} (95 %), whatever the model; {seen} (95 %: below {_figure(values['rmse_below'])}) {unit}"
+    seen = f"{_figure(values['rmse'])} {unit}" if values["rmse"] > 0 else "too small to be seen"
+    below = f"95 %: below {_figure(values['rmse_below'])} {unit}"
+    if values["rmse_below"] >= values["mean"]:
+        below = "too few counts for an upper limit"
+    return f"{text} (95 %), whatever the model; RMSE of the map {seen} ({below})"
 
 
 def sample_text(certificate: Certificate) -> str:

@@ -17,7 +17,7 @@ def field(skewed):
     rng = np.random.default_rng(3)
     truth = 3.6 + 0.5 * np.sin(np.arange(750) / 90)
     error = rng.normal(0, 0.15, 750)
-    return truth, truth + 0.1 + (error * np.where(np.arange(750) < 75, 3, 0.6) if skewed else error)
+    return truth, truth + 0.1 + (error * np.where(np.arange(750) % 300 < 30, 3, 0.6) if skewed else error)
 
 
 @pytest.mark.parametrize("skewed", [False, True])

@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import json
+from dataclasses import replace
 
 import pytest
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.pipeline import run_certificate
 from soilmoist_ros.reporting import check_certificate, mission_run, open_run, statement_text, write_mission
+from soilmoist_ros.reporting.certified import certificate_text
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 
@@ -25,6 +27,8 @@ def test_a_certificate_can_be_made_again_from_its_folder_and_a_change_is_found(t
         assert said in report
     visits = tmp_path / "visits.csv"
     name = made.sample.stops[2].name
+    fewer = replace(run.mission, visits=[visit for visit in run.mission.visits if visit.name != name])
+    assert f"Not counted at: {name}. " in " ".join(certificate_text(replace(run, mission=fewer)))
     lines = visits.read_text().splitlines()
     visits.write_text("\n".join(line for line in lines if not line.startswith(f"{name},")) + "\n")
     with pytest.raises(InputError, match="another statement"):

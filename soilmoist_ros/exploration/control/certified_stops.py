@@ -35,7 +35,7 @@ from soilmoist_ros.mapping import Changing, FieldGrid, FieldMap, Samples, TimedS
 Array = NDArray[np.float64]
 Place = tuple[float, float]
 
-TIME_SHARE = 0.08
+TIME_SHARE = 0.05
 """Share of the mission time for counting at certified stops. More shortens the intervals, and costs the map."""
 MIN_RECORDS = 2  # least number of records at a certified stop
 DETOUR_SHARE = 0.25  # detour to a certified stop, relative to the way from one to the next; for the time to keep
@@ -74,13 +74,12 @@ class CertifiedStops:
     def __init__(self, count: int, seal: Callable[[], int] = lambda: secrets.randbits(53)) -> None:
         self._count, self._seal = count, seal
         self._next: Planned | None = None  # chosen by the strategy, and waits for a certified stop on the way
-        self._sample: SealedSample | None = None
 
     def plan(
         self, explorer: Plans, request: RequestPlan, place: Place, others: Sequence[PendingMeasurement]
     ) -> Planned:
         """The next stop: the strategy's, or a certified one before it."""
-        sample = self._sample = self._drawn(explorer, request, place)
+        sample = self._drawn(explorer, request, place)
         done = {request.staying, *(visit.name for visit in request.certified)}
         ruled_out = set(request.blacklisted)
         left = [stop for stop in dict.fromkeys(sample.stops) if stop.name not in done]
@@ -97,7 +96,8 @@ class CertifiedStops:
         if due is not None:
             self._next = planned if planned.choice is not None else None
             planned = self._to(explorer, request, place, due, sample)
-        return replace(planned, certificate=sample.text, to_certify=len(usable))
+        new = "" if request.certificate else sample.text
+        return replace(planned, certificate=new, to_certify=len(usable))
 
     def _drawn(self, explorer: Plans, request: RequestPlan, place: Place) -> SealedSample:
         """The sample of the mission, drawn with its first plan."""
@@ -122,7 +122,7 @@ class CertifiedStops:
             if stop.name not in request.blacklisted and not inside_any(request.ruled_out, stop.xy)[0]:
                 travel_s = float(explorer.travel.travel_s(place, [stop])[0])
                 return replace(waiting, plan_id=request.plan_id, travel_s=travel_s)
-        if request.certify_now or request.time_left_s <= kept_s:
+        if kept_s and (request.certify_now or request.time_left_s <= kept_s):
             return Planned(0.0, request.plan_id, None)
         shorter = replace(
             hidden, time_left_s=request.time_left_s - kept_s, budget_left_s=request.budget_left_s - kept_s

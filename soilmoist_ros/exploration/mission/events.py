@@ -53,7 +53,7 @@ class Planned:
     reason: str = ""  # why there is no choice
     forecast: Forecast | None = None  # a new one of the map, ``None`` if the last one is recent
     home_s: float = 0.0  # travel time home from the choice, or from where the robot stays [s]; 0 if not known
-    certificate: str = ""  # sealed sample of the mission, see :class:`SealedSample`; empty without a certificate
+    certificate: str = ""  # sealed sample that was drawn with this plan, see :class:`SealedSample`
     to_certify: int = 0  # number of its stops that are left: the mission does not end early before them
 
 

@@ -347,7 +347,7 @@ class _Step:
             if end is not None and good >= GOOD_FORECASTS and not event.to_certify:
                 self.end(*end)
                 return
-        if event.certificate and not self.state.certificate:
+        if event.certificate:
             self.set(certificate=event.certificate)
         staying = self.staying
         if staying is not None and (choice is None or choice.stop.name == staying.stop.name):
