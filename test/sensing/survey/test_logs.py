@@ -221,3 +221,13 @@ def test_counts_that_are_a_rate(tmp_path, name, factor, why):
     found = doubts(tmp_path, text, logger=form.model_copy(update={"counts": counts}))
     assert [kind for kind, _ in found] == [Kind.NOT_COUNTS] * bool(why)
     assert all(why in text and "write 'unit: counts_per_hour' below 'counts'" in text for _, text in found)
+
+
+def test_a_log_without_any_position_says_so(tmp_path):
+    log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
+    with pytest.raises(InputError) as caught:
+        process_logs([log], NO_CORRECTIONS)
+    text = str(caught.value)
+    assert "not one of 2 records can be placed" in text
+    assert "--nmea" in text
+    assert "a.log" in text
