@@ -678,7 +678,9 @@ def main() -> None:
     parser.add_argument("--fields", nargs="+", help="names or field files; default: all families")
     parser.add_argument("--surfaces", type=Path, help="folder of surfaces, for forecasts; see bench_zoo.py")
     parser.add_argument("--kinds", nargs="+", choices=list(OUT_OF_REACH), default=list(OUT_OF_REACH), help="aims")
-    parser.add_argument("--strategies", nargs="+", default=["gcb"], help="NAME (dwell optimal) or NAME:DWELL")
+    parser.add_argument(
+        "--strategies", nargs="+", default=["gcb", "two_pass"], help="NAME (dwell optimal) or NAME:DWELL"
+    )
     parser.add_argument("--cell", type=float, default=0.0, help="least cell size of lattices [m]")
     parser.add_argument("--hours", type=float, default=2.0, help="of lattices")
     parser.add_argument("--processes", type=int, default=2, help="of lattices")
