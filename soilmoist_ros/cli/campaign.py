@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from soilmoist_ros.cli.answer import answering, current, echo, progress_bar, put, say, warn, wrote
-from soilmoist_ros.cli.options import Name, confirmed, figures_option, output_options, prepare_output
+from soilmoist_ros.cli.options import Name, confirmed, output_options, prepare_output
 from soilmoist_ros.foundation import THREADS, InputError
 
 if TYPE_CHECKING:
@@ -26,17 +26,10 @@ if TYPE_CHECKING:
 @click.option("--runs", type=click.IntRange(min=1), help="Runs of each combination, instead of those of the file.")
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler to use instead, such as tcp://host:8786.")
-@figures_option
 @output_options()
 @answering
 def command(
-    campaign: str,
-    runs: int | None,
-    workers: int | None,
-    scheduler: str | None,
-    out: Path,
-    overwrite: bool,
-    figures: tuple[str, ...],
+    campaign: str, runs: int | None, workers: int | None, scheduler: str | None, out: Path, overwrite: bool
 ) -> None:
     """Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).
 
@@ -44,17 +37,7 @@ def command(
     Writes results.parquet, results.csv and report.html.
     """
     os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy is loaded: more threads round differently
-    from soilmoist_ros.lab import (
-        RUNS,
-        CampaignData,
-        CampaignInterrupted,
-        MissionStore,
-        campaign_figures,
-        load_campaign,
-        run_campaign,
-        write_campaign_report,
-        write_figures,
-    )
+    from soilmoist_ros.lab import CampaignInterrupted, load_campaign, run_campaign, write_campaign_report
     from soilmoist_ros.simulation import simulate_mission
 
     plan = load_campaign(campaign)
@@ -76,10 +59,7 @@ def command(
     with progress_bar() as progress_of:
         progress_of("writing the report", 1.0)
         report = write_campaign_report(plan, out, outcome.failures, outcome.rows)
-        store = MissionStore(out / RUNS)
-        drawn = campaign_figures(CampaignData(plan, outcome.rows, store.read)) if outcome.rows else ()
-        pictures = write_figures(out, drawn, figures)
-    wrote((*outcome.written, *filter(None, [report]), *pictures))
+    wrote((*outcome.written, *filter(None, [report])))
     if not outcome.complete:
         sys.exit(1)
 

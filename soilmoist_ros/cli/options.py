@@ -17,7 +17,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from soilmoist_ros.cli.answer import wrote
-from soilmoist_ros.foundation import InputError, install, is_installed
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import MappingSettings
 
 Command = Callable[..., None]
@@ -177,20 +177,6 @@ def output_options(text: str = "Folder for the results; made if missing.") -> Ca
 def overwrite_option(text: str) -> Callable[[Command], Command]:
     """Add ``--overwrite``, which ``--force`` means as well, with this help."""
     return click.option("--overwrite", "--force", "overwrite", is_flag=True, help=text)
-
-
-def figures_option(command: Command) -> Command:
-    """Add ``--figures``; matplotlib is looked for before the work."""
-
-    def known(_context: click.Context, _option: click.Parameter, chosen: tuple[str, ...]) -> tuple[str, ...]:
-        if chosen and not is_installed("matplotlib"):
-            raise InputError("--figures needs matplotlib, which is not installed", install("reports"))
-        return chosen
-
-    text = "Also write figures for publications, as svg or pdf, to figures/ in --out. Repeatable."
-    return click.option("--figures", type=click.Choice(("svg", "pdf")), multiple=True, callback=known, help=text)(
-        command
-    )
 
 
 def prepare_output(out: Path, overwrite: bool) -> None:

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.lab.campaign_data import CampaignData as CampaignData
     from soilmoist_ros.lab.campaign_file import Campaign as Campaign, load_campaign as load_campaign, missions as missions
     from soilmoist_ros.lab.comparisons import PairedDifference as PairedDifference
-    from soilmoist_ros.lab.figures import campaign_figures as campaign_figures, write_figures as write_figures
     from soilmoist_ros.lab.mission_store import MissionStore as MissionStore
     from soilmoist_ros.lab.report import write_campaign_report as write_campaign_report
     # fmt: on
@@ -24,7 +23,6 @@ __getattr__, __dir__, __all__ = open_door(
         "campaign_data": "CampaignData",
         "campaign_file": "Campaign load_campaign missions",
         "comparisons": "PairedDifference",
-        "figures": "campaign_figures write_figures",
         "mission_store": "MissionStore",
         "report": "write_campaign_report",
     },

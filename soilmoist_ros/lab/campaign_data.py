@@ -1,18 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The results of a campaign, prepared for figures and findings."""
+"""The results of a campaign, prepared for charts and tables."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.exploration import STRATEGIES
-from soilmoist_ros.lab.campaign_file import Campaign, CampaignMission, missions
+from soilmoist_ros.lab.campaign_file import Campaign, missions
 from soilmoist_ros.lab.comparisons import PairedDifference, hindsight_table, paired_differences
-from soilmoist_ros.lab.mission_store import CampaignRun
 from soilmoist_ros.lab.table import CASE, Finished, missions_table, results_table
 
 if TYPE_CHECKING:
@@ -47,18 +45,13 @@ class CampaignData:
     """All finished missions of a campaign.
 
     :param finished: its finished missions, in the campaign's order
-    :param read: reads a finished mission with its map, for examples
     """
 
-    def __init__(
-        self, campaign: Campaign, finished: Finished, read: Callable[[CampaignMission], CampaignRun | None]
-    ) -> None:
+    def __init__(self, campaign: Campaign, finished: Finished) -> None:
         self.campaign = campaign
         planned = missions(campaign)
         self.expected = len(planned)
         self._dwells = list(dict.fromkeys(mission.settings.dwell for mission in planned))
-        self._read = read
-        self._by_key = {mission.key: mission for mission, _ in finished}
         self.missions = missions_table(finished)
         self.results = results_table(finished)
         number = self.missions.groupby(list(CASE), sort=False, dropna=False).ngroup()
@@ -124,15 +117,6 @@ class CampaignData:
             (str(key[0]), str(key[1]), group) for key, group in rows.groupby(["strategy", "dwell"], sort=False)
         ]
         return sorted(found, key=lambda group: strategy_order(group[0]))
-
-    def example(self, case: Case, strategy: str) -> CampaignRun | None:
-        """The strategy's first mission with a map, by seed; ``None`` if there is none."""
-        rows = self.final(case)
-        for key in rows[rows["strategy"] == strategy].sort_values("seed", kind="stable")["key"]:
-            stored = self._read(self._by_key[key])
-            if stored is not None and len(stored.x_m):
-                return stored
-        return None
 
     def _of(self, table: pd.DataFrame, case: Case) -> pd.DataFrame:
         return table[table["case"] == case.number]

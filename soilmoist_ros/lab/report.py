@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Report of a campaign: settings, figures, final values and differences."""
+"""Report of a campaign: settings, charts, final values and differences."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ import numpy as np
 
 from soilmoist_ros.foundation import InputError, number
 from soilmoist_ros.lab import figures
-from soilmoist_ros.lab.campaign import RUNS, stored_rows
+from soilmoist_ros.lab.campaign import stored_rows
 from soilmoist_ros.lab.campaign_data import CampaignData, Case
 from soilmoist_ros.lab.campaign_file import Campaign, missions
 from soilmoist_ros.lab.comparisons import LATTICES, PairedDifference
 from soilmoist_ros.lab.computing import Failure
-from soilmoist_ros.lab.figures import FigureSection, picture
-from soilmoist_ros.lab.mission_store import MissionStore, code_version
+from soilmoist_ros.lab.mission_store import code_version
 from soilmoist_ros.lab.table import Finished
 from soilmoist_ros.recording import write_whole
 from soilmoist_ros.reporting import dwell_text, length, plain, render_page, strategy_text
@@ -42,7 +41,7 @@ def write_campaign_report(
     """
     path = out / NAME
     finished = stored_rows(campaign, out) if finished is None else finished
-    data = CampaignData(campaign, finished, MissionStore(out / RUNS).read)
+    data = CampaignData(campaign, finished)
     try:
         if data.missions.empty:
             path.unlink(missing_ok=True)
@@ -103,52 +102,32 @@ def _setting(value: object) -> str:
     return "the field's own" if value is None or value != value else plain(value)
 
 
-def _sections(data: CampaignData) -> Iterator[FigureSection]:
-    """The figures in the order strategies, examples, intervals, coverage."""
+def _sections(data: CampaignData) -> Iterator[Row]:
+    """Charts with their texts in the order strategies, intervals, coverage."""
     for case in data.strategy_cases:
-        yield _strategies_section(data, case)
-        examples = figures.examples_figure(data, case)
-        if examples is not None:
-            yield FigureSection(
-                f"examples-{case.number}", f"{case.title}: examples of missions",
-                picture(examples, f"Truth, maps with paths, and kriging variance: {case.title}"),
-                "Above: the true rate, and the map at the end of one mission per strategy (the first seed) with "
-                f"its path from the square on and its stops, {dwell_text(data.main_dwell(case))}. Below: the "
-                "kriging variance, dark where the map is least certain. Colours are the same across each row.",
-            )  # fmt: skip
+        yield Row(
+            key=f"strategies-{case.number}", title=f"{case.title}: strategies",
+            charts=list(figures.strategies_charts(data, case)),
+            caption=f"Lines: mean over {_runs(data.final(case))}; bands: one standard deviation to both sides, "
+            f"cut at the lowest run. Interval: {dwell_text(data.main_dwell(case))}. The error axis is "
+            "logarithmic; multiply by 100 for (counts/10 s)².",
+        )  # fmt: skip
     for case in data.cases:
         if figures.interval_strategies(data, case):
-            yield _intervals_section(data, case)
-    shown = data.strategy_cases or data.cases
-    yield FigureSection(
-        "coverage", "Are the maps as sure as they may be?",
-        picture(figures.coverage_figure(data, shown), "Coverage of the 95 % interval against mission time", True),
-        "Share of the field whose true rate lies in the 95 % interval of the map (mean over the runs). A line "
-        "below the dashed one means maps that are too sure of themselves.",
-    )  # fmt: skip
-
-
-def _strategies_section(data: CampaignData, case: Case) -> FigureSection:
-    return FigureSection(
-        f"strategies-{case.number}", f"{case.title}: strategies",
-        picture(figures.strategies_figure(data, case), f"Distance and error against time: {case.title}", True),
-        f"Lines: mean over {_runs(data.final(case))}; bands: one standard deviation to both sides, cut at the "
-        f"lowest run. Interval: {dwell_text(data.main_dwell(case))}. The error axis is logarithmic; "
-        "multiply by 100 for (counts/10 s)².",
-    )  # fmt: skip
-
-
-def _intervals_section(data: CampaignData, case: Case) -> FigureSection:
-    rows = data.missions[data.missions["case"] == case.number]
-    pays = "optimal" in set(rows["dwell"])
-    optimal = " Green: it counts as long as that lowers the variance of the map faster than moving on." * pays
-    alt = f"Error against time by counting interval: {case.title}"
-    return FigureSection(
-        f"intervals-{case.number}", f"{case.title}: fixed and adaptive counting interval",
-        picture(figures.intervals_figure(data, case), alt, True),
-        "Orange: the robot counts for a fixed time (FMI). Blue: it counts until the relative standard error of "
-        f"the counts falls to a threshold (AMI).{optimal} Solid: long intervals; dashed: short ones. Mean over "
-        f"{_runs(rows)}, bands of one standard deviation, logarithmic axis.",
+            rows = data.missions[data.missions["case"] == case.number]
+            optimal = " Optimal: it counts as long as that lowers the variance of the map faster than moving on."
+            yield Row(
+                key=f"intervals-{case.number}", title=f"{case.title}: fixed and adaptive counting interval",
+                charts=list(figures.intervals_charts(data, case)),
+                caption="FMI: the robot counts for a fixed time. AMI: it counts until the relative standard error "
+                f"of the counts falls to a threshold.{optimal * ('optimal' in set(rows['dwell']))} Mean over "
+                f"{_runs(rows)}, bands of one standard deviation, logarithmic axis.",
+            )  # fmt: skip
+    yield Row(
+        key="coverage", title="Are the maps as sure as they may be?",
+        charts=list(figures.coverage_charts(data, data.strategy_cases or data.cases)),
+        caption="Share of the field whose true rate lies in the 95 % interval of the map (mean over the runs). A "
+        "line below the dashed one means maps that are too sure of themselves.",
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.reporting.budget import Budget as Budget, make_budget as make_budget
     from soilmoist_ros.reporting.certified import certificate_of as certificate_of, check_certificate as check_certificate, sample_text as sample_text, statement_text as statement_text
-    from soilmoist_ros.reporting.colours import BLUE as BLUE, FAINT as FAINT, INK as INK, ORANGE as ORANGE, RATE as RATE, SOFT as SOFT, UNCERTAIN as UNCERTAIN, between as between, colour_ramp as colour_ramp, data_uri as data_uri, palette_png as palette_png, robust_range as robust_range
+    from soilmoist_ros.reporting.colours import RATE as RATE, UNCERTAIN as UNCERTAIN, between as between, palette_png as palette_png
     from soilmoist_ros.reporting.core_plan import CorePlan as CorePlan, LevelOfPlaces as LevelOfPlaces, n0_at_places as n0_at_places, plan_cores as plan_cores, write_plan as write_plan
     from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS, Export as Export, export_run as export_run
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings, RunSource as RunSource, open_source as open_source
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.opened_run import OpenedRun as OpenedRun, open_run as open_run
     from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs, remove_earlier as remove_earlier, require_free as require_free, require_writable as require_writable, results_in as results_in
     from soilmoist_ros.reporting.outputs import mission_run as mission_run, write_failed as write_failed, write_mission as write_mission, write_outputs as write_outputs
-    from soilmoist_ros.reporting.page.frame import dwell_text as dwell_text, length as length, number as number, plain as plain, render_page as render_page, strategy_text as strategy_text, strategy_traits as strategy_traits
+    from soilmoist_ros.reporting.page.charts import Area as Area, Chart as Chart, ChartColour as ChartColour, Line as Line, Mark as Mark, limits_of as limits_of
+    from soilmoist_ros.reporting.page.frame import dwell_text as dwell_text, length as length, number as number, plain as plain, render_page as render_page, strategy_text as strategy_text
     from soilmoist_ros.reporting.page.irrigation import dose_sentence as dose_sentence, irrigation as irrigation
     from soilmoist_ros.reporting.page.report import change_summary as change_summary, dated as dated, relations as relations
     from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance, is_usable as is_usable, mean_moisture as mean_moisture, moisture_text as moisture_text, truth_score as truth_score, unusable_share as unusable_share
@@ -37,7 +38,7 @@ _open, __dir__, __all__ = open_door(
     {
         "budget": "Budget make_budget",
         "certified": "certificate_of check_certificate sample_text statement_text",
-        "colours": "BLUE FAINT INK ORANGE RATE SOFT UNCERTAIN between colour_ramp data_uri palette_png robust_range",
+        "colours": "RATE UNCERTAIN between palette_png",
         "core_plan": "CorePlan LevelOfPlaces n0_at_places plan_cores write_plan",
         "exports.registry": "EXPORTS Export export_run",
         "exports.source": "ExportSettings RunSource open_source",
@@ -47,7 +48,8 @@ _open, __dir__, __all__ = open_door(
         "opened_run": "OpenedRun open_run",
         "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",
         "outputs": "mission_run write_failed write_mission write_outputs",
-        "page.frame": "dwell_text length number plain render_page strategy_text strategy_traits",
+        "page.charts": "Area Chart ChartColour Line Mark limits_of",
+        "page.frame": "dwell_text length number plain render_page strategy_text",
         "page.irrigation": "dose_sentence irrigation",
         "page.report": "change_summary dated relations",
         "page.statistics": "covariate_importance is_usable mean_moisture moisture_text truth_score unusable_share",

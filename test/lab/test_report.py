@@ -6,25 +6,22 @@ from __future__ import annotations
 
 import re
 from html.parser import HTMLParser
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.text import Text
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.lab import figures as campaign_figures
-from soilmoist_ros.lab import report as campaign_report
 from soilmoist_ros.lab.campaign import Failure, missions, run_campaign
 from soilmoist_ros.lab.campaign_data import CampaignData
 from soilmoist_ros.lab.campaign_file import Campaign
-from soilmoist_ros.lab.figures import Picture
+from soilmoist_ros.lab.figures import LOOKS, intervals_charts, strategies_charts
 from soilmoist_ros.lab.mission_store import CampaignRun
 from soilmoist_ros.lab.report import mean_sd_text, render_campaign_report, write_campaign_report
 from soilmoist_ros.lab.table import mission_row
+from soilmoist_ros.reporting.page.charts import Line
 from soilmoist_ros.reporting.page.frame import dwell_text, strategy_text
 from soilmoist_ros.simulation.mission.mission_result import MapErrors, SeriesRow
 
@@ -74,7 +71,7 @@ def crafted(mission, mse=None, distance=None, border=None):
 def data(campaign=CAMPAIGN, keep=lambda settings: True, **how):
     stored = {m.key: crafted(m, **how) for m in missions(campaign) if keep(m.settings)}
     rows = [(m, mission_row(stored[m.key], 300.0)) for m in missions(campaign) if m.key in stored]
-    return CampaignData(campaign, rows, lambda mission: stored[mission.key])
+    return CampaignData(campaign, rows)
 
 
 @pytest.mark.slow
@@ -130,11 +127,10 @@ def test_page_of_a_campaign(tmp_path, fake):
         for name in ("src", "href"):
             assert attributes.get(name, "data:image/").startswith("data:image/")
     assert not re.search(r"https?://|url\(|@import|<link|<script", html)
-    images = [attributes for tag, attributes in page.tags if tag == "img"]
-    figures = [attributes["id"] for tag, attributes in page.tags if tag == "figure"]
-    assert figures == ["strategies-0", "examples-0", "intervals-0", "coverage"]
-    assert len(images) == 4
-    assert all(len(image["alt"]) > 20 for image in images)
+    charts = [attributes["id"] for tag, attributes in page.tags if tag == "figure"]
+    intervals = [f"intervals-0-{number}" for number in range(3)]
+    assert charts == ["strategies-0-distance_m", "strategies-0-mse", *intervals, "coverage-0"]
+    assert all(len(one["aria-label"]) > 20 for _, one in page.tags if one.get("role") == "img")
     assert "SIMULATED DATA" in page.text
     assert "A <b>" in page.text
     assert "18 of 18 simulated missions" in page.text
@@ -147,16 +143,7 @@ def test_page_of_a_campaign(tmp_path, fake):
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
 
 
-@pytest.fixture
-def words_only(monkeypatch):
-    blank = Picture("data:image/png;base64,", "a figure")
-    monkeypatch.setattr(campaign_report, "picture", lambda *_: blank)
-    for name in ("strategies_figure", "intervals_figure", "coverage_figure", "examples_figure"):
-        monkeypatch.setattr(campaign_figures, name, lambda *_: object())
-
-
 @pytest.mark.slow
-@pytest.mark.usefixtures("words_only")
 def test_missing_and_failed_missions_are_named():
     some = data(keep=lambda s: s.seed != 3)
     text = Page(render_campaign_report(some)).text
@@ -173,37 +160,23 @@ def test_missing_and_failed_missions_are_named():
 SEVEN = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "ivr", "gcb")
 
 
-@pytest.fixture(scope="module")
-def wide():
+@pytest.mark.slow
+def test_lines_are_told_apart_and_show_the_means_over_the_runs():
     """Seven strategies and four dwell rules; one rule has no number."""
     dwells = ("ami:0.03", "fmi:600", "fmi:300", "optimal")
     experiment = CAMPAIGN.experiments[0].model_copy(update={"strategy": SEVEN, "dwell": dwells})
     campaign = CAMPAIGN.model_copy(update={"experiments": (experiment,)})
-    return data(campaign, mse=lambda s: 1 + SEVEN.index(s.strategy) + 0.3 * dwells.index(s.dwell))
-
-
-@pytest.mark.slow
-def test_no_text_is_cut_off_or_written_over_another(wide):
+    wide = data(campaign, mse=lambda s: 1 + SEVEN.index(s.strategy) + 0.3 * dwells.index(s.dwell))
     case = wide.cases[0]
-    figures = [
-        campaign_figures.strategies_figure(wide, case), campaign_figures.intervals_figure(wide, case),
-        campaign_figures.coverage_figure(wide, wide.cases), campaign_figures.examples_figure(wide, case),
-        *(figure for _, figure in campaign_figures.campaign_figures(wide)),
-    ]  # fmt: skip
-    for figure in figures[-3:]:  # those for publications
-        assert 25.4 * figure.get_size_inches()[0] == pytest.approx(174)
-        sizes = [text.get_fontsize() for text in figure.findobj(Text) if text.get_text()]
-        assert 6.2 < min(sizes) <= max(sizes) < 9.0
-    for figure in figures:
-        figure.canvas.draw()
-        texts = [text for text in figure.findobj(Text) if re.search("[a-z]", text.get_text())]  # no ticks
-        boxes = [(text.get_text(), Text.get_window_extent(text)) for text in texts]  # without arrows
-        assert len(boxes) >= len(SEVEN)
-        edge = figure.bbox
-        for text, box in boxes:
-            assert edge.x0 <= box.x0 < box.x1 <= edge.x1, text
-            assert edge.y0 <= box.y0 < box.y1 <= edge.y1, text
-        assert not [(a, b) for (a, first), (b, second) in combinations(boxes, 2) if first.overlaps(second)]
+    _, error = strategies_charts(wide, case)
+    lines = [mark for mark in error.marks if isinstance(mark, Line)]
+    assert [mark.name for mark in lines] == [strategy_text(name) for name in SEVEN]
+    assert [(mark.colour, mark.dashed) for mark in lines] == list(LOOKS[:7])
+    runs = [0.1 * (1 + 0.01 * seed) for seed in range(1, 5)]
+    assert 10 ** lines[2].y[-1] == pytest.approx(3 * np.mean(runs))
+    assert "0.2" in [tick.text for tick in error.up]
+    names = [name for _, name in next(intervals_charts(wide, case)).names]
+    assert names == ["FMI 600 s", "FMI 300 s", "AMI 3 %", "Optimal"]
 
 
 def test_texts():

@@ -23,8 +23,6 @@ from soilmoist_ros.exploration.strategies.strategy import (
 )
 from soilmoist_ros.foundation import InputError, Registry, did_you_mean
 
-Dashes = str | tuple[float, tuple[float, ...]]
-
 
 @dataclass(frozen=True)
 class StrategyKind:
@@ -43,9 +41,6 @@ class StrategyKind:
     warm_up_stops: int | None = None  # stops before the map guides it; ``None`` for as many as the preset has
     warm_up: Callable[[Preset], Strategy] = Random  # makes the strategy that chooses these
     is_baseline: bool = False  # whether others are compared with it: reports show its maps last
-    colour: str = ""  # colour of its line in charts, such as ``#0072b2``; empty for a common one
-    dashes: Dashes = "-"  # dashes of its line in charts, as matplotlib takes them
-    width: float = 2.0  # width of its line in charts [pt]
 
 
 def _with_solver(strategy: Callable[[Preset], Strategy]) -> Callable[[Preset], Strategy]:
@@ -58,42 +53,38 @@ def _with_solver(strategy: Callable[[Preset], Strategy]) -> Callable[[Preset], S
 
 BUILT_IN = {
     "greedy": StrategyKind(
-        Greedy, "Greedy", "Goes where the map is most uncertain, however far that is.", colour="#d55e00",
-        decides=False,
+        Greedy, "Greedy", "Goes where the map is most uncertain, however far that is.", decides=False,
     ),
     "monte_carlo": StrategyKind(
-        MonteCarlo, "Monte Carlo", "Draws a place; uncertain ones come more often.", colour="#0072b2",
-        decides=False,
+        MonteCarlo, "Monte Carlo", "Draws a place; uncertain ones come more often.", decides=False,
     ),
     "adaptive_sampling": StrategyKind(
         _with_solver(AdaptiveSampling), "Adaptive sampling", "Drives tours through the most uncertain places.",
-        colour="#009e73", decides=False,
+        decides=False,
     ),
     "random": StrategyKind(
         Random, "Random", "Goes to any place; for comparisons.", needs_map=False, whole_map=False,
-        warm_up_stops=0, is_baseline=True, decides=False, colour="#5d6b78", dashes=(0, (1.2, 1.6)), width=1.7,
+        warm_up_stops=0, is_baseline=True, decides=False,
     ),
     "lattice": StrategyKind(
         _with_solver(lambda _: Lattice()), "Lattice", "Evenly spread stops, planned once for the whole time.",
-        needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True,
-        colour="#8c4a8c", decides=False, dashes=(0, (5, 2)), width=1.5,
+        needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True, decides=False,
     ),
     "two_pass": StrategyKind(
         _with_solver(lambda _: Lattice((0.25, 1.0))), "Two lattices",
         "Evenly spread stops, coarse in the first quarter of the time, then between them.",
-        needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True,
-        colour="#b0718f", decides=False, dashes=(0, (5, 1, 1, 1)), width=1.5,
+        needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True, decides=False,
     ),
     # These make do with the map of one stop, which lies in the middle of the field.
     "ivr": StrategyKind(
         lambda _: VarianceReduction(), "Integrated variance",
         "Goes where a count improves the whole map most per second.",
-        whole_map=False, warm_up_stops=1, warm_up=lambda _: VarianceReduction(), colour="#22303c",
+        whole_map=False, warm_up_stops=1, warm_up=lambda _: VarianceReduction(),
     ),
     "gcb": StrategyKind(
         lambda _: CostBenefitTour(), "Cost-benefit tour",
         "Plans a tour for all the time left, and again after each stop.",
-        whole_map=False, plans_dwell=True, warm_up_stops=1, warm_up=lambda _: CostBenefitTour(), colour="#c9a000",
+        whole_map=False, plans_dwell=True, warm_up_stops=1, warm_up=lambda _: CostBenefitTour(),
     ),
 }  # fmt: skip
 

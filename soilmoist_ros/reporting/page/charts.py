@@ -25,7 +25,7 @@ from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation import TimedForecast, reported
 
 Array = NDArray[np.float64]
-Colour = Literal["ink", "soft", "line", "orange", "purple", "green"]
+ChartColour = Literal["ink", "soft", "line", "orange", "purple", "green"]
 Limits = tuple[float, float]
 
 BOX = 1000
@@ -36,7 +36,7 @@ MAX_STEPS = 10
 """Longest step of a line, in usual ones; longer ones are gaps."""
 TIME_STEPS_S = (10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400)
 
-_COLOURS: tuple[Colour, ...] = ("soft", "orange", "purple")
+_COLOURS: tuple[ChartColour, ...] = ("soft", "orange", "purple")
 _HEADROOM = 4.0
 
 
@@ -45,7 +45,7 @@ class Line(NamedTuple):
 
     x: ArrayLike
     y: ArrayLike
-    colour: Colour = "line"
+    colour: ChartColour = "line"
     name: str = ""
     dashed: bool = False
     width_px: float = 2.0
@@ -56,7 +56,7 @@ class Dots(NamedTuple):
 
     x: ArrayLike
     y: ArrayLike
-    colour: Colour = "line"
+    colour: ChartColour = "line"
     name: str = ""
     size_px: ArrayLike = 6.0
     hollow: bool = False
@@ -69,7 +69,7 @@ class Area(NamedTuple):
     x: ArrayLike
     low: ArrayLike
     high: ArrayLike
-    colour: Colour = "line"
+    colour: ChartColour = "line"
     name: str = ""
 
 

@@ -9,7 +9,7 @@ from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from soilmoist_ros.exploration import DWELL_RULES, STRATEGIES, StrategyKind
+from soilmoist_ros.exploration import DWELL_RULES, STRATEGIES
 from soilmoist_ros.foundation import HECTARE_M2, InputError, area_unit
 from soilmoist_ros.foundation import area as area
 from soilmoist_ros.foundation import duration as duration
@@ -135,16 +135,11 @@ def length(metres: float) -> tuple[str, str]:
 
 def strategy_text(strategy: str) -> str:
     """Name of a strategy for readers."""
-    kind = strategy_traits(strategy)
-    return kind.label if kind is not None and kind.label else strategy.replace("_", " ")
-
-
-def strategy_traits(strategy: str) -> StrategyKind | None:
-    """Traits of a strategy; ``None`` if the package that added it is not installed."""
     try:
-        return STRATEGIES.get(strategy)
-    except InputError:
-        return None
+        label = STRATEGIES.get(strategy).label
+    except InputError:  # the package that added it is not installed
+        label = ""
+    return label or strategy.replace("_", " ")
 
 
 def dwell_text(dwell: str) -> str:
