@@ -235,9 +235,7 @@ def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None
 
 @contextmanager
 def live_view() -> Iterator[Callable[[LiveMission], None]]:
-    """Show a mission: a live picture on a terminal, otherwise a line per change of state; nothing with --quiet."""
-    from soilmoist_ros.reporting import render
-
+    """Show a mission: its facts on a terminal, otherwise a line per change of state; nothing with --quiet."""
     if current().quiet:
         yield lambda live: None
         return
@@ -256,20 +254,26 @@ def live_view() -> Iterator[Callable[[LiveMission], None]]:
 
         yield plain
         return
+    from rich.console import Group
     from rich.live import Live
+    from rich.table import Column, Table
+    from rich.text import Text
 
     shown_s = 0.0
     with Live(console=console, auto_refresh=False, transient=False) as screen:
 
-        def picture(live: LiveMission) -> None:
+        def table(live: LiveMission) -> None:
             nonlocal shown_s
             now_s = time.monotonic()
             if now_s - shown_s >= _SHOW_S:
                 shown_s = now_s
-                rows = max(6, min(22, console.height - 7 - len(live.maps) - 3 * len(live.robots)))
-                screen.update(render(live.view(), min(64, console.width - 2), rows), refresh=True)
+                facts = Table.grid(Column(style="bold", no_wrap=True), Column(overflow="fold"), padding=(0, 2))
+                for name, value in live.facts.items():  # as Text: rich would read brackets as markup
+                    facts.add_row(Text(printable(name)), Text(printable(value)))
+                title = Text(printable(live.title), style="bold reverse")
+                screen.update(Group(title, facts), refresh=True)
 
-        yield picture
+        yield table
 
 
 @contextmanager

@@ -20,7 +20,7 @@ COMMANDS = {
     "simulate": "Explore a surrogate field with a simulated robot, without ROS.",
     "demo": "Run the whole ROS system on a simulated field: all nodes as processes, with a live view.",
     "guide": "Guide a person with a hand cart, quad or car through an adaptive survey, without ROS.",
-    "watch": "Watch a running survey in a terminal, until Ctrl-C: state, numbers, and the map as it grows.",
+    "watch": "Watch a running survey in a terminal, until Ctrl-C: state, forecast and numbers.",
     "campaign": "Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).",
     "replay": "Map the records of a BAG again: the folder of a run or bag, or an MCAP, db3 or ROS 1 .bag file.",
     "bag": "Inspect recordings, play them, and recover interrupted ones.",

@@ -27,7 +27,7 @@ _POLL_S = 0.2
               help="Print a JSON object a line for each change, once a second at most.")  # fmt: skip
 @reporting_errors
 def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...], as_json: bool) -> None:
-    """Watch a running survey in a terminal, until Ctrl-C: state, numbers, and the map as it grows.
+    """Watch a running survey in a terminal, until Ctrl-C: state, forecast and numbers.
 
     It listens on the ROS domain of the shell, and changes nothing.
     """

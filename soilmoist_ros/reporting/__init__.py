@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.reporting.budget import Budget as Budget, make_budget as make_budget
     from soilmoist_ros.reporting.certified import certificate_of as certificate_of, check_certificate as check_certificate, sample_text as sample_text, statement_text as statement_text
-    from soilmoist_ros.reporting.colours import RATE as RATE, UNCERTAIN as UNCERTAIN, between as between, palette_png as palette_png
+    from soilmoist_ros.reporting.colours import DRY_TO_WET as DRY_TO_WET, RATE as RATE, UNCERTAIN as UNCERTAIN, between as between, palette_png as palette_png
     from soilmoist_ros.reporting.core_plan import CorePlan as CorePlan, LevelOfPlaces as LevelOfPlaces, n0_at_places as n0_at_places, plan_cores as plan_cores, write_plan as write_plan
     from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS, Export as Export, export_run as export_run
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings, RunSource as RunSource, open_source as open_source
     from soilmoist_ros.reporting.geotiff import write_geotiff as write_geotiff
-    from soilmoist_ros.reporting.live_view import DRY_TO_WET as DRY_TO_WET, LiveMap as LiveMap, LiveMission as LiveMission, LiveRobot as LiveRobot, render as render
+    from soilmoist_ros.reporting.live_view import LiveMap as LiveMap, LiveMission as LiveMission, LiveRobot as LiveRobot
     from soilmoist_ros.reporting.moisture_steps import at_one_place as at_one_place, moisture_of_all as moisture_of_all, moisture_series as moisture_series
     from soilmoist_ros.reporting.opened_run import OpenedRun as OpenedRun, open_run as open_run
     from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs, remove_earlier as remove_earlier, require_free as require_free, require_writable as require_writable, results_in as results_in
@@ -38,12 +38,12 @@ _open, __dir__, __all__ = open_door(
     {
         "budget": "Budget make_budget",
         "certified": "certificate_of check_certificate sample_text statement_text",
-        "colours": "RATE UNCERTAIN between palette_png",
+        "colours": "DRY_TO_WET RATE UNCERTAIN between palette_png",
         "core_plan": "CorePlan LevelOfPlaces n0_at_places plan_cores write_plan",
         "exports.registry": "EXPORTS Export export_run",
         "exports.source": "ExportSettings RunSource open_source",
         "geotiff": "write_geotiff",
-        "live_view": "DRY_TO_WET LiveMap LiveMission LiveRobot render",
+        "live_view": "LiveMap LiveMission LiveRobot",
         "moisture_steps": "at_one_place moisture_of_all moisture_series",
         "opened_run": "OpenedRun open_run",
         "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",

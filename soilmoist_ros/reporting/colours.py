@@ -33,6 +33,12 @@ _EVENLY: Final = {
 }
 """Evenly spaced colours of each map, by Cynthia Brewer (colorbrewer2.org, Apache-2.0)."""
 
+DRY_TO_WET = np.array(
+    [list(bytes.fromhex(text)) for text in ("fdedc4", "dee296", "98cb81", "48ac93", "1d859e", "1a5893", "222a6b")],
+    float,
+)
+"""Colours from dry to wet: light sand over green to deep blue, in even steps of lightness, shape (7, 3)."""
+
 
 def colour_ramp(name: str, count: int) -> NDArray[np.uint8]:
     """Colours of a map from light to dark, without its palest end; shape (count, 3), red, green and blue.
