@@ -5,6 +5,7 @@
 
 usage: .venv/bin/python scripts/bench_missions.py lattices [--fields rough FILE.yaml] [--seeds 20] [--cell 2]
                                                   [--strategies gcb ivr lattice:optimal] [--save]
+       .venv/bin/python scripts/bench_missions.py lattices --fields odd --cell 2
        .venv/bin/python scripts/bench_missions.py forecasts|until|hours|speed [--seeds N] [--surfaces DIR] [--save]
 
 *lattices*: lattices with fixed dwells of 10, 20, 30 and 60 s run on the same fields with the same seeds. The *best
@@ -110,9 +111,10 @@ class Job:
     def settings(self) -> MissionSettings:
         """Settings of the simulator."""
         strategy, dwell = combination(self.strategy)
-        cell_m = surrogate_field(self.field).field.cell_m
+        field = made_field(self.field, self.seed) if self.field in (*MADE, *ODD) else self.field
+        cell_m = (surrogate_field(field) if isinstance(field, str) else field).field.cell_m
         return MissionSettings(
-            field=self.field,
+            field=field,
             strategy=strategy,
             dwell=dwell,
             hours=self.hours,
@@ -121,7 +123,7 @@ class Job:
             stop_overhead_s=self.overhead_s,
             cell_m=max(self.cell_m, cell_m or 0.0) or None,
             series_every_s=EVERY_S,
-            random_field=True,
+            random_field=isinstance(field, str),
         )
 
     @property
@@ -276,21 +278,8 @@ def column(rows: Iterable[Row], name: str, share: float = 1.0) -> Array:
     return np.array([row[name][round(share * (len(row[name]) - 1))] for row in rows])
 
 
-@dataclass(frozen=True)
-class Line:
-    """One line of the table: a strategy on a field, and how it compares with the best lattices."""
-
-    field: str
-    against: Any  # a row of the table of hindsight
-    coverage: float
-    quarters: tuple[float, ...]
-    stops: float
-    again: float
-    ended: float
-
-
-def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[Line]:
-    """Compare the strategies on a field with its best lattices.
+def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[tuple[Any, Sequence[Row]]]:
+    """Strategies against the best lattices of a field: rows of the table of hindsight, and the outcomes.
 
     :param rows: outcomes by strategy, all with the same seeds
     """
@@ -303,18 +292,7 @@ def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[Line]:
         for strategy, mine in rows.items()
     ])  # fmt: skip
     compared = hindsight_table(missions, ["field"]).itertuples(index=False)
-    return [
-        Line(
-            field=Path(field).stem,
-            against=against,
-            coverage=float(column(mine, "coverage95").mean()),
-            quarters=tuple(np.mean([row["quarters"] for row in mine], axis=0).tolist()),
-            stops=float(column(mine, "samples").mean()),
-            again=float(np.mean([row["again"] for row in mine])),
-            ended=float(np.mean([row["ended_s"] / row["time_s"][-1] for row in mine])),
-        )
-        for against, mine in zip(compared, rows.values(), strict=True)
-    ]
+    return list(zip(compared, rows.values(), strict=True))
 
 
 HEAD = (
@@ -323,37 +301,38 @@ HEAD = (
 )  # fmt: skip
 
 
-def cells(one: Line) -> tuple[str, ...]:
-    """A line as text."""
-    about = one.against
+def cells(about: Any, rows: Sequence[Row]) -> tuple[str, ...]:
+    """One line of the table: a strategy on a field, and how it compares with the best lattices."""
+    again, ended, quarters = zip(
+        *((row["again"], row["ended_s"] / row["time_s"][-1], row["quarters"]) for row in rows), strict=True
+    )
     return (
-        one.field,
+        Path(about.field).stem,
         about.strategy if about.dwell == "optimal" else f"{about.strategy} {about.dwell}",
         f"{1e3 * about.mse:.3g}",
         f"{about.end_ratio:.2f} ± {about.end_ratio_se:.2f}",
         f"{about.quarter_ratio:.2f} ± {about.quarter_ratio_se:.2f}",
         f"{about.distance_m:.0f}",
         f"{about.distance_ratio:.2f}",
-        f"{100 * one.coverage:.1f} %",
-        " ".join(f"{100 * share:.0f}" for share in one.quarters),
-        f"{one.stops:.0f}",
-        f"{one.again:.1f}",
-        f"{100 * one.ended:.0f} %",
+        f"{100 * column(rows, 'coverage95').mean():.1f} %",
+        " ".join(f"{100 * share:.0f}" for share in np.mean(quarters, axis=0)),
+        f"{column(rows, 'samples').mean():.0f}",
+        f"{np.mean(again):.1f}",
+        f"{100 * np.mean(ended):.0f} %",
     )
 
 
-def best_lattice(field: Sequence[Line]) -> tuple[str, ...]:
+def best_lattice(field: Iterable[Any]) -> tuple[str, ...]:
     """The lattices of a field that are best at the end and at a quarter of the time."""
-    about = field[0].against
-    best = next(
-        one.against for one in field if one.against.strategy == "lattice" and one.against.dwell == about.end_best
-    )
-    return field[0].field, about.end_best, f"{1e3 * best.mse:.3g}", f"{best.distance_m:.0f}", about.quarter_best
+    best = next(about for about in field if (about.strategy, about.dwell) == ("lattice", about.end_best))
+    end = f"{1e3 * best.mse:.3g}", f"{best.distance_m:.0f}"
+    return Path(best.field).stem, best.end_best, *end, best.quarter_best
 
 
 def lattices(given: argparse.Namespace) -> None:
     """Compare strategies with the best lattices of each field."""
     cache, fields = Cache(given.cache), given.fields or [*STATIONARY, *NON_STATIONARY]
+    fields = [name for one in fields for name in (ODD if one == "odd" else [one])]
     strategies = list(dict.fromkeys((*given.strategies, *LATTICES)))
     seeds = range(1, given.seeds + 1)
     jobs = {
@@ -367,15 +346,15 @@ def lattices(given: argparse.Namespace) -> None:
         compared = lines(
             field, {strategy: [found[job] for job in jobs[field, strategy]] for strategy in strategies}
         )
-        best.append(best_lattice(compared))
-        shown += [one for name, one in zip(strategies, compared, strict=True) if name in given.strategies]
+        best.append(best_lattice(about for about, _ in compared))
+        shown += [cells(*one) for name, one in zip(strategies, compared, strict=True) if name in given.strategies]
     settings = (
         f"{given.hours:g} h, {Job.speed_mps:g} m/s, {Job.overhead_s:g} s per stop, seeds 1 to {given.seeds}, "
         f"cells of {f'at least {given.cell:g} m' if given.cell else 'the field'}"
     )
     columns = ("field", "best lattice at the end", "error at the end", "driven [m]", "best lattice at a quarter")
     results.publish("lattices", columns, best, settings, given.save)
-    results.publish("strategies", HEAD, map(cells, shown), settings, given.save)
+    results.publish("strategies", HEAD, shown, settings, given.save)
 
 
 # Forecasts -------------------------------------------------------------------------------------------------------
@@ -388,6 +367,24 @@ MADE = {
     "100 ha": (1000, 1000, 6.0, {"family": "matern32", "mean": 4.0, "sd": 0.5, "range_m": 200}),
 }
 """Extents [m], hours and formulas of further fields."""
+BOX = [(0, 0), (60, 0), (60, 50), (0, 50)]
+ISLANDS = [
+    (0, 0), (24, 0), (24, 10), (36, 10), (36, 0), (60, 0), (60, 20), (52, 20), (52, 30), (60, 30), (60, 50),
+    (36, 50), (36, 28), (50, 28), (50, 20), (36, 20), (36, 12), (24, 12), (24, 50), (0, 50),
+]  # fmt: skip
+ODD: dict[str, tuple[Sequence[tuple[int, int]], Sequence[Any]]] = {
+    "U": ([(0, 0), (60, 0), (60, 60), (40, 60), (40, 15), (20, 15), (20, 60), (0, 60)], ()),
+    "L": ([(0, 0), (60, 0), (60, 20), (20, 20), (20, 60), (0, 60)], ()),
+    "pond": (BOX, [[(15, 15), (45, 15), (50, 25), (45, 35), (15, 35), (10, 25)]]),
+    "islands": (ISLANDS, ()),
+    "two-gates": (
+        BOX,
+        [[(29, low), (31, low), (31, high), (29, high)] for low, high in ((0, 4), (7, 43), (46, 50))],
+    ),
+    "strip": ([(0, 0), (600, 0), (600, 2), (0, 2)], ()),
+    "few-counts": (BOX, ()),
+}
+"""Outlines and no-go areas [m] of fields with detours, of one 2 m wide, and of one with 0.05 counts/s."""
 
 
 LONG_M = 100.0
@@ -410,13 +407,19 @@ class Made(NamedTuple):
 
 
 def made_field(name: str, seed: int) -> SurrogateField:
-    """One of :data:`MADE`."""
-    width, height, hours, about = MADE[name]
-    shipped = surrogate_field("smooth")
-    polygon = np.array([(0, 0), (width, 0), (width, height), (0, height)], float)
-    field = Field(name, shipped.frame, polygon)
+    """One of :data:`MADE`, or one of :data:`ODD` with a cell of 1 m."""
+    shipped, cell_m = surrogate_field("smooth"), None
+    if name in MADE:
+        width, height, hours, about = MADE[name]
+        polygon, no_go = np.array([(0, 0), (width, 0), (width, height), (0, height)], float), ()
+    else:
+        mean = 0.05 if name == "few-counts" else 4.0
+        hours, about = 2.0, {"family": "matern32", "mean": mean, "sd": mean / 8, "range_m": 8}
+        polygon, no_go = (np.array(one, float) for one in ODD[name])
+        cell_m = 1.0
+    field = Field(name, shipped.frame, polygon, tuple(no_go), cell_m=cell_m)
     seeded = about if about["family"] == "gradient" else {**about, "seed": seed}
-    truth = formula(**seeded).function(GridExtent.of(polygon, max(width, height) / 60))
+    truth = formula(**seeded).function(GridExtent.of(polygon, cell_m or np.ptp(polygon) / 60))
     return replace(shipped, name=name, title=name, field=field, truth=truth, hours=hours)
 
 

@@ -43,6 +43,7 @@ _SAME_M = 1e-9
 _TINY_LOSS = 1e-12
 _NO_TIME_S = 1e-15
 _HALVINGS = 50
+_FEW_CELLS = 8  # a lattice with fewer than this part of the cells wanted misses most of a narrow field
 
 
 class Trips(NamedTuple):
@@ -367,8 +368,18 @@ def _best_of_all(
 
 
 def spread_cells(mask: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
-    """Evenly spaced cells that represent the field, at least one: every m-th row and column, about ``most``."""
-    step = max(1, math.ceil(math.sqrt(np.count_nonzero(mask) / most)))
+    """Evenly spaced cells that represent the field, at least one: every m-th row and column, about ``most``.
+
+    Of a field too narrow for that, every n-th cell along its longer side.
+    """
+    count = np.count_nonzero(mask)
+    step = max(1, math.ceil(math.sqrt(count / most)))
     rows, columns = np.indices(mask.shape)
     chosen = mask & (rows % step == step // 2) & (columns % step == step // 2)
-    return chosen if chosen.any() else mask
+    if step == 1 or np.count_nonzero(chosen) >= most / _FEW_CELLS:
+        return chosen
+    every, wide = math.ceil(count / most), mask.shape[1] > mask.shape[0]
+    inside = np.argwhere(mask.T if wide else mask)[every // 2 :: every]
+    chosen = np.zeros_like(mask)
+    chosen[tuple((inside[:, ::-1] if wide else inside).T)] = True
+    return chosen

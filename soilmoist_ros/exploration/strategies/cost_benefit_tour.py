@@ -372,10 +372,9 @@ def _with_another(ground: Ground, rows: Indices, done_xy: Array) -> Indices | No
     new = int(ground.nearest(ground.cells_xy[worst : worst + 1])[0])
     if new in rows or np.any(np.all(ground.xy[new] == done_xy, axis=1)):
         return None
-    path = ground.xy[rows]
-    away = np.hypot(*(path - ground.xy[new]).T)
-    legs = np.hypot(*np.diff(path, axis=0).T)
-    detour = np.concatenate([away[:-1] + away[1:] - legs, away[-1:]])
+    between_s = ground.between_s(np.append(rows, new))
+    to_s, from_s, legs_s = between_s[:-1, -1], between_s[-1, 1:-1], between_s.diagonal(1)[:-1]
+    detour = np.append(to_s[:-1] + from_s - legs_s, to_s[-1])
     return np.insert(rows, int(np.argmin(detour)) + 1, new)
 
 

@@ -161,6 +161,9 @@ class TravelModel(ABC):
         return np.array([self.travel_s((a.x_m, a.y_m), [b])[0] for a, b in pairwise(route)], float)
 
 
+_PAIRS = 10_000  # number of pairs of places whose ways around corners are compared at once
+
+
 class FreeTravel(TravelModel):
     """Straight lines, or the shortest route around the field's border and the no-go areas.
 
@@ -204,24 +207,44 @@ class FreeTravel(TravelModel):
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
-        places, inside = self._places(stops)
-        places, inside = places[indices], inside[indices]
-        if self.motion.turn_s_per_rad > 0 or not self._are_straight(inside):
+        places, inside = (each[indices] for each in self._places(stops))
+        if self.motion.turn_s_per_rad > 0 or (self._area is not None and not inside.all()):
             return super().between_s(stops, indices)
-        times = self.motion.travel_s(np.sqrt(squared_distances(places, places)))
+        lengths = np.sqrt(squared_distances(places, places))
+        if self._area is not None and not self._area.is_convex:
+            row, other = np.triu_indices(len(places), 1)
+            lengths[row, other] = lengths[other, row] = self._around_m(places, row, other)
+        times = self.motion.travel_s(lengths)
         np.fill_diagonal(times, 0.0)
         return times
 
     def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
-        places, inside = self._places(stops)
-        if self.motion.turn_s_per_rad > 0 or not self._are_straight(inside[indices]):
+        places, inside = (each[indices] for each in self._places(stops))
+        if self.motion.turn_s_per_rad > 0 or (self._area is not None and not inside.all()):
             return super().legs_s(stops, indices)
-        return self.motion.travel_s(np.hypot(*np.diff(places[indices], axis=0).T))
+        number = np.arange(len(places))
+        return self.motion.travel_s(self._around_m(places, number[:-1], number[1:]))
 
-    def _are_straight(self, inside: NDArray[np.bool_]) -> bool:
-        """True if all routes between places are straight, from whether each is inside the field."""
-        return self._area is None or (self._area.is_convex and bool(inside.all()))
+    def _around_m(self, places: Array, starts: Indices, ends: Indices) -> Array:
+        """Lengths of the routes between pairs of places, given by their numbers [m]; inf if unreachable.
+
+        Of an area without turns, all places must be inside.
+        """
+        lengths = np.hypot(*(places[ends] - places[starts]).T)
+        if self._area is None or self._area.is_convex or not len(starts):
+            return np.asarray(lengths)
+        blocked = np.flatnonzero(~self._area.allows(places[starts], places[ends]))
+        if len(blocked):
+            ways = self._corner_ways[0]
+            first, start = np.unique(starts[blocked], return_inverse=True)
+            last, end = np.unique(ends[blocked], return_inverse=True)
+            reach, seen = (np.array([self._to_corners(one) for one in places[used]]) for used in (first, last))
+            reach = np.array([(row[:, None] + ways).min(axis=0, initial=np.inf) for row in reach])
+            for some in np.array_split(np.arange(len(blocked)), -(-len(blocked) // _PAIRS)):  # to limit memory
+                around_m = reach[start[some]] + seen[end[some]]
+                lengths[blocked[some]] = around_m.min(axis=1, initial=np.inf)
+        return np.asarray(lengths)
 
     def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
         """See :class:`TravelModel`."""
@@ -246,12 +269,11 @@ class FreeTravel(TravelModel):
         if self._area is None:
             return np.asarray(np.hypot(*(places - from_xy).T))
         start = self._area.nearest(from_xy)
-        lengths = np.hypot(*(places - start).T)
-        straight = inside if self._area.is_convex else self._area.allows(start, places)
-        if not straight.all():
-            reach = (self._to_corners(start)[:, None] + self._corner_ways[0]).min(axis=0, initial=np.inf)
-            around = [(reach + self._to_corners(place)).min(initial=np.inf) for place in places[~straight]]
-            lengths[~straight] = around
+        if self._area.is_convex:
+            lengths = np.where(inside, np.hypot(*(places - start).T), np.inf)
+        else:
+            ends = np.arange(len(places)) + 1
+            lengths = self._around_m(np.vstack([start, places]), np.zeros_like(ends), ends)
         return np.asarray(lengths + np.hypot(*(start - from_xy)))
 
     def _places(self, stops: Sequence[Stop]) -> tuple[Array, NDArray[np.bool_]]:

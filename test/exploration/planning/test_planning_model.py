@@ -105,7 +105,8 @@ def test_few_cells_are_spread_evenly(rows, columns, most):
         assert chosen.all()
 
 
-def test_cells_of_a_field_too_narrow_for_the_spacing_all_stand_for_it():
+def test_cells_of_a_field_too_narrow_for_the_spacing_lie_along_it():
     mask = np.zeros((100, 100), bool)
     mask[0] = True
-    assert (spread_cells(mask, 5) == mask).all()
+    assert np.flatnonzero(spread_cells(mask, 5)).tolist() == [10, 30, 50, 70, 90]
+    assert (spread_cells(mask[:1].T, 5) == spread_cells(mask[:1], 5).T).all()

@@ -123,10 +123,10 @@ def test_times_of_tours_are_those_of_single_trips(no_go, turn_s_per_rad):
     route = np.array([4, 0, 3, 1])
     chosen = [places[index] for index in route]
     for travel in (FreeTravel(motion, [SQUARE], no_go), GraphTravel(graph, motion)):
-        single = [travel.travel_s((a.x_m, a.y_m), [b])[0] for a, b in pairwise(chosen)]
-        np.testing.assert_allclose(travel.legs_s(places, route), single)
-        np.testing.assert_allclose(travel.between_s(places, route).diagonal(1), single)
-        assert (travel.between_s(places, route).diagonal() == 0).all()
+        single = np.array([travel.travel_s((stop.x_m, stop.y_m), chosen) for stop in chosen])
+        np.testing.assert_allclose(travel.legs_s(places, route), single.diagonal(1))
+        np.fill_diagonal(single, 0.0)
+        np.testing.assert_allclose(travel.between_s(places, route), single)
 
 
 @pytest.mark.parametrize("start", [(1.0, 5.0), (1.3, 8.8), (5.0, 1.0)])
