@@ -36,6 +36,7 @@ Indices = NDArray[np.intp]
 
 EVEN_SHARE = 0.1
 """Share of the weight that all cells share where a decision is planned for: the posterior may be wrong."""
+ENOUGH_CELLS = 0.6  # share of the wanted cells that a square lattice must have
 SHARPNESS = 1.25
 """Power of the value of a second at a cell by which the cell attracts the stops of a tour for a decision: the best
 density of stops follows the value more closely than the root that Lloyd's algorithm makes of it."""
@@ -43,7 +44,6 @@ _SAME_M = 1e-9
 _TINY_LOSS = 1e-12
 _NO_TIME_S = 1e-15
 _HALVINGS = 50
-_FEW_CELLS = 8  # a lattice with fewer than this part of the cells wanted misses most of a narrow field
 
 
 class Trips(NamedTuple):
@@ -368,18 +368,20 @@ def _best_of_all(
 
 
 def spread_cells(mask: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
-    """Evenly spaced cells that represent the field, at least one: every m-th row and column, about ``most``.
+    """Evenly spaced cells that represent the field, at least one and at most about ``most``.
 
-    Of a field too narrow for that, every n-th cell along its longer side.
+    Every m-th row and column, or where that leaves too few, every n-th cell of each row, shifted from row to row.
     """
-    count = np.count_nonzero(mask)
-    step = max(1, math.ceil(math.sqrt(count / most)))
+    every = max(1, math.ceil(np.count_nonzero(mask) / most))
+    step = math.ceil(math.sqrt(every))
     rows, columns = np.indices(mask.shape)
-    chosen = mask & (rows % step == step // 2) & (columns % step == step // 2)
-    if step == 1 or np.count_nonzero(chosen) >= most / _FEW_CELLS:
+    chosen = np.asarray(mask & (rows % step == step // 2) & (columns % step == step // 2))
+    if every == 1 or np.count_nonzero(chosen) >= ENOUGH_CELLS * most:
         return chosen
-    every, wide = math.ceil(count / most), mask.shape[1] > mask.shape[0]
-    inside = np.argwhere(mask.T if wide else mask)[every // 2 :: every]
-    chosen = np.zeros_like(mask)
-    chosen[tuple((inside[:, ::-1] if wide else inside).T)] = True
+    # A shift near the golden section keeps the cells of all rows apart.
+    shifts = (one for one in range(1, every) if math.gcd(one, every) == 1)
+    shift = min(shifts, key=lambda one: abs(one - 0.618 * every))
+    chosen = np.asarray(mask & ((rows * shift + columns) % every == every // 2))
+    if not chosen.any():  # a few cells at odd places
+        chosen.flat[np.flatnonzero(mask)[every // 2 :: every]] = True
     return chosen

@@ -207,7 +207,8 @@ class FreeTravel(TravelModel):
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
-        places, inside = (each[indices] for each in self._places(stops))
+        places, inside = self._places(stops)
+        places, inside = places[indices], inside[indices]
         if self.motion.turn_s_per_rad > 0 or (self._area is not None and not inside.all()):
             return super().between_s(stops, indices)
         lengths = np.sqrt(squared_distances(places, places))
@@ -220,7 +221,8 @@ class FreeTravel(TravelModel):
 
     def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
-        places, inside = (each[indices] for each in self._places(stops))
+        places, inside = self._places(stops)
+        places, inside = places[indices], inside[indices]
         if self.motion.turn_s_per_rad > 0 or (self._area is not None and not inside.all()):
             return super().legs_s(stops, indices)
         number = np.arange(len(places))

@@ -99,8 +99,7 @@ def test_the_best_dwell_without_counts_on_the_way_is_the_published_one():
 def test_few_cells_are_spread_evenly(rows, columns, most):
     mask = np.ones((rows, columns), bool)
     chosen = spread_cells(mask, most)
-    assert chosen.sum() >= 1
-    assert chosen.sum() <= max(4 * most, 4) or chosen.sum() == mask.sum()
+    assert max(min(most, mask.sum()) / 2 - 1, 1) <= chosen.sum() <= 3 * most + 1
     if mask.sum() <= most:
         assert chosen.all()
 
