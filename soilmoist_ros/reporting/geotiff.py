@@ -262,26 +262,23 @@ def write_netcdf_file(path: Path, variables: Mapping[str, Variable], about: Mapp
     return path
 
 
-def axes(x: Array, y: Array, crs: CRS, lat_lon: Array | None) -> dict[str, Variable]:
+def axes(x: Array, y: Array, crs: CRS, lat_lon: Array) -> dict[str, Variable]:
     """Axes of a raster, the places of its cells on earth, and its reference system.
 
     :param x: centres of the columns, shape (nx,)
     :param y: centres of the rows, shape (ny,)
-    :param lat_lon: latitude and longitude of each cell, shape (ny * nx, 2); ``None`` where x and y are these
+    :param lat_lon: latitude and longitude of each cell, shape (ny * nx, 2)
     """
     units = crs.axis_info[0].unit_name.replace("metre", "m")
     kinds = (("projection_x_coordinate", units), ("projection_y_coordinate", units))
-    if lat_lon is None:
-        kinds = (("longitude", "degrees_east"), ("latitude", "degrees_north"))
     found: dict[str, Variable] = {}
     for name, axis, (standard, unit) in zip("xy", (x, y), kinds, strict=True):
         about = {"standard_name": standard, "units": unit, "long_name": standard.replace("_", " ")}
         found[name] = axis, (name,), {"axis": name.upper(), **about}
-    if lat_lon is not None:
-        earthly = (("lat", "latitude", "degrees_north"), ("lon", "longitude", "degrees_east"))
-        for (name, standard, unit), values in zip(earthly, lat_lon.T, strict=True):
-            about = {"standard_name": standard, "units": unit, "long_name": standard}
-            found[name] = values.reshape(y.size, x.size), ("y", "x"), about
+    earthly = (("lat", "latitude", "degrees_north"), ("lon", "longitude", "degrees_east"))
+    for (name, standard, unit), values in zip(earthly, lat_lon.T, strict=True):
+        about = {"standard_name": standard, "units": unit, "long_name": standard}
+        found[name] = values.reshape(y.size, x.size), ("y", "x"), about
     mapping = {key: value for key, value in crs.to_cf().items() if value not in (None, "", "undefined")}
     return {**found, "crs": (np.int32(0), (), mapping)}
 

@@ -142,15 +142,17 @@ def test_files_of_an_earlier_export_are_replaced_only_when_asked_to(tmp_path):
     home = tmp_path / "run"
     simulated = ("simulate", "--field", "smooth", "--hours", "0.2", "--cell", "6", "--out", home)
     assert CliRunner().invoke(main, [*map(str, simulated)]).exit_code == 0
-    assert run(home, "--to", "netcdf").exit_code == 0
-    path = home / "export" / "map.nc"
+    assert run(home, "--to", "styled").exit_code == 0
+    path = home / "export" / "map_styled.tif"
     path.write_text("mine")
-    refused = run(home, "--to", "netcdf", "--to", "zones")
+    refused = run(home, "--to", "styled", "--to", "zones")
     assert refused.exit_code == 2
-    assert "has map.nc of an earlier export -> choose another folder, or give --overwrite" in refused.output
+    assert (
+        "has map_styled.tif of an earlier export -> choose another folder, or give --overwrite" in refused.output
+    )
     assert (path.read_text(), (home / "export" / "zones.zip").exists()) == ("mine", False)
-    assert run(home, "--to", "netcdf", "--overwrite").exit_code == 0
-    assert path.read_bytes()[:3] == b"CDF"
+    assert run(home, "--to", "styled", "--overwrite").exit_code == 0
+    assert path.read_bytes()[:2] == b"II"
 
 
 # campaign --------------------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Maps as files of rasters: coloured GeoTIFF for farm software, NetCDF for scientists, KMZ for phones."""
+"""Maps as files of rasters: coloured GeoTIFF for farm software, KMZ for phones."""
 
 from __future__ import annotations
 
@@ -13,22 +13,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import __version__
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S
 from soilmoist_ros.reporting.certainty import NO_LEVEL, guess_text
 from soilmoist_ros.reporting.colours import colour_ramp, coloured_png, palette_png
 from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
 from soilmoist_ros.reporting.exports.zones import shown_range
-from soilmoist_ros.reporting.geotiff import BANDS, CLOCK, DOSE, UNITS, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.page.frame import fill_template, round_step
 
 DATE_TIME = "%Y-%m-%dT%H:%M:%SZ"
 NODATA, MAX_VALUE = 255, 254
 """Pixel without a value, and largest value, of a coloured GeoTIFF."""
-STANDARD_NAME = "volume_fraction_of_condensed_water_in_soil"
-NAMES = {"vwc": STANDARD_NAME, "vwc_sd": f"{STANDARD_NAME} standard_error"}
-"""Standard names of the CF table; count rates have none."""
 LONG_SIDE_PX = 1024
 COLOURS = 256
 
@@ -76,57 +71,6 @@ def _pixels(one: ExportedProperty) -> tuple[NDArray[np.uint8], float, float]:
         offset = float(np.floor(low / scale) * scale)
     steps = np.clip(np.round((np.where(inside, values, 0.0) - offset) / scale), 0, MAX_VALUE)
     return np.where(inside, steps, NODATA).astype(np.uint8), scale, offset
-
-
-def write_netcdf(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
-    """Write ``map.nc`` for each property on the grid of ``map.tif``."""
-    return [
-        write_netcdf_file(folder / f"map{one.suffix}.nc", dict(_variables(source, one)), _about_file(source, one))
-        for one in source.properties
-    ]
-
-
-def _about_file(source: RunSource, one: ExportedProperty) -> dict[str, str]:
-    about = source.run.summary
-    kind = "simulation" if source.simulated else "surface observation"
-    guessed = guess_text(one.calibration) and f"{guess_text(one.calibration)}: its level is not real"
-    interval = one.tags.get("SOILMOIST_INTERVAL")
-    return {
-        "title": f"{one.quantity.title} of {source.title}" + (f": {one.label}" if one.name else "") + guessed,
-        "calibration": one.calibration, "institution": str(about.get("site") or "unknown"),
-        "source": f"{kind}: cosmic-ray neutron counts, Poisson kriging by soilmoist_ros {__version__}",
-        "history": f"{about.get('created_utc', '')} soilmoist_ros {about.get('version', '')}: map made".strip(),
-        "references": "Monestiez et al. 2006, Ecological Modelling 193:615-628",
-        **({"comment": interval} if interval else {}),
-    }  # fmt: skip
-
-
-def _variables(source: RunSource, one: ExportedProperty) -> Iterator[tuple[str, Variable]]:
-    """Axes, time of the survey with its bounds where the clock has a date, and bands."""
-    height, width = one.values.shape
-    x = one.transform.c + one.transform.a * (np.arange(width) + 0.5)
-    y = one.transform.f + one.transform.e * (np.arange(height) + 0.5)
-    row, column = np.divmod(np.arange(height * width), width)
-    geographic = one.crs.is_geographic
-    lat_lon = None if geographic else one.frame.to_geographic(one.to_local(np.column_stack([column, row])))
-    yield from axes(x, y, one.crs, lat_lon).items()
-    dimensions: tuple[str, ...] = ("y", "x")
-    if source.survey is not None:
-        begin, end = (time.timestamp() for time in source.survey)
-        about = {"standard_name": "time", "long_name": "time of the survey", "bounds": "time_bounds", "axis": "T"}
-        yield "time", (np.array([(begin + end) / 2]), ("time",), {**about, **CLOCK})
-        yield "time_bounds", (np.array([[begin, end]]), ("time", "nv"), {})
-        dimensions = ("time", "y", "x")
-    for name, values in one.bands.items():
-        unit, meaning = {**BANDS, **DOSE}.get(name, ("1", name))
-        if name.startswith(MOISTURE.band):
-            meaning += guess_text(one.calibration)
-        related = {
-            "standard_name": NAMES.get(name, ""), "coordinates": "" if geographic else "lat lon",
-            "ancillary_variables": " ".join(other for other in one.bands if other.startswith(f"{name}_")),
-        }  # fmt: skip
-        given = {key: text for key, text in related.items() if text}
-        yield name, raster(np.asarray(values, float), dimensions, UNITS.get(unit, unit), meaning, **given)
 
 
 def write_kmz(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:

@@ -17,9 +17,9 @@ from soilmoist_ros.mapping import FarmPrior
 from soilmoist_ros.recording import SUMMARY, sync_file
 from soilmoist_ros.reporting.exports.irrigation import write_dose
 from soilmoist_ros.reporting.exports.isoxml import write_isoxml
-from soilmoist_ros.reporting.exports.layers import write_contours, write_zones
+from soilmoist_ros.reporting.exports.layers import write_zones
 from soilmoist_ros.reporting.exports.qgis import write_geopackage, write_qgis
-from soilmoist_ros.reporting.exports.rasters import write_kmz, write_netcdf, write_styled
+from soilmoist_ros.reporting.exports.rasters import write_kmz, write_styled
 from soilmoist_ros.reporting.exports.sheet import write_sheet
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, open_source
 from soilmoist_ros.reporting.opened_run import open_run
@@ -78,18 +78,12 @@ BUILT_IN = {
         write_sheet, "irrigation sheet",
         "one page to print: where to irrigate how much, and how sure that is", ".pdf",
     ),
-    "contours": Export(
-        write_contours, "contour lines", "lines of equal moisture at round values (zipped shapefile)", ".zip",
-    ),
     "kmz": Export(
         write_kmz, "KMZ", "map and samples for Google Earth on a phone, without network", ".kmz",
     ),
     "prior": Export(
         write_prior, "prior of the farm",
         "what the survey says of the variogram, for --prior of a survey of another field (CSV)", ".csv",
-    ),
-    "netcdf": Export(
-        write_netcdf, "NetCDF", "maps by the CF conventions, for models and archives", ".nc",
     ),
 }  # fmt: skip
 

@@ -10,8 +10,7 @@ import pytest
 import shapely
 from pyproj import Geod, Transformer
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.reporting.exports.layers import write_contours, write_zones
+from soilmoist_ros.reporting.exports.layers import contours_layer, write_zones
 from soilmoist_ros.reporting.exports.qgis import write_geopackage
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.geometry import field_polygon
@@ -109,14 +108,11 @@ def test_zones_are_single_valid_polygons_with_their_areas(exported, tmp_path):
 
 
 def test_contours_have_the_values_of_the_map(exported, tmp_path):
-    path, *_ = write_contours(exported.source, tmp_path, ExportSettings(step=2.0))
-    about, shapes, columns = read(path)
-    assert about["crs"] == "EPSG:4326"
-    assert (columns["VWC_PCT"] % 2 == 0).all()
+    layer = contours_layer(exported.source, exported.source.properties[0], ExportSettings(step=2.0))
+    assert (layer.columns["VWC_PCT"] % 2 == 0).all()
+    assert len(layer.shapes) > 1
     inner = field_polygon(exported.run.soil_map).buffer(-2.0)
-    for shape, value in zip(local(exported, shapes, "EPSG:4326"), columns["VWC_PCT"], strict=True):
+    for shape, value in zip(layer.shapes, layer.columns["VWC_PCT"], strict=True):
         places = shapely.get_coordinates(shape)
         places = places[shapely.contains_xy(inner, places[:, 0], places[:, 1])]
         np.testing.assert_allclose(100 * exported.run.soil_map.evaluate(places).vwc, value, atol=0.6)
-    with pytest.raises(InputError, match="no contour lines at this step"):
-        write_contours(exported.source, tmp_path, ExportSettings(step=1000.0))

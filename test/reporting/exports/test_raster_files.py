@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Coloured GeoTIFF, NetCDF and KMZ read by GDAL."""
+"""Coloured GeoTIFF and KMZ read by GDAL."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ import pytest
 import rasterio
 from affine import Affine
 from matplotlib.image import imread
-from scipy.io import netcdf_file
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.reporting.colours import colour_ramp
-from soilmoist_ros.reporting.exports.rasters import write_kmz, write_netcdf, write_styled
+from soilmoist_ros.reporting.exports.rasters import write_kmz, write_styled
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.exports.zones import shown_range
 
@@ -52,30 +51,6 @@ def test_the_coloured_geotiff_has_whole_percents_in_colours(exported, tmp_path):
         step = raster.scales[0]
     assert abs(read[inside] - other.values[inside]).max() <= step / 2 + 1e-6
     assert step < 0.02
-
-
-def test_netcdf_has_the_map_with_its_uncertainty(exported, tmp_path):
-    first, second = write_netcdf(exported.source, tmp_path, SETTINGS)
-    one = exported.source.properties[0]
-    with netcdf_file(first, mmap=False) as file:
-        assert file.Conventions == b"CF-1.8"
-        vwc = file.variables["vwc"]
-        assert vwc.standard_name == b"volume_fraction_of_condensed_water_in_soil"
-        assert (vwc.units, vwc.grid_mapping, vwc.dimensions) == (b"1", b"crs", ("time", "y", "x"))
-        assert vwc.ancillary_variables == b"vwc_sd vwc_p05 vwc_p95"
-        assert file.variables["vwc_sd"].standard_name.endswith(b" standard_error")
-        values = np.where(vwc[0] == vwc._FillValue, np.nan, vwc[0])
-        np.testing.assert_allclose(values, one.bands["vwc"], rtol=1e-6)
-        begin, end = file.variables["time_bounds"][0]
-        assert (begin, end) == tuple(time.timestamp() for time in exported.source.survey)
-        row, column = np.argwhere(np.isfinite(one.bands["vwc"]))[5]
-        lat_lon = [file.variables[name][row, column] for name in ("lat", "lon")]
-        np.testing.assert_allclose(one.frame.to_geographic(one.to_local([(column, row)]))[0], lat_lon)
-    with rasterio.open(f"NETCDF:{first}:vwc") as raster:
-        assert raster.crs.to_epsg() == 32630
-        assert raster.transform.almost_equals(one.transform, precision=1e-6)
-    with netcdf_file(second, mmap=False) as file:
-        assert "vwc" not in file.variables
 
 
 @pytest.fixture(scope="module")

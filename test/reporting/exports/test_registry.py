@@ -22,7 +22,7 @@ WITH_DOSE = ["dose", "isoxml", "sheet"]
 
 
 def test_each_export_has_its_traits():
-    assert EXPORTS.names() == ["qgis", "gpkg", "styled", "zones", *WITH_DOSE, "contours", "kmz", "prior", "netcdf"]
+    assert EXPORTS.names() == ["qgis", "gpkg", "styled", "zones", *WITH_DOSE, "kmz", "prior"]
     for name in EXPORTS.names():
         kind = EXPORTS.get(name)
         assert kind.label
@@ -91,7 +91,7 @@ def test_folders_of_earlier_releases_export_what_they_have(exported, tmp_path):
     notes = []
     every = [name for name in EXPORTS.names() if name not in (*WITH_DOSE, "prior")]
     written = export_run(folder, every, note=notes.append)
-    assert len(written) == 6 + 2 * 5
+    assert len(written) == 6 + 2 * 3
     assert any("has no records.csv" in text for text in notes)
     assert any("no-go areas" in text for text in notes)
     layers = {name for name, _ in pyogrio.list_layers(folder / "export" / "soilmoist.gpkg")}
