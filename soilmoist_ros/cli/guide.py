@@ -28,7 +28,8 @@ DEFAULTS = {"speed_mps": 1.2, "stop_overhead_s": 5.0}
 
 
 @click.command("guide")
-@click.option("--field", type=options.Name("field"), required=True, help="Field file: boundary, no-go areas.")
+@click.option("--field", type=options.Name("field"), default="",
+              help="Field file. Default: the border is drawn or walked on the page.")  # fmt: skip
 @click.option("--logger-uri", required=True, metavar="URI",
               help="Neutron logger: tcp://HOST:PORT, udp://0.0.0.0:PORT or serial:///dev/ttyUSB0.")  # fmt: skip
 @click.option(
@@ -83,13 +84,16 @@ def command(
     for extra, module in (("console", "aiohttp"), ("bags", "mcap"), ("bags", "rosbags")):
         if not is_installed(module):
             raise InputError(f"{module} is not installed, and a guided survey needs it", install(extra))
-    from soilmoist_ros.console import PORT, GuidedSurvey, GuideSettings, free_port
+    from soilmoist_ros.console import BORDER, PORT, FieldBorder, GuidedSurvey, GuidePage, GuideSettings, free_port
     from soilmoist_ros.pipeline import replay_bag, write_sensor_site
     from soilmoist_ros.reporting import write_outputs
+    from soilmoist_ros.sensing import PHONE, DriverSettings
     from soilmoist_ros.simulation import MissionSettings
 
+    drawn, has_field = out / BORDER, bool(field)
+    field = field or str(drawn)
     port = free_port(PORT if port is None else port, host, strict=port is not None)
-    if not (out / "records").is_dir():
+    if not (out / "records").is_dir() and (has_field or not drawn.is_file()):
         options.prepare_output(out, False)
         if (out / "bag").exists():
             raise InputError("has the recording of another run", "choose another folder", out)
@@ -98,17 +102,22 @@ def command(
         site = str(out / "site.yaml")
     mission = MissionSettings(field=field, **with_graph(choices))
     mission.check()
-    settings = GuideSettings(
-        mission=mission, logger_uri=logger_uri, gnss_uri=gnss_uri, logger_format=logger, site=site,
-        earlier=earlier, covariates=covariates, host=host, port=port, autostart=autostart, out=out,
-        certificate=None if certificate is None else (certificate, key),
-    )  # fmt: skip
-    with GuidedSurvey(settings) as survey:
+    devices = DriverSettings(logger_uri, logger, gnss_uri)
+    shown = None if certificate is None else (certificate, key)
+    with GuidePage(out, host, port, gnss_uri == PHONE, shown) as page:
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: survey.stop())
-        say(f"page       {survey.address}")
-        if survey.invitation:
-            echo(survey.invitation, err=True)
+            signal.signal(number, lambda *_: page.stop())
+        say(f"page       {page.address}")
+        if page.invitation:
+            echo(page.invitation, err=True)
+        if not (has_field or drawn.is_file()) and FieldBorder(page, out, devices).run() is None:
+            echo("the field has no border yet: the same command continues", err=True)
+            sys.exit(130)
+        settings = GuideSettings(
+            mission=mission, devices=devices, site=site, earlier=earlier, covariates=covariates,
+            autostart=autostart, out=out,
+        )  # fmt: skip
+        survey = GuidedSurvey(settings, page)
         survey.run()
         signal.signal(signal.SIGINT, signal.default_int_handler)
         if not survey.has_records:
@@ -125,5 +134,5 @@ def command(
             sys.exit(130)
         survey.show_report(out / "report.html")
         while not leave and sys.stdin.isatty() and sys.stdout.isatty():
-            say(f"page       {survey.address} stays until Ctrl-C")
+            say(f"page       {page.address} stays until Ctrl-C")
             signal.pause()

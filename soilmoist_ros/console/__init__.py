@@ -9,6 +9,7 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.console.board import Board as Board, RobotHistory as RobotHistory, VisitHistory as VisitHistory
+    from soilmoist_ros.console.guide_page import BORDER as BORDER, FieldBorder as FieldBorder, GuidePage as GuidePage
     from soilmoist_ros.console.guided_survey import GuidedSurvey as GuidedSurvey, GuideSettings as GuideSettings
     from soilmoist_ros.console.map_layers import MapLayers as MapLayers, live_dose as live_dose
     from soilmoist_ros.console.plan_routes import SurveyFiles as SurveyFiles
@@ -23,6 +24,7 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "board": "Board RobotHistory VisitHistory",
+        "guide_page": "BORDER FieldBorder GuidePage",
         "guided_survey": "GuideSettings GuidedSurvey",
         "map_layers": "MapLayers live_dose",
         "plan_routes": "SurveyFiles",

@@ -14,13 +14,9 @@ from __future__ import annotations
 import logging
 import math
 import shutil
-import socket
-import ssl
-import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -28,20 +24,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from soilmoist_ros.console.board import Board, RobotHistory, VisitHistory
+from soilmoist_ros.console.board import RobotHistory, VisitHistory
+from soilmoist_ros.console.guide_page import SHOW_S, GuidePage
 from soilmoist_ros.console.map_layers import MapLayers
-from soilmoist_ros.console.plan_routes import SurveyFiles
-from soilmoist_ros.console.plan_work import Walk
-from soilmoist_ros.console.server import ConsoleServer
-from soilmoist_ros.console.views import (
-    choices_view,
-    field_view,
-    graph_views,
-    health_view,
-    mission_view,
-    place_views,
-)
-from soilmoist_ros.console.visitors import LOOPBACK, Access, invitation, own_certificate, reachable, tls_context
+from soilmoist_ros.console.views import field_view, graph_views, health_view, mission_view, place_views
 from soilmoist_ros.exploration import (
     PERSON_ENTRY_M,
     AccessRules,
@@ -105,21 +91,9 @@ from soilmoist_ros.recording import (
     recover_bag,
     sample_points,
 )
-from soilmoist_ros.sensing import (
-    DOUBTS,
-    PHONE,
-    UNKNOWN_SENSOR,
-    Batch,
-    CountRecord,
-    Doubt,
-    Driver,
-    DriverSettings,
-    PhoneReceiver,
-)
+from soilmoist_ros.sensing import DOUBTS, UNKNOWN_SENSOR, Batch, CountRecord, Doubt, Driver, DriverSettings
 from soilmoist_ros.simulation import MissionSettings, mission_map
 
-STEP_S: Final = 0.2
-SHOW_S: Final = 1.0
 PAGE: Final = "the page"
 LOW_DISK_BYTES: Final = 5e8
 FAR_M: Final = 5e3
@@ -137,23 +111,15 @@ class GuideSettings:
     """Settings of a guided survey.
 
     :param mission: strategy, dwell, hours and motion; its field is the field file
-    :param host: address that the page listens on
-    :param certificate: certificate and key, for a page by https; without, this computer makes one for a phone in
-        a network that is the receiver
     :param autostart: whether the mission starts with the first position, instead of a start on the page
     """
 
     mission: MissionSettings
-    logger_uri: str
-    gnss_uri: str
-    logger_format: str
+    devices: DriverSettings
     out: Path
     site: str = ""
     earlier: Sequence[Path] = ()
     covariates: Sequence[str] = ()
-    host: str = "127.0.0.1"
-    port: int = 0
-    certificate: tuple[Path, Path | None] | None = None
     autostart: bool = False
 
     @property
@@ -183,13 +149,14 @@ def elsewhere(field: Field, latlon: LatLon) -> str:
 
 
 class GuidedSurvey:
-    """A survey that runs in :meth:`run`; a context.
+    """A survey that runs in :meth:`run`, and is shown on a page.
 
     :raises InputError: if a file or an address cannot be used, or another process works in the folder
     """
 
-    def __init__(self, settings: GuideSettings) -> None:
+    def __init__(self, settings: GuideSettings, page: GuidePage) -> None:
         self._settings, mission, out = settings, settings.mission, settings.out
+        self._page, self.board, devices = page, page.board, settings.devices
         mapping = {name: getattr(mission, name) for name in _MAPPED} | {"cell_m": mission.cell_m}
         earlier = [str(path.expanduser().absolute()) for path in settings.earlier]
         covariates = list(settings.covariates)
@@ -198,21 +165,15 @@ class GuidedSurvey:
         )
         self._plane = survey.field.frame
         curve = planning_curve(survey.site, survey.field, mission.target == "vwc")
-        self._phone = PhoneReceiver() if settings.gnss_uri == PHONE else None
-        devices = DriverSettings(settings.logger_uri, settings.logger_format, settings.gnss_uri)
-        self._driver = Driver(devices, survey.site, self._plane, time.time(), self._phone)
+        self._driver = Driver(devices, survey.site, self._plane, time.time(), page.receiver())
         self._driver.refuse_taken()
         self._faults: dict[str, str] = {}
         self._latlon: LatLon | None = None
         self._lacks = NO_LOGGER  # why a start makes no sense yet; empty if nothing is missing
-        self.stopped = False
         self.ended: Finish | None = None
         """End of the mission; ``None`` while it is not over."""
-        self._wake = threading.Event()
-        self._asked: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._maps: deque[tuple[MapState, SoilMap | None]] = deque()
         self._mapped: tuple[MapState, SoilMap] | None = None
-        self._picture: MapLayers | None = None
         self._shown_s = -math.inf
         self._stored = StoredMission(out / "journal", settings.rules, "auto", 0.0)
         self._log = RecordLog(out / "records" / DRIVER, FRAME)
@@ -228,8 +189,8 @@ class GuidedSurvey:
                        for name, value in MappingSettings(**mapping).values().items()},
                 },
                 "sensor_driver": {
-                    "field": mission.field_name, "site": settings.site, "logger_uri": settings.logger_uri,
-                    "logger_format": settings.logger_format, "gnss_uri": settings.gnss_uri,
+                    "field": mission.field_name, "site": settings.site, "logger_uri": devices.logger_uri,
+                    "logger_format": devices.logger_format, "gnss_uri": devices.gnss_uri,
                 },
                 "planner": {
                     "field": mission.field_name, "strategy": str(mission.strategy), "dwell": str(mission.dwell),
@@ -249,7 +210,6 @@ class GuidedSurvey:
             certify=mission.certify,
             access=AccessRules(entry_m=PERSON_ENTRY_M, outside=Outside.WAY, lanes=mission.travel == "lanes"),
         )  # fmt: skip
-        self.board = Board()
         self._history, self._visits = RobotHistory(self.board, ""), VisitHistory(self.board)
         self._control: MissionControl = MissionControl(
             MissionSetup(field=survey.field, settings=explorer, rules=settings.rules),
@@ -270,65 +230,19 @@ class GuidedSurvey:
             self.board.put("edges", edges)
         self._worker = MapWorker(survey.map.compute, self._on_map)
         self._worker.submit(survey.map.state)
-        self._serve()
-
-    def _serve(self) -> None:
-        settings, runs = self._settings, self._settings.out.absolute().parent
-        walk = self._walk = Walk(self.board, "")
-        for name, value in (
-            ("robots", [""]), ("field", field_view(self._survey.field)), ("choices", choices_view()),
-        ):  # fmt: skip
-            self.board.put(name, value)
-        access = Access((socket.gethostname(), f"{socket.gethostname()}.local"))
-        files = SurveyFiles(runs, runs, runs)
-        phone = self._phone
-        self.board.put("phone", phone is not None)
-        self._server = ConsoleServer(
-            self.board, self, access, lambda: self._picture, files, {"": walk}, phone=phone
-        )
-        tls = self._tls(reachable(settings.host))
-        access.secure = tls is not None
-        port = self._server.start(settings.host, settings.port, tls)
-        self.address = f"http{'s' * access.secure}://{reachable(settings.host)}:{port}/"
-        """Address of the page."""
-        self.invitation = "" if settings.host in LOOPBACK else invitation(self.address, access.token)
-        """Text for another device that is to steer; empty if the page is for this machine only."""
-
-    def _tls(self, host: str) -> ssl.SSLContext | None:
-        """Encryption of the page, without which no phone in the network gives its position."""
-        settings = self._settings
-        if settings.certificate is not None:
-            return tls_context(*settings.certificate)
-        if self._phone is None or settings.host in LOOPBACK:
-            return None
-        try:
-            path = own_certificate(Path.home() / ".local/share/soilmoist_ros", host)
-        except InputError as error:
-            _log.warning("the phone cannot give its position to a page without encryption: %s", error)
-            return None
-        _log.warning("the browser warns of the certificate that this computer has made: go on to the page")
-        return tls_context(path, None)
-
-    def __enter__(self) -> GuidedSurvey:
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        if self.stopped:
-            time.sleep(SHOW_S)  # the page hears of the end
-        self._server.close()
+        self.board.put("field", field_view(survey.field))
 
     # The loop ------------------------------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Guide until the mission ends or :meth:`stop` is called; then all is on the disk."""
-        self._driver.start(self._wake.set)
+        """Guide until the mission ends or the page is stopped; then all is on the disk."""
+        self._driver.start(self._page.wake.set)
         try:
-            while not self.stopped and self.ended is None:
-                self._wake.wait(STEP_S)
-                self._wake.clear()
+            while not self._page.stopped and self.ended is None:
+                self._page.take(self)
                 self._step()
         finally:
-            self.board.put("over", self.stopped)
+            self.board.put("over", self._page.stopped)
             self._driver.stop()
             self._control.close()
             self._worker.close()
@@ -349,23 +263,12 @@ class GuidedSurvey:
         """Say on the page where the report is."""
         self.board.put("report", str(report.absolute()))
 
-    def stop(self) -> None:
-        """End soon; signal handlers may call it."""
-        self.stopped = True
-
     def _step(self) -> None:
         now_s, control = time.time(), self._control
         batch = self._driver.step(now_s)
         self._take(batch)
         if batch.more:
-            self._wake.set()
-        while self._asked:
-            call, said = self._asked.popleft()
-            try:
-                said.set_result(call())
-            except Exception as error:  # the page gets an answer
-                _log.exception("a request of the page failed")
-                said.set_exception(error)
+            self._page.wake.set()
         self._take_maps()
         control.hand_on()
         control.tick()
@@ -411,7 +314,7 @@ class GuidedSurvey:
             self.board.hear("fix/")
             if math.isfinite(x_m) and math.isfinite(y_m):
                 self._history.place(x_m, y_m, position.horizontal_sd_m)
-                self._walk.place(x_m, y_m, position.horizontal_sd_m)
+                self._page.walk.place(x_m, y_m, position.horizontal_sd_m)
                 self._control.fix((x_m, y_m), position.horizontal_sd_m, fix.stamp_s)
         made = [self._bag.topics.counts(record, self._bag.datum) for record in batch.records]
         records = [record for _, message in made for record in count_records(message)]
@@ -434,7 +337,7 @@ class GuidedSurvey:
 
     def _on_map(self, state: MapState, soil_map: SoilMap | None) -> None:
         self._maps.append((state, soil_map))
-        self._wake.set()
+        self._page.wake.set()
 
     def _take_maps(self) -> None:
         while self._maps:
@@ -445,8 +348,8 @@ class GuidedSurvey:
                 continue
             self._mapped = state, soil_map
             self._control.fit(soil_map.fit, state.stamp_s, changing=state.changing(soil_map))
-            self._picture = MapLayers.after(self._picture, map_cells(self._survey.map.grid, soil_map))
-            self.board.put("map", self._picture.about)
+            self._page.picture = MapLayers.after(self._page.picture, map_cells(self._survey.map.grid, soil_map))
+            self.board.put("map", self._page.picture.about)
             self.board.put("doubts", self._doubts(soil_map))
             self.board.hear("map")
 
@@ -492,33 +395,19 @@ class GuidedSurvey:
 
     def wake(self) -> None:
         """Plans are ready."""
-        self._wake.set()
+        self._page.wake.set()
 
-    # What the page asks for (Steering) -----------------------------------------------------------------------
+    # What the page asks for (Asked) --------------------------------------------------------------------------
 
-    def command(self, robot: str, request: OperatorRequest) -> Future[Reply]:
+    def answer(self, request: OperatorRequest) -> Reply:
         """Pass a request to the mission."""
-        return self._ask(partial(self._answer, request))
-
-    def _answer(self, request: OperatorRequest) -> Reply:
         if request.verb == Verb.START and self._lacks and not self._control.under_way:
             return Reply(ReplyCode.REFUSED, f"not yet: {self._lacks}")
         return self._control.request(request)
 
-    def press(self, who: str) -> None:
-        """Pause: nothing but the person moves the sensor."""
-        self._ask(partial(self._control.emergency, True, PAGE))
-
-    def release(self, who: str) -> None:
-        """End the stop of anybody."""
-        self._ask(partial(self._control.emergency, False, PAGE))
-
-    def _ask(self, call: Callable[[], Any]) -> Future[Any]:
-        said: Future[Any] = Future()
-        said.set_running_or_notify_cancel()
-        self._asked.append((call, said))
-        self._wake.set()
-        return said
+    def emergency(self, pressed: bool) -> None:
+        """Pause, or end the stop of anybody."""
+        self._control.emergency(pressed, PAGE)
 
 
 # The recording: bags in ``OUT/bag``, one for each process; the last one of a killed process is repaired ---------

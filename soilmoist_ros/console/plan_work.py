@@ -72,16 +72,20 @@ def check_field(given: Mapping[str, Any]) -> dict[str, Any]:
     :returns: ``file``; ``area_m2`` without the no-go areas; ``note``: parts that a robot cannot reach, in words
     :raises InputError: if it is no field
     """
+    import shapely
+
     from soilmoist_ros.exploration import ROBOT_RADIUS_M, unreachable
-    from soilmoist_ros.mapping import load_field
+    from soilmoist_ros.mapping import Field, load_field
 
     text = field_text(given)
+    size = shapely.Polygon(given["boundary"] if len(given["boundary"]) > 2 else [])
+    if size.is_valid and 0 < size.area < Field.MIN_AREA_M2:  # the remedy for a file is for who writes one
+        what = f"the boundary encloses {size.area:.2g} m2, smaller than any footprint of the sensor"
+        raise InputError(what, "draw or walk a larger one")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "field.yaml"
         path.write_text(text, encoding="utf-8")
         field = load_field(path)
-    import shapely
-
     left_out = shapely.union_all([shapely.Polygon(ring) for ring in field.no_go])
     area = shapely.Polygon(field.polygon).difference(left_out).area
     return {"file": text, "area_m2": round(area), "note": unreachable(field, ROBOT_RADIUS_M)}

@@ -127,7 +127,7 @@ class ConsoleServer:
         self._controls = Controls()
         self.operators = 0  # open pages that may steer
         self._files, self._walks = files, walks
-        self._background, self._phone = background, phone
+        self._background, self.phone = background, phone
         self._jobs: Jobs | None = None
         self._runner: web.AppRunner | None = None
 
@@ -169,7 +169,7 @@ class ConsoleServer:
         RunRoutes(web, self._files.runs, self._jobs).add(app, self._operators)
         PlanRoutes(web, self._files, self._jobs, self._walks).add(app, self._operators)
         BackgroundRoute(web, self._background, self._board, self._jobs).add(app)
-        here = (("position", self._on_position),) if self._phone else ()
+        here = (("position", self._on_position),) if self.phone else ()
         for name, handler in (("stop", partial(self._on_stop, True)), ("take", self._on_take), *here):
             app.router.add_post(f"/{name}", self._operators(handler))
         for name, handler in (("command", self._on_command), ("release", partial(self._on_stop, False))):
@@ -390,10 +390,10 @@ class ConsoleServer:
 
     async def _on_position(self, content: Any) -> dict[str, Any]:
         """A position; never of a phone that nobody has given the controls: it may be far from the sensor."""
-        assert self._phone is not None
+        assert self.phone is not None
         if not self._controls.had_last(_client(content)):
             raise InputError("another phone gives the position", "take over on this one, if the sensor is here")
-        self._phone.take(content, time.time())
+        self.phone.take(content, time.time())
         return {}
 
     async def _on_stop(self, pressed: bool, content: Any) -> dict[str, Any]:

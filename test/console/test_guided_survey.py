@@ -22,6 +22,7 @@ from browser import PHONE, chromium
 from simulated_person import PageAdvice, SimulatedPerson
 
 from soilmoist_ros.console.guided_survey import elsewhere
+from soilmoist_ros.mapping import load_field
 from soilmoist_ros.recording import BagReader, read_records
 from soilmoist_ros.simulation import MissionSettings, surrogate_field
 
@@ -35,9 +36,9 @@ pytestmark = [pytest.mark.slow, pytest.mark.process]
 
 
 @contextmanager
-def guided(person, out, *more):
+def guided(person, out, *more, field=("--field", "patches")):
     process = subprocess.Popen(
-        [*COMMAND, "guide", "--field", "patches", "--logger-uri", person.uri("logger"), "--gnss-uri",
+        [*COMMAND, "guide", *field, "--logger-uri", person.uri("logger"), "--gnss-uri",
          person.uri("gnss"), "--dwell", "fmi:3", "--min-dwell", "1", "--speed", "6", "--stop-overhead", "1",
          "--exit", "--port", "0", "--out", str(out), *more],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -98,6 +99,59 @@ def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
                   for m in reader.messages(["/mission"])]  # fmt: skip
     assert max(used_s) >= 72.0
     assert sorted(used_s) == used_s, "one mission"
+
+
+def test_a_border_is_refused_walked_and_surveyed_also_after_a_restart(tmp_path):
+    """On a phone, without a field file; the walk is a square of 20 m."""
+    out, corners = tmp_path / "out", [(20.0, 20.0), (40.0, 20.0), (40.0, 40.0), (20.0, 40.0), (20.0, 20.0)]
+    ways, pages, frame = [corners[0]], [], surrogate_field("patches").field.frame
+
+    def target():
+        if pages:  # in metres about another datum
+            stop, drawn = pages[0](), load_field(out / "field.yaml").frame
+            place = stop and frame.to_local(*drawn.to_geographic(np.array(stop))[0])[0]
+            return stop and tuple(place.tolist())
+        if len(ways) > 1 and np.hypot(*np.subtract(person.place, ways[0])) < 0.5:
+            ways.pop(0)
+        return ways[0]
+
+    with chromium() as browser, SimulatedPerson(SETTINGS, target) as person:
+        with guided(person, out, "--hours", "0.02", field=()) as (process, advice):
+            page = browser.new_page(viewport=PHONE)
+            page.set_default_timeout(1000 * LIMIT_S)
+            page.goto(advice.address)
+            until(lambda: np.hypot(*np.subtract(person.place, corners[0])) < 0.5)
+            page.get_by_role("button", name="Tap the corners").click()
+            box = page.locator("#map").bounding_box()
+            for x, y in ((0.2, 0.2), (0.7, 0.6), (0.7, 0.2), (0.2, 0.6)):
+                page.locator("#map").click(position={"x": x * box["width"], "y": y * box["height"]})
+            page.screenshot(path=tmp_path / "tapped.png")
+            page.get_by_role("button", name="Done", exact=True).click()
+            page.locator("#notice", has_text="without crossing lines").wait_for()
+            assert page.get_by_role("button", name="Use this border").count() == 0
+            page.locator("#guide").get_by_role("button", name="Clear").click()
+            page.get_by_role("button", name="Walk the border").click()
+            ways.extend(corners[1:])
+            page.locator("#guide-big", has_text="places").wait_for()
+            until(lambda: len(ways) == 1 and np.hypot(*np.subtract(person.place, corners[0])) < 0.5)
+            page.screenshot(path=tmp_path / "walk.png")
+            page.get_by_role("button", name="Finish the walk").click()
+            page.locator("#guide-big", has_text="0.04 ha").wait_for()
+            page.screenshot(path=tmp_path / "drawn.png")
+            page.get_by_role("button", name="Use this border").click()
+            page.get_by_role("button", name="Start the survey").wait_for()
+            page.screenshot(path=tmp_path / "ready.png")
+            process.kill()
+        with guided(person, out, "--hours", "0.02", "--autostart", field=()) as (process, advice):
+            pages.append(advice)
+            until(lambda: process.poll() is not None)
+            said, errors = process.communicate()
+            assert process.returncode == 0, errors
+    assert "report.html" in said
+    assert (out / "visits.csv").read_text().count("\n") > 2, "stops were reached"
+    x, y = load_field(out / "field.yaml").polygon.T
+    area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
+    assert area == pytest.approx(400.0, rel=0.05)
 
 
 def test_ctrl_c_before_the_first_record_says_how_to_go_on(tmp_path):

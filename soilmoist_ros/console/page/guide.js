@@ -4,7 +4,8 @@
 
 import { fixed, said, t } from "./texts.js";
 import { connected, request, sections, takeControls } from "./link.js";
-import { insideOf } from "./map.js";
+import { draft, insideOf } from "./map.js";
+import { areaDrawn, begin, beginWalk, clear, drawn, endWalk, fieldFile, fieldIsUsed, walk } from "./outline.js";
 import { $, button, duration, element, fill, setText, slide } from "./widgets.js";
 
 const RING_M = 2 * Math.PI * 44, BUSY = ["planning", "waiting", "cancelling"], ASIDE_S = 60, STRIDE_M = 3, BORDER_M = 5;
@@ -58,7 +59,7 @@ function headingFrom([x, y]) {
 // Nearest place of the border, for who is outside by more than a few metres.
 function wayBack([x, y]) {
   const border = sections.field?.boundary;
-  if (!border || x === undefined || insideOf(border, x, y)) return null;
+  if (!border || sections.border || x === undefined || insideOf(border, x, y)) return null;
   const places = border.map(([ax, ay], index) => {
     const [bx, by] = border[(index + 1) % border.length], dx = bx - ax, dy = by - ay;
     const share = Math.min(1, Math.max(0, ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1)));
@@ -80,7 +81,8 @@ function alarms(now) {
 // What the person sees at a glance: an arrow, or a ring; and one line on it.
 function view(now) {
   const [x, y] = where();
-  if (!now) return { kind: "wait", title: t("waiting_for_planner") };
+  if (sections.border && connected() && !sections.over) return borderView(x === undefined);
+  if (!now) return { kind: "wait", title: t(sections.over ? "guide_over" : "waiting_for_planner") };
   if (now.phase === "finished") return { kind: "done", title: t("phase_finished"), big: t("n_stops", { n: now.stops }), line: sections.report ? t("guide_report", { path: sections.report }) : sections.report === "" ? t("guide_making") : "" };
   if (sections.over) return { kind: "wait", edge: "warn", title: t("guide_over"), line: t("guide_again") };
   if (!connected()) return { kind: "wait", edge: "bad", title: t(sections.phone === undefined ? "guide_no_link" : "no_connection") };
@@ -104,11 +106,32 @@ function view(now) {
   return { kind: "wait", edge: now.ready ? "" : "warn", title: now.ready ? t("phase_idle") : t("phase_not_ready"), line: said(now.reason) };
 }
 
+// The border of the field, which the command begins with if it was given no field file.
+function borderView(isLost) {
+  const area = areaDrawn(), now = walk();
+  if (isLost) return { kind: "wait", title: t("border_title"), line: t("guide_no_place") };
+  if (now) return { kind: "wait", title: t("border_walks"), big: t("border_places", { n: now.count }), line: t("border_once") };
+  return { kind: "wait", title: t("border_title"), big: area === null ? "" : `${fixed(area / 10000, 2)} ha`, line: t(area === null ? "border_how" : "border_right") };
+}
+
+function borderActions() {
+  if (where()[0] === undefined || draft.drawing) return [];
+  if (walk()) return [button(t("walk_finish"), () => endWalk(true), "primary big"), button(t("walk_discard"), () => endWalk(false))];
+  if (drawn()) return [...(areaDrawn() === null ? [] : [button(t("border_use"), useBorder, "primary big")]), button(t("clear"), clear)];
+  return [button(t("border_walk"), () => beginWalk("boundary"), "primary big"), button(t("border_tap"), () => begin("boundary"), "big")];
+}
+
+async function useBorder() {
+  const field = await fieldFile();
+  if (field && await use.ask("change", { field })) fieldIsUsed();
+}
+
 function actions(now) {
   const { ask, maySteer, mayAsk, takeOver, holder } = use;
-  if (!connected() || sections.over || !now || now.phase === "finished" && sections.report !== undefined) return [];
+  if (!connected() || sections.over || !now && !sections.border || now?.phase === "finished" && sections.report !== undefined) return [];
   if (!mayAsk()) return [element("p", {}, t("read_only"))];
   if (!maySteer()) return [element("p", {}, t("has_controls", { who: holder() })), slide(t("slide_take"), takeOver)];
+  if (sections.border) return borderActions();
   const big = (text, call, kind = "primary") => button(text, call, `${kind} big`);
   const here = () => ask("measure", { place: where().slice(0, 2) });
   const end = slide(t("guide_end"), () => ask("abort"), "danger");
@@ -191,7 +214,7 @@ function picture(shown) {
 
 export function renderGuide(helpers) {
   use = helpers;
-  document.body.classList.toggle("guided", Boolean(use.mission()?.guided));
+  document.body.classList.toggle("guided", Boolean(use.mission()?.guided || sections.border));
   document.body.classList.toggle("guiding", Boolean(use.mission()?.running));
   if (watch !== null && sections.viewer?.holder && !sections.viewer.holds) stopPhone();
   const now = use.mission(), shown = view(now), wrong = connected() && now?.phase !== "finished" ? alarms(now) : [];
@@ -203,7 +226,7 @@ export function renderGuide(helpers) {
   $("guide").dataset.edge = shown.edge || (wrong.length ? (wrong.some((part) => part.level === 2) ? "bad" : "warn") : "");
   const rest = now?.running ? [t("n_stops", { n: now.stops }), t("guide_left", { duration: duration(now.left_s) })] : [];
   setText("guide-rest", [...rest, watch === null || isAwake() ? "" : t("phone_sleeps")].filter(Boolean).join(" · "));
-  fill("guide-actions", [now?.phase, now?.paused, now?.running, now?.ready, sections.over, isEnough(now ?? {}), near(now ?? {}), sections.viewer, sections.report, connected(), watch !== null], () => [...phoneActions(), ...actions(now)]);
+  fill("guide-actions", [now?.phase, now?.paused, now?.running, now?.ready, sections.over, isEnough(now ?? {}), near(now ?? {}), sections.viewer, sections.report, connected(), watch !== null, sections.border && [where()[0] === undefined, draft.drawing, drawn(), areaDrawn(), walk()]], () => [...phoneActions(), ...actions(now)]);
   const key = now ? `${now.phase} ${now.stop?.[0]} ${isEnough(now)}` : "";
   if (key !== before && before) {
     if (now?.phase === "travelling") signal(660, [200, 100, 200]);

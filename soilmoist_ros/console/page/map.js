@@ -122,6 +122,10 @@ function paint() {
   if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
     canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
   }
+  if (view.field !== sections.field) {  // it comes again with each connection
+    if (String(view.field?.boundary) !== String(sections.field?.boundary)) view.fitted = false;
+    view.field = sections.field;
+  }
   if (!view.fitted || !view.moved && !pointers.size && !draft.drawing && sections.field && nearMarks().some(outside)) fit();
   canvas.dataset.view = [view.x, view.y, view.scale].join(" ");  // for tests, which tap places of the field
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -130,7 +134,7 @@ function paint() {
   if (!field) return;
   const photo = below.image && sections.background?.extent;
   if (photo) image(below.image, photo, true);
-  else { path(field.boundary); pen.fillStyle = "#f3f1e6"; pen.fill(); }
+  else if (!sections.border) { path(field.boundary); pen.fillStyle = "#f3f1e6"; pen.fill(); }
   pen.globalAlpha = photo ? below.opacity : 1;
   if (picture.image) image(picture.image, picture.extent, false);
   pen.globalAlpha = 1;
@@ -140,11 +144,11 @@ function paint() {
     label(String(index + 1), pixel([0, 1].map((axis) => one.reduce((sum, corner) => sum + corner[axis] / one.length, 0))), "#6a3a00", "center", 15, true);
   }
   for (const robot of sections.robots ?? []) { const home = sections[`mission/${robot}`]?.home_place; if (home) label("⌂", pixel(home), "#0b5127", "center", 26, true); }
-  path(field.boundary); line("#fff", 5); line("#10151b", 2.5);
+  if (!sections.border) { path(field.boundary); line("#fff", 5); line("#10151b", 2.5); }
   nodes(); measured();
   (sections.robots ?? []).forEach(robotLayer);
   for (const [robot, place] of marks()) if (outside(place)) arrow(place, colourOf(robot));
-  if (draft.shown) drafts();
+  if (draft.shown || sections.border) drafts();
   if (area) hatch(area, "#6a3a00");
   if (chosen) cross(pixel(chosen));
   if (document.activeElement === canvas && canvas.matches(":focus-visible")) cross([width / 2, height / 2], "#ffb000");

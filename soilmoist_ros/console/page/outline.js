@@ -11,8 +11,9 @@ const MAX_FILE = 2_000_000;
 let page = null, area = null, saved = "", before = {};  // saved: the file that was chosen from the list, or made of what is drawn
 
 export const drawn = () => draft.boundary.length > 2 && draft.drawing !== draft.boundary;
+export const areaDrawn = () => (drawn() ? area : null);  // without no-go areas [m2]; null while it is unknown or refused
 export const hasDraft = () => drawn() || draft.areas.some((one) => one.length > 2 && one !== draft.drawing);
-const walk = () => sections[`walk/${page.robot()}`];
+export const walk = () => sections[`walk/${page.robot()}`];
 
 export function field() {
   const own = sections.field;
@@ -32,10 +33,9 @@ export async function fieldFile() {
 }
 
 export function fieldIsUsed() {
-  Object.assign(draft, { boundary: [], areas: [], drawing: null });
   saved = "";
   $("field-file").value = "";
-  changed();
+  clear();
 }
 
 export function addCorner([x, y]) {
@@ -44,7 +44,7 @@ export function addCorner([x, y]) {
   changed();
 }
 
-function begin(kind) {
+export function begin(kind) {
   before = { boundary: draft.boundary, areas: [...draft.areas] };
   draft.drawing = [];
   if (kind === "boundary") draft.boundary = draft.drawing; else draft.areas.push(draft.drawing);
@@ -58,6 +58,8 @@ export function drawingBar() {
     button(t("undo"), () => { draft.drawing.pop(); changed(); }, "", count ? "" : t("no_corner")),
     button(t("cancel"), () => { Object.assign(draft, before, { drawing: null }); changed(); }), button(t("done"), done, "primary", few)];
 }
+
+export function clear() { Object.assign(draft, { boundary: [], areas: [], drawing: null }); changed(); }
 
 function changed() { area = null; page.changed(); draw(); page.render(); }
 
@@ -106,12 +108,12 @@ async function ruleOut() {
 }
 
 // A walk is recorded by the console, so that a phone may sleep meanwhile.
-async function beginWalk(kind) {
+export async function beginWalk(kind) {
   const answer = await request("walk", { robot: page.robot(), do: "begin", kind, who: page.who() });
   if (answer.error) page.notice(said(answer.error), true);
 }
 
-async function endWalk(keep) {
+export async function endWalk(keep) {
   const answer = await request("walk", { robot: page.robot(), do: "end" });
   if (answer.error) { page.notice(said(answer.error), true); return; }
   if (!keep) return;
@@ -146,7 +148,7 @@ export function renderOutline() {
       row(button(t("draw_boundary"), () => begin("boundary")), button(t("draw_area"), () => begin("area"))),
       row(button(t("walk_boundary"), () => beginWalk("boundary")), button(t("walk_area"), () => beginWalk("area"))),
     ];
-    if (hasDraft()) nodes.push(row(button(t("download_field"), download), button(t("clear"), () => { Object.assign(draft, { boundary: [], areas: [], drawing: null }); changed(); })));
+    if (hasDraft()) nodes.push(row(button(t("download_field"), download), button(t("clear"), clear)));
     if (draft.areas.length && running) nodes.push(button(t("rule_out_drawn"), ruleOut));
     return nodes;
   });

@@ -16,6 +16,7 @@ const TABS = ["plan", "survey", "results"];
 let tab = "survey", robot = "", place = null, picking = false, stopping = null, noticeTimer = 0, wasStale = "", wasPressed = false, report = {}, lookedMs = 0;
 
 const mission = () => sections[`mission/${robot}`];
+const guided = () => Boolean(mission()?.guided || sections.border);  // by this page, which a person has drawn the border on before
 const mayAsk = () => sections.viewer?.may_steer ?? false;  // has the controls, or may have them
 const taken = () => mayAsk() && Boolean(sections.viewer.holder) && !sections.viewer.holds;
 const maySteer = () => connected() && mayAsk() && !taken();
@@ -410,7 +411,7 @@ function renderMap() {
 
 // What is tapped on the map at present, with its buttons on it.
 function renderMapbar() {
-  const drawing = tab === "plan" && draft.drawing, on = picking || Boolean(drawing);
+  const drawing = (tab === "plan" || sections.border) && draft.drawing, on = picking || Boolean(drawing);
   document.body.classList.toggle("onmap", on);
   $("mapbar").hidden = !on;
   if (!on) return;
@@ -421,16 +422,15 @@ function renderMapbar() {
 
 async function onMap(at) {
   if (picking) { picking = false; render(); await ask("change", { place: at }); }
-  else if (tab === "plan") addCorner(at);
+  else if (tab === "plan" || sections.border) addCorner(at);
   else await choose(at);
 }
 
 // Who steers, on each tab.
 function renderSteer() {
-  const guided = mission()?.guided;
-  $("steer").hidden = !taken() || Boolean(guided && tab === "survey");
+  $("steer").hidden = !taken() || guided() && tab === "survey";
   fill("steer", [sections.viewer, taken()], () => (!taken() ? [] : [
-    element("p", {}, `${t("has_controls", { who: holder() })} ${guided ? "" : t("stop_for_all")}`), slide(t("slide_take"), takeOver)]));
+    element("p", {}, `${t("has_controls", { who: holder() })} ${guided() ? "" : t("stop_for_all")}`), slide(t("slide_take"), takeOver)]));
   if (wasPressed && !anyEmergency() && !lost()) notice(t("stop_released"), false, 20000);
   wasPressed = lost() ? wasPressed : anyEmergency();
 }
@@ -439,7 +439,7 @@ function renderFrame() {
   const robots = sections.robots ?? [];
   if (!robots.includes(robot) && robots.length) robot = robots[0];
   showRobot(robot);
-  setText("field", sections.field?.name ?? t("tab_survey"));
+  setText("field", sections.field?.name || t("tab_survey"));
   $("dose").hidden = !sections.dose || tab !== "survey";
   setText("dose", said(sections.dose ?? ""));
   const only = sections.watch_only ?? "";
@@ -477,7 +477,7 @@ function renderTabs() {
 
 let guide = null;  // its part of the page comes with a person's survey only
 function renderGuide() {
-  if (!guide && !mission()?.guided) return;
+  if (!guide && !guided()) return;
   guide ??= import("./guide.js").catch(() => { guide = null; });
   guide.then((part) => part && guard("guide", () => part.renderGuide({ ask, maySteer, mayAsk, takeOver, holder, mission, robot: () => robot })));
 }
@@ -491,7 +491,7 @@ const PARTS = [
 ];
 
 function render() {
-  forPerson(Boolean(mission()?.guided));
+  forPerson(guided());
   for (const [name, part] of PARTS) guard(name, part);
 }
 
