@@ -18,7 +18,7 @@ quarter of the time and at its end only, all others at each plan.
 time. A row is the forecast for the end that was made at a share of the time. ``reached`` is the standard deviation
 of the map at the end, ``error`` the root mean squared error of the map against the truth, both divided by the
 forecast. Uniform fields and those with few counts are part of the set. ``--surfaces`` adds the surfaces of
-``bench_zoo.py``, whose fields are the same with each seed, and missions on them by a person.
+``bench_zoo.py``, whose fields are the same with each seed. Each field is measured by a robot and by a person.
 
 *until*: missions of ``gcb`` planned for an aim, against missions planned for two hours that end once it is met.
 The aim is the median figure of the latter at :data:`AIM_AT` of the time. Every third surface is taken, by name.
@@ -423,18 +423,18 @@ def made_field(name: str, seed: int) -> SurrogateField:
     return replace(shipped, name=name, title=name, field=field, truth=truth, hours=hours)
 
 
+PERSON = {"person": "usual", "speed_mps": 1.2, "stop_overhead_s": 5.0, "position_sd_m": 1.0}
 KINDS: dict[str, dict[str, Any]] = {
-    "own fields": {},
-    "surfaces": {},
-    "surfaces, by a person": {"person": "usual", "speed_mps": 1.2, "stop_overhead_s": 5.0, "position_sd_m": 1.0},
-}
+    "own fields": {}, "own fields, by a person": PERSON, "surfaces": {}, "surfaces, by a person": PERSON,
+}  # fmt: skip
 """Settings of the kinds of missions."""
 
 
 def mission(name: str, seed: int, kind: str, surfaces: Path | None) -> MissionResult:
     """A mission on a field; every second seed has half of the time."""
-    made = kind != "own fields" or name in MADE
-    if kind == "own fields":
+    is_own = kind.startswith("own fields")
+    made = not is_own or name in MADE
+    if is_own:
         field = made_field(name, seed) if made else surrogate_field(name)
     else:
         surface = zoo_field(name, surfaces)
@@ -494,9 +494,10 @@ def forecasts(given: argparse.Namespace) -> None:
     found: list[Made] = []
     uniform: list[str] = []
     own = given.fields or [*STATIONARY, *NON_STATIONARY, *MADE]
-    names = {kind: own if kind == "own fields" else real_surfaces(given.surfaces) for kind in KINDS}
-    for seed, kind in product(range(1, given.seeds + 1), KINDS if given.surfaces else ("own fields",)):
-        for name in names[kind]:
+    for seed, kind in product(range(1, given.seeds + 1), KINDS):
+        if (is_foreign := kind.startswith("surfaces")) and not given.surfaces:
+            continue
+        for name in real_surfaces(given.surfaces) if is_foreign else own:
             result = mission(name, seed, kind, given.surfaces)
             found += forecasts_of(kind, name, seed, result)
             share = told(result)

@@ -7,6 +7,7 @@
 * CPU share and memory of the robot's nodes while it drives and counts, in real time: a record every 10 s, 10 fixes
   per second, strategy gcb, dwell optimal; with simulated time (a clock of 50 Hz) and without
 * time from a request to abort to its answer, while stops are chosen and large maps computed and published
+* first view of the operator's page in Chromium, on a phone with nothing in its cache, at 1 Mbit/s and 40 ms
 
 ``--maps`` instead: public topological maps, which are read, and which are refused and why. The folder has a folder
 ``OWNER+NAME`` for each repository, below which lie its map files, whatever their folders.
@@ -22,6 +23,7 @@ import json
 import math
 import os
 import re
+import shutil
 import signal
 import statistics
 import subprocess
@@ -46,6 +48,7 @@ import results
 
 import msg_adapters
 import soilmoist_ros
+from soilmoist_ros.console import Access, Board, ConsoleServer, SurveyFiles, choices_view, field_view
 from soilmoist_ros.exploration import read_topological_map
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation import InputError
@@ -53,6 +56,7 @@ from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
 from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
 from soilmoist_ros.recording.run_folder import write_parameters
 from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.simulation import surrogate_field
 
 Row = dict[str, object]
 
@@ -444,6 +448,46 @@ def aborts(folder: Path, tries: int) -> list[Row]:
     ]
 
 
+# The operator's page -------------------------------------------------------------------------------------------
+
+SLOW = {"offline": False, "latency": 40, "downloadThroughput": 1e6 / 8, "uploadThroughput": 1e6 / 8}
+SHOWN = """name => document.getElementById("field")?.textContent === name
+    && document.getElementById("map").dataset.view ? performance.now() / 1000 : 0"""
+
+
+def first_views(folder: Path, tries: int) -> Iterator[Row]:
+    """Bytes and time from the address to a page that shows its field and the state of a mission."""
+    from playwright.sync_api import sync_playwright
+
+    board = Board()
+    field = field_view(surrogate_field("half-wet").field)
+    for name, value in (("robots", ["r1"]), ("field", field), ("choices", choices_view())):
+        board.put(name, value)
+    server = ConsoleServer(board, None, Access(), lambda: None, SurveyFiles(folder, folder, folder), {})
+    address = f"http://127.0.0.1:{server.start('127.0.0.1', 0)}/"
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        for language in ("en-GB", "de-DE"):
+            seconds, sizes = [], []
+            for _ in range(tries):
+                size = {"width": 390, "height": 844}
+                page = browser.new_context(viewport=size, locale=language, bypass_csp=True).new_page()
+                devtools, got = page.context.new_cdp_session(page), list[float]()
+                devtools.on("Network.loadingFinished", lambda one, got=got: got.append(one["encodedDataLength"]))
+                devtools.send("Network.enable")
+                devtools.send("Network.emulateNetworkConditions", SLOW)
+                page.goto(address)
+                seconds.append(page.wait_for_function(SHOWN, arg=field["name"], polling=20).json_value())
+                sizes.append(sum(got))
+                page.context.close()
+            yield {
+                "language": language, "tries": tries, "kB": round(statistics.median(sizes) / 1e3),
+                "median s": f"{statistics.median(seconds):.2f}", "longest s": f"{max(seconds):.2f}",
+            }  # fmt: skip
+        browser.close()
+    server.close()
+
+
 def memory_mb(process: psutil.Process) -> tuple[float, float]:
     """Resident memory of a process, and its share of it: pages that several processes use count in part."""
     used = process.memory_full_info()
@@ -486,7 +530,7 @@ def read_maps(folder: Path, save: bool) -> None:
 def main() -> None:
     parser = results.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer records and repeats, shorter missions")
-    parser.add_argument("--only", choices=("latency", "start-up", "load", "abort"), help="one part")
+    parser.add_argument("--only", choices=("latency", "start-up", "load", "abort", "page"), help="one part")
     parser.add_argument("--maps", type=Path, metavar="FOLDER", help="read topological maps instead")
     given = parser.parse_args()
     if given.maps:
@@ -520,6 +564,13 @@ def main() -> None:
             rows = aborts(folder / "abort", 10 if given.quick else 40)
             settings = "from a request to abort to its answer, 70,000 cells, 60 times as fast as real time"
             results.publish("ros_abort", *results.columns_and_rows(rows), settings, given.save)
+        if given.only in (None, "page"):
+            rows = list(first_views(folder, 3 if given.quick else 10))
+            settings = (
+                "operator's page in Chromium, 390 x 844, empty cache, until the field is drawn; "
+                "HTTP at 1 Mbit/s and 40 ms by its developer tools, which do not slow the WebSocket"
+            )
+            results.publish("ros_page", *results.columns_and_rows(rows), settings, given.save)
 
 
 if __name__ == "__main__":

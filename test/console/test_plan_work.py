@@ -58,6 +58,8 @@ def test_what_is_drawn_becomes_a_field_file(tmp_path):
         check_field({**FIELD, "no_go": [[[1, 1], [1.5, 1], [1.5, 1.5]]]})
     with pytest.raises(InputError, match="not a simple polygon"):
         check_field({**FIELD, "boundary": [[0, 0], [40, 30], [40, 0], [0, 30]]})
+    with pytest.raises(InputError, match="draw or walk a larger one"):
+        check_field({**FIELD, "boundary": [[0, 0], [0.5, 0], [0.5, 0.5]]})
     assert field_text({**FIELD, "name": ""}).startswith('name: "drawn field"\n')
 
 
