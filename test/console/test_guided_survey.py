@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``soilmoist guide`` as a process, with real sockets: a simulated person follows the page (guide_page.py); kill -9."""
+"""``soilmoist guide`` as a process (guide_page.py), with real sockets: a person follows the page; kill -9."""
 
 from __future__ import annotations
 
