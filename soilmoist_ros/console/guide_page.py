@@ -166,7 +166,7 @@ class FieldBorder:
 
     def __init__(self, page: GuidePage, out: Path, devices: DriverSettings) -> None:
         self._page, self._board, self._file = page, page.board, out / BORDER
-        self._driver = Driver(devices, Site(calibration=None), LocalFrame(0.0, 0.0), time.time(), page.receiver())
+        self._driver = Driver(devices, Site(calibration=None), LocalFrame(0.0, 0.0), page.receiver())
         self._driver.refuse_taken()
         self._frame: LocalFrame | None = None
         self._history = RobotHistory(self._board, "")

@@ -165,7 +165,7 @@ class GuidedSurvey:
         )
         self._plane = survey.field.frame
         curve = planning_curve(survey.site, survey.field, mission.target == "vwc")
-        self._driver = Driver(devices, survey.site, self._plane, time.time(), page.receiver())
+        self._driver = Driver(devices, survey.site, self._plane, page.receiver())
         self._driver.refuse_taken()
         self._faults: dict[str, str] = {}
         self._latlon: LatLon | None = None

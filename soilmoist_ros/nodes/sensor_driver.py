@@ -135,7 +135,7 @@ class SensorDriver(LifecycleNode):
             )
         settings: dict[str, Any] = {name: options[name] for name in DRIVER_SETTINGS}
         settings["arms"] = LeverArms.of(options)
-        self._driver = Driver(DriverSettings(**settings), sensor, field.frame, ros_now_s(self))
+        self._driver = Driver(DriverSettings(**settings), sensor, field.frame)
         if self._given.text("intensity_topic"):
             self._driver.stream.survey.latest_intensity = self._intensity
 

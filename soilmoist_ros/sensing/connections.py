@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Opens line sources by address: TCP, UDP and serial links, which reconnect when they break, and recordings."""
+"""Opens line sources by address: TCP, UDP and serial links, which reconnect when they break."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
 import ipaddress
-import math
 import os
 import random
 import select
@@ -18,26 +17,16 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from soilmoist_ros.foundation import InputError, did_you_mean
-from soilmoist_ros.sensing.lines import (
-    LineBuffer,
-    LineSource,
-    LinkState,
-    LinkStatus,
-    PlaybackClock,
-    RecordingSource,
-    StampOf,
-)
+from soilmoist_ros.sensing.lines import LineBuffer, LineSource, LinkState, LinkStatus
 
 EXAMPLES = {
     "tcp": "tcp://192.168.1.20:5000", "udp": "udp://0.0.0.0:5000", "serial": "serial:///dev/ttyUSB0?baud=115200",
-    "file": "file:///home/robot/survey.log?speed=10",
 }  # fmt: skip
 """An example of each kind of address."""
-_OPTIONS = {"tcp": ("interface",), "udp": ("from", "interface"), "serial": ("baud",), "file": ("speed",)}
+_OPTIONS = {"tcp": ("interface",), "udp": ("from", "interface"), "serial": ("baud",)}
 DEFAULT_BAUD = 115_200
 CHUNK = 65_536  # maximum number of bytes of one read; no datagram is larger
 RECEIVE_BUFFER = 1 << 20
@@ -54,20 +43,15 @@ _TAKEN = {
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 
 
-def open_source(
-    uri: str, retry: Retry | None = None, stamp_of: StampOf | None = None, playback: PlaybackClock | None = None
-) -> LineSource:
+def open_source(uri: str, retry: Retry | None = None) -> LineSource:
     """Line source at an address; it connects at the first read.
 
     * ``tcp://host:port`` connects to a server; ``?interface=eth1`` by this network interface only,
     * ``udp://0.0.0.0:port`` listens for datagrams; ``?from=192.168.5.20,10.0.5.0/24`` drops those of other
       senders, ``?interface=eth1`` those of other networks,
-    * ``serial:///dev/ttyUSB0?baud=115200`` opens a port,
-    * ``file:///path?speed=10`` plays a recording at ten times its speed, with ``speed=0`` as fast as possible.
+    * ``serial:///dev/ttyUSB0?baud=115200`` opens a port.
 
-    :param stamp_of: time of a recorded line; see :class:`RecordingSource`
-    :param playback: shared by recordings that are played together
-    :raises InputError: if the address is invalid, or a file cannot be read
+    :raises InputError: if the address is invalid
     """
     try:
         parts = urlsplit(uri.strip())
@@ -75,6 +59,9 @@ def open_source(
     except ValueError as error:
         raise _bad(uri, str(error)) from None
     kind = parts.scheme
+    if kind == "file":
+        remedy = "map a log with 'soilmoist map LOG', play a recording with 'soilmoist bag play'"
+        raise InputError(f"the address {uri!r} is of a file, not of a device", remedy)
     if kind not in EXAMPLES:
         kinds = f"{', '.join(EXAMPLES)}{did_you_mean(kind, EXAMPLES)}"
         raise _bad(uri, f"must begin with one of: {kinds}" if kind else "has no kind before '://'")
@@ -82,15 +69,6 @@ def open_source(
     for name in options:
         if name not in _OPTIONS[kind]:
             raise _bad(uri, f"has an unknown option {name!r}; there are: {', '.join(_OPTIONS[kind])}", kind)
-
-    def number(name: str, default: float, low: float) -> float:
-        try:
-            value = float(options.get(name, default))
-        except ValueError:
-            value = math.nan
-        if not (low <= value < 1e7):
-            raise _bad(uri, f"{name}={options[name]!r} is not a number of at least {low:g}", kind)
-        return value
 
     if kind in ("tcp", "udp"):
         if not parts.hostname or not port:
@@ -105,10 +83,13 @@ def open_source(
         return ReconnectingSource(uri, connect, retry, senders=senders)
     if parts.netloc or not parts.path.startswith("/") or len(parts.path) < 2:
         raise _bad(uri, "lacks the absolute path: mind the three slashes", kind)
-    path = unquote(parts.path)
-    if kind == "file":
-        return RecordingSource(Path(path), number("speed", 1.0, 0.0), stamp_of, playback)
-    return ReconnectingSource(uri, partial(open_serial, path, int(number("baud", DEFAULT_BAUD, 50.0))), retry)
+    try:
+        baud = int(float(options.get("baud", DEFAULT_BAUD)))
+    except (ValueError, OverflowError):
+        baud = 0
+    if not 50 <= baud < 10**7:
+        raise _bad(uri, f"baud={options['baud']!r} is not a number of at least 50", kind)
+    return ReconnectingSource(uri, partial(open_serial, unquote(parts.path), baud), retry)
 
 
 def parse_networks(uri: str, text: str) -> tuple[Network, ...]:

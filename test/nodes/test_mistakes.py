@@ -57,7 +57,7 @@ POSES = {"navigator": "goal_pose", "graph": "free"}
         ("sensor_driver", {"loger_uri": "x"}, "did you mean 'logger_uri'?"),
         ("sensor_driver", {"logger_format": "thorvald"}, "thorvald_crs"),
         ("sensor_driver", {"logger_uri": "tpc://host:1"}, "write it like tcp://"),
-        ("sensor_driver", {"logger_uri": "file:///no/such.log"}, "no such file"),
+        ("sensor_driver", {"logger_uri": "file:///no/such.log"}, "is of a file, not of a device"),
         ("sensor_driver", {"gnss_uri": "tcp://host"}, "lacks the port"),
         ("sensor_driver", {"intensity_topic": "monitor"}, "no reference for the intensity"),
         ("recorder", {"include": "*"}, "not a regular expression"),

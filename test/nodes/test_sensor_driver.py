@@ -29,7 +29,6 @@ from soilmoist_ros.sensing import Fix, FixStatus, LogHeader, fix_from_message, f
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences, sentences_without_fix
-from virtual_survey import write_survey
 
 T0 = datetime(2026, 6, 1, 8, tzinfo=UTC).timestamp()
 FRAME = LocalFrame(53.268, -0.5245)
@@ -360,16 +359,6 @@ def test_intensity_comes_by_topic_also_from_before_the_start(ros, start, outputs
     assert "an intensity of nan is ignored" in process.output()
 
 
-def test_recordings_are_played_like_devices(ros, start, outputs, tmp_path):
-    write_survey(tmp_path / "survey", 3, spacing_m=40.0, dwell_s=60.0)
-    log, nmea = (tmp_path / "survey" / name for name in ("survey.log", "survey.nmea"))
-    number = sum(not text.startswith(b"#") for text in log.read_bytes().splitlines())
-    start(logger_uri=f"{log.as_uri()}?speed=30", gnss_uri=f"{nmea.as_uri()}?speed=30", fix_wait_s=60.0)
-    ros.wait_for(lambda: outputs.counts and outputs.numbers[-1] == number, message="the last record")
-    assert outputs.numbers == list(range(outputs.numbers[0], number + 1))  # first ones precede discovery
-    assert not [one for one in outputs.records if math.isnan(one.x_m)]
-
-
 def test_it_uses_simulated_time_and_names_another_type_on_the_topic_of_fixes(ros, start, outputs, logger):
     ros.start_publisher(String, "fix")
     clock = ros.node.create_publisher(Clock, "/clock", CLOCK)
@@ -423,7 +412,7 @@ def test_its_life_cycle(ros, field, logger, outputs):
     process = ros.start("sensor_driver", params={**params, "logger_uri": "file:///no/such.log"}, namespace="/r2")
     assert not change(ros, Transition.TRANSITION_CONFIGURE, "/r2")
     assert state(ros, "/r2") == State.PRIMARY_STATE_UNCONFIGURED
-    ros.wait_for(lambda: "no such file" in process.output())
+    ros.wait_for(lambda: "is of a file, not of a device" in process.output())
     assert process.stop() == 0
     assert "Traceback" not in process.output()
 

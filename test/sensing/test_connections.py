@@ -43,9 +43,8 @@ from soilmoist_ros.sensing.survey.driver import link_health
         ("udp://0.0.0.0:5000?from=10.0.0.1/8", "has host bits set"),
         ("serial://ttyUSB0", "three slashes"),
         ("serial:///dev/ttyUSB0?baud=fast", "baud='fast' is not a number"),
-        ("file:///no/such/file", "no such file"),
-        ("file://log.txt", "write it like file:///"),
-        ("file:///tmp/x?speed=-1", "at least 0"),
+        ("serial:///dev/ttyUSB0?baud=9", "at least 50"),
+        ("file:///tmp/survey.log?speed=10", "map a log with 'soilmoist map LOG'"),
     ],
 )
 def test_a_bad_address_is_refused_with_an_example(uri, said):

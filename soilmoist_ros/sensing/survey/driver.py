@@ -15,11 +15,9 @@ from datetime import UTC, datetime
 from soilmoist_ros.foundation import Health, Level, LocalFrame
 from soilmoist_ros.sensing.connections import MAX_SILENT_PERIODS, ReconnectingSource, Retry, open_source
 from soilmoist_ros.sensing.formats.log_layout import LogHeader
-from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.gnss import EARLIEST_DATE_S, SIMULATED, Fix, FixStatus, clock_words, utc_text
-from soilmoist_ros.sensing.lines import LineReader, LineSource, LinkState, LinkStatus, PlaybackClock
+from soilmoist_ros.sensing.lines import LineReader, LineSource, LinkState, LinkStatus
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.nmea import NmeaParser
 from soilmoist_ros.sensing.position.place_doubt import Doubts
 from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.problems import Kind, reason_text
@@ -37,7 +35,7 @@ OLD_INTENSITY = 0.5
 """Age of the incoming intensity without a warning, as a share of the age from which it is not used."""
 MIN_JUDGED = 3  # number of records from which more than half in quarantine are an error
 _LINK_LEVELS = {
-    LinkState.CONNECTED: Level.OK, LinkState.ENDED: Level.OK, LinkState.CONNECTING: Level.ERROR,
+    LinkState.CONNECTED: Level.OK, LinkState.CONNECTING: Level.ERROR,
     LinkState.SILENT: Level.ERROR, LinkState.CLOSED: Level.STALE,
 }  # fmt: skip
 
@@ -82,22 +80,14 @@ class Batch:
 class Driver:
     """Reads the devices in background threads; all other work runs in the caller's thread.
 
-    :param now_s: time, if known [s since 1970 UTC]; dates the recordings of receivers that send no date
     :param receiver: GNSS receiver; ``None`` for the one at the address in the settings
     :raises InputError: if a setting is invalid
     """
 
     def __init__(
-        self,
-        settings: DriverSettings,
-        site: Site,
-        frame: LocalFrame,
-        now_s: float = NAN,
-        receiver: LineSource | None = None,
+        self, settings: DriverSettings, site: Site, frame: LocalFrame, receiver: LineSource | None = None
     ) -> None:
         self._settings, self._receiver = settings, receiver
-        self._site = site
-        self._reference_stamp_s = now_s if now_s > 0 else NAN
         self.stream = SensorStream(site, frame, settings.logger_format, settings.fix_wait_s, settings.arms)
         self._open_all()  # checks the addresses without connecting
         self._readers: dict[str, LineReader] = {}
@@ -116,10 +106,7 @@ class Driver:
                 source.refuse_taken()
 
     def start(self, wake: Callable[[], None]) -> None:
-        """Start reading; ``wake`` is called from threads when lines wait for :meth:`step`.
-
-        :raises InputError: if a recording cannot be read
-        """
+        """Start reading; ``wake`` is called from threads when lines wait for :meth:`step`."""
 
         def on_line() -> None:
             if not self._awake.is_set():  # a wake-up costs more than a line
@@ -179,26 +166,14 @@ class Driver:
         return [] if reader is None else reader.take(LINES_PER_STEP)
 
     def _open_all(self) -> dict[str, LineSource]:
-        settings, playback = self._settings, PlaybackClock()
+        settings = self._settings
         retry = Retry(silence_s=settings.silence_limit_s)
         logger_retry = Retry(silence_s=settings.silence_limit_s, period_s=lambda: self.stream.record_period_s)
-        parser = RecordParser(self.stream.parser.format, self._site.longitude, on_problem=lambda problem: None)
-
-        def logger_stamp(line: bytes) -> float | None:
-            record = parser.feed(line)
-            return None if record is None else record.stamp_s
-
-        sources = {LOGGER: open_source(settings.logger_uri, logger_retry, logger_stamp, playback)}
+        sources = {LOGGER: open_source(settings.logger_uri, logger_retry)}
         if self._receiver is not None:
             sources[GNSS] = self._receiver
         elif settings.gnss_uri:
-            nmea = NmeaParser(reference_stamp_s=self._reference_stamp_s, on_problem=lambda problem: None)
-
-            def fix_stamp(line: bytes) -> float | None:
-                fix = nmea.feed(line)
-                return None if fix is None or math.isnan(fix.stamp_s) else fix.stamp_s
-
-            sources[GNSS] = open_source(settings.gnss_uri, retry, fix_stamp, playback)
+            sources[GNSS] = open_source(settings.gnss_uri, retry)
         return sources
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Links and processing together, with recordings and a server."""
+"""Links and processing together, with servers."""
 
 import contextlib
 import math
@@ -46,18 +46,19 @@ def records(batches):
     return [record for batch in batches for record in batch.records]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("speed", [0, 300])
-def test_recordings_of_logger_and_receiver_are_played_in_step(speed, tmp_path):
+def test_logger_and_receiver_are_read_together(tmp_path):
     field = write_survey(tmp_path, 3, spacing_m=40.0, dwell_s=60.0)
-    uris = [f"{(tmp_path / name).as_uri()}?speed={speed}" for name in ("survey.log", "survey.nmea")]
-    settings = DriverSettings(uris[0], FORMAT, uris[1], fix_wait_s=60.0)
-    driver = Driver(settings, load_site(tmp_path / "site.yaml"), field.frame)
     log = (tmp_path / "survey.log").read_bytes().splitlines()
     number = sum(not text.startswith(b"#") for text in log)
-    with started(driver):
-        batches = until(driver, lambda batches: len(records(batches)) == number)
-        assert {part.name: part.level for part in driver.health(0.0)}["logger link"] is Level.OK
+    with socket.create_server(("127.0.0.1", 0)) as logger, socket.create_server(("127.0.0.1", 0)) as receiver:
+        uris = ["tcp://{}:{}".format(*server.getsockname()) for server in (logger, receiver)]
+        settings = DriverSettings(uris[0], FORMAT, uris[1], fix_wait_s=60.0)
+        driver = Driver(settings, load_site(tmp_path / "site.yaml"), field.frame)
+        with started(driver), receiver.accept()[0] as fixes, logger.accept()[0] as counts:
+            for client, name in ((fixes, "survey.nmea"), (counts, "survey.log")):
+                threading.Thread(target=client.sendall, args=[(tmp_path / name).read_bytes()]).start()
+            batches = until(driver, lambda batches: len(records(batches)) == number)
+            assert {part.name: part.level for part in driver.health(0.0)}["logger link"] is Level.OK
     assert [text for batch in batches for text in batch.logger_lines] == log
     assert sum(len(batch.readings) for batch in batches) == number
     assert sum(len(batch.fixes) for batch in batches) > 9 * number
@@ -271,9 +272,7 @@ HERE = {"latitude": -52.1, "longitude": 13.2, "accuracy": 5.0, "age_s": 0.5, "al
 
 def test_a_phone_is_a_receiver_whose_old_and_coarse_positions_are_refused():
     phone = PhoneReceiver()
-    driver = Driver(
-        DriverSettings("tcp://127.0.0.1:1", FORMAT, PHONE), Site(), LocalFrame(-52.1, 13.2), 0.0, phone
-    )
+    driver = Driver(DriverSettings("tcp://127.0.0.1:1", FORMAT, PHONE), Site(), LocalFrame(-52.1, 13.2), phone)
     with started(driver):
         link = next(part for part in driver.health(0.0) if part.name == "GNSS link")
         assert (link.level, "keep the page open" in link.message) == (Level.ERROR, True)
