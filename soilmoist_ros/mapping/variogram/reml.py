@@ -204,10 +204,11 @@ class Prior:
     ) -> Prior:
         """Prior for merged samples, and those of other surveys, in a field of extent ``extent_m`` [m], > 0."""
         m = noise_rate(places)
-        structured, worth = cls.GUESS_WORTH * (cls.GUESSED_VARIATION * m) ** 2, cls.GUESS_WORTH
+        guess = (cls.GUESSED_VARIATION * m) ** 2
+        structured, worth = cls.GUESS_WORTH * guess, cls.GUESS_WORTH
         for survey in (places, *others):
-            degrees = len(survey) - 1
-            structured += degrees * _variance_without_noise(survey, noise_rate(survey))
+            variance, degrees = _variance_without_noise(survey, noise_rate(survey), guess)
+            structured += degrees * variance
             worth += degrees
         structured = structured / worth
         medians = [
@@ -219,8 +220,8 @@ class Prior:
         if farm is None:
             return usual
         practical, square = np.log(correlation_model(model).practical), np.log(m**2)
-        guess = [np.log(cls.GUESSED_VARIATION), usual.log_median[1] + practical, np.log(cls.GUESSED_NUGGET)]
-        mean, sd = farm.expected(np.array(guess), usual.log_sd * [0.5, 1.0, 1.0])
+        means = [np.log(cls.GUESSED_VARIATION), usual.log_median[1] + practical, np.log(cls.GUESSED_NUGGET)]
+        mean, sd = farm.expected(np.array(means), usual.log_sd * [0.5, 1.0, 1.0])
         structured = 2 * mean[0] + square
         return cls(np.array([structured, mean[1] - practical, structured + mean[2]]), sd * [2.0, 1.0, 1.0])
 
@@ -230,13 +231,13 @@ class Prior:
         return np.asarray((np.log(np.maximum(parameters, 1e-300)) - self.log_median) / self.log_sd)
 
 
-def _variance_without_noise(places: Samples, mean_rate: float) -> float:
-    """Sample variance of the rates minus the counting variance [(counts/s)^2], >= 0.
+def _variance_without_noise(places: Samples, mean_rate: float, guess: float) -> tuple[float, float]:
+    """Sample variance of the rates minus the counting variance [(counts/s)^2], >= 0, and its degrees of freedom.
 
     With many short counts the difference is mostly chance. Neighbours are therefore pooled until the difference
-    exceeds the noise or few pools remain.
+    exceeds the noise or few pools remain. Then it is worth what its standard error is beside that of the guess.
     """
-    size = 1
+    size, degrees = 1, len(places) - 1.0
     while True:
         pools = spatial_blocks(places.xy, 0, size) if size > 1 else list(np.arange(len(places))[:, None])
         order, starts = np.concatenate(pools), np.cumsum([0, *map(len, pools[:-1])])
@@ -244,8 +245,10 @@ def _variance_without_noise(places: Samples, mean_rate: float) -> float:
         rate = np.add.reduceat(places.counts[order], starts) / exposure_s
         noise = float(np.mean(mean_rate / exposure_s))
         corrected = max(float(rate.var(ddof=1)) - noise, 0.0) if len(pools) > 1 else 0.0
-        if corrected > noise or len(pools) < 2 * _MIN_POOLS:
-            return corrected
+        if corrected > noise:
+            return corrected, degrees
+        if len(pools) < 2 * _MIN_POOLS:
+            return corrected, min(degrees, (len(pools) - 1) * (guess / (corrected + noise)) ** 2)
         size *= 2
 
 

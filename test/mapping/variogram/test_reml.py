@@ -67,6 +67,18 @@ def test_blocks_are_a_compact_partition():
     assert len(spatial_blocks(xy[:1000], 1000, 500)) == 1
 
 
+def test_a_variance_that_chance_explains_hardly_moves_the_prior():
+    """360 counts cannot show that a field varies by less than the guess; 36,000 can."""
+    rng = np.random.default_rng(0)
+    xy, exposure_s = rng.uniform(0, 60, (300, 2)), np.full(300, 24.0)
+    shares = []
+    for rate in (0.05, 5.0):
+        prior = Prior.of(Samples(xy, rng.poisson(rate * exposure_s), exposure_s), "matern32", 60.0)
+        shares.append(np.exp(prior.log_median[0]) / (Prior.GUESSED_VARIATION * rate) ** 2)
+    assert shares[0] > 0.5
+    assert shares[1] < 0.1
+
+
 def test_the_mode_has_no_slope():
     samples = some_samples()
     prior = Prior.of(samples, "matern32", 200.0)
