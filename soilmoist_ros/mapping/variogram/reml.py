@@ -235,7 +235,7 @@ def _variance_without_noise(places: Samples, mean_rate: float, guess: float) -> 
     """Sample variance of the rates minus the counting variance [(counts/s)^2], >= 0, and its degrees of freedom.
 
     With many short counts the difference is mostly chance. Neighbours are therefore pooled until the difference
-    exceeds the noise or few pools remain. Then it is worth what its standard error is beside that of the guess.
+    exceeds the noise or few pools remain. Then it counts by its own precision.
     """
     size, degrees = 1, len(places) - 1.0
     while True:
