@@ -42,6 +42,7 @@ RENAMED = {
     **dict.fromkeys(("--live", "--topics", "--start"), _PLAY),
     "--figures": "print report.html, or draw map.tif",
     "--formats": "soilmoist list exports shows the formats",
+    "--scheduler": "give --workers; a cluster runs campaigns",
 }  # fmt: skip
 """Options of earlier releases, and what to do."""
 EXAMPLES = {

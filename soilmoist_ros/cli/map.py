@@ -58,7 +58,6 @@ NO_MOISTURE = "the site file asks for the rate alone, or its soil is peat withou
 @click.option("--exact", "max_exact_samples", type=click.IntRange(min=1), default=2000, show_default=True,
               help="Samples up to which the map is exact; beyond, it is made tile by tile.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes for tiles. Default: one per core.")
-@click.option("--scheduler", help="Address of a Dask scheduler for the tiles instead, such as tcp://host:8786.")
 @options.earlier_option()
 @options.covariate_option()
 @options.reference_option
@@ -72,7 +71,6 @@ def command(
     field: str | None,
     preset: str,
     workers: int | None,
-    scheduler: str | None,
     crs: str | None,
     out: Path,
     overwrite: bool,
@@ -102,7 +100,7 @@ def command(
         site=site, field=field, crs=crs, covariates=tuple(map(CovariateSource.parse, covariates)),
         times_s=(start_s, end_s), **options.chosen_settings(choices, PRESETS[preset]), **choices,
     )  # fmt: skip
-    with progress_bar() as progress, shared_work(workers, scheduler) as compute:
+    with progress_bar() as progress, shared_work(workers) as compute:
         run = map_logs(logs, settings, progress, compute)
         progress("writing the results", 0.0)
         written = write_outputs(out, run, crs)

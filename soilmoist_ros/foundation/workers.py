@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Work elsewhere: on local processes or a Dask cluster, and in a thread that takes batches."""
+"""Work elsewhere: on local processes, a Dask cluster, and in a thread that takes batches."""
 
 from __future__ import annotations
 
 import importlib
 import logging
 import multiprocessing
-import operator
 import os
 import re
 import threading
@@ -104,18 +103,15 @@ def _check_address(scheduler: str, distributed: Any) -> None:
 
 
 @contextmanager
-def shared_work(workers: int | None = None, scheduler: str | None = None) -> Iterator[Compute]:
-    """A ``map`` on several processes or a cluster, which stay open from the first item to the end.
+def shared_work(workers: int | None = None) -> Iterator[Compute]:
+    """A ``map`` on several processes, which stay open from the first item to the end.
 
     :param workers: local processes; one per core if ``None``, 0 or 1 computes in this process
-    :raises InputError: when used, if the cluster cannot be reached, or a worker dies
+    :raises InputError: when used, if a process dies
     """
     count = cores() if workers is None else workers
     with ExitStack() as stack:
-        if scheduler is not None:
-            client = lru_cache(lambda: stack.enter_context(connect(scheduler)))
-            yield lambda function, items: _on_cluster(client(), function, items)
-        elif count > 1:
+        if count > 1:
             pool = lru_cache(lambda: _open_pool(count, stack))
             yield lambda function, items: _on_processes(pool(), function, items)
         else:
@@ -136,17 +132,6 @@ def _on_processes(
     except BrokenProcessPool:
         remedy = "free some memory, or give --workers 1"
         raise InputError("a process that computed the map died", remedy) from None
-
-
-def _on_cluster(client: Any, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-    shared = client.scatter(function, broadcast=True, hash=False)
-    futures = [client.submit(operator.call, shared, item, pure=False) for item in items]
-    try:
-        for number, future in enumerate(futures):
-            yield future.result()
-            futures[number] = None
-    finally:
-        client.cancel([future for future in futures if future is not None])
 
 
 # Batches ---------------------------------------------------------------------------------------------------------
