@@ -218,6 +218,14 @@ class LaneTravel(GraphTravel):
         ways = [self.route(start, stop) if ok else start[None] for stop, ok in zip(stops, reached, strict=True)]
         return np.array([along(way, share) for way, share in zip(ways, shares, strict=True)])
 
+    def _slower_to_m(self, start: Array, stops: Sequence[Stop]) -> Array:
+        """See :class:`TravelModel`."""
+        if self.graph.limit_mps is None:
+            return np.zeros(len(stops))
+        reached = np.isfinite(self.lengths_m(start, stops))
+        ways = [self.route(start, stop) if ok else start[None] for stop, ok in zip(stops, reached, strict=True)]
+        return np.array([self.slower_m(way) for way in ways])
+
     def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
         nodes = self._nodes([stops[int(index)] for index in indices])
@@ -226,16 +234,20 @@ class LaneTravel(GraphTravel):
         edge = -1 if self._place is None else self._best_entry(np.asarray(self._place, float), nodes[0])[1]
         if edge >= 0:
             edge = self._edges_to(edge, nodes[0])[-1]
+        limits = np.inf if self.graph.limit_mps is None else self.graph.limit_mps
+        slower_m = self.graph.length_m * np.maximum(self.motion.speed_mps / limits - 1, 0.0)
         legs_m = []
         for before, node in pairwise(nodes):
+            new = int(edge >= 0)  # of the edges on the way
             if edge < 0:  # it may leave in any direction
                 first = np.flatnonzero(self.graph.edges[:, 0] == before).tolist()
                 leads = [(self.graph.length_m[one] + self._lengths_from(one)[2][node], one) for one in first]
                 length_m, edge = min(leads, default=(math.inf, -1))
             else:
                 length_m = float(self._lengths_from(edge)[2][node])
-            legs_m.append(length_m)
-            edge = self._edges_to(edge, node)[-1] if math.isfinite(length_m) and edge >= 0 else -1
+            way = self._edges_to(edge, node) if math.isfinite(length_m) else [-1]
+            legs_m.append(length_m + slower_m[way[new:]].sum())
+            edge = way[-1]
         return self.motion.travel_s(np.array(legs_m))
 
     def _entries(self, place: Array) -> list[tuple[float, int, int, Array]]:

@@ -119,10 +119,9 @@ class TravelModel(ABC):
         """
         return 0.0
 
-    @property
-    def has_limits(self) -> bool:
-        """True if ways have limits of the speed."""
-        return False
+    def _slower_to_m(self, start: Array, stops: Sequence[Stop]) -> Array:
+        """As :meth:`slower_m` of the routes from a place, shape (k,) [m]."""
+        return np.zeros(len(stops))
 
     def travel_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
         """Time from a place to each stop, one stop overhead included, shape (k,) [s]; inf if unreachable."""
@@ -137,14 +136,12 @@ class TravelModel(ABC):
         if not len(stops):
             return np.empty(0), 0.0
         start = np.asarray(from_xy, float)
-        lengths = self.lengths_m(start, stops)
-        if self.motion.turn_s_per_rad == 0 and not self.has_limits:
+        lengths = self.lengths_m(start, stops) + self._slower_to_m(start, stops)
+        if self.motion.turn_s_per_rad == 0:
             return lengths, 0.0
         turns = np.zeros(len(stops))
         for index in np.flatnonzero(np.isfinite(lengths)).tolist():
-            way = self.route(start, stops[index])
-            turns[index] = polyline_turn_rad(way)
-            lengths[index] += self.slower_m(way)
+            turns[index] = polyline_turn_rad(self.route(start, stops[index]))
         return lengths, turns
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
@@ -334,10 +331,14 @@ class GraphTravel(TravelModel):
         """See :class:`TravelModel`."""
         return self.graph.slower_m(way, speed_mps or self.motion.speed_mps)
 
-    @property
-    def has_limits(self) -> bool:
+    def _slower_to_m(self, start: Array, stops: Sequence[Stop]) -> Array:
         """See :class:`TravelModel`."""
-        return self.graph.limit_mps is not None
+        entry = self.graph.index(self._entry(start))
+        return self.graph.slower_to_all_m(entry, self.motion.speed_mps)[self._nodes(stops)]
+
+    def _as_long_m(self, node: int) -> Array:
+        """Lengths of the routes from a node to all, with what limits of the speed add [m]."""
+        return self.graph.routes_to_all(node)[0] + self.graph.slower_to_all_m(node, self.motion.speed_mps)
 
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
         """See :class:`TravelModel`."""
@@ -353,20 +354,20 @@ class GraphTravel(TravelModel):
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
-        if self.motion.turn_s_per_rad > 0 or self.has_limits:
+        if self.motion.turn_s_per_rad > 0:
             return super().between_s(stops, indices)
         nodes = self._nodes([stops[int(index)] for index in indices])
-        lengths = np.array([self.graph.routes_to_all(node)[0][nodes] for node in nodes])
+        lengths = np.array([self._as_long_m(node)[nodes] for node in nodes])
         times = self.motion.travel_s(lengths.reshape(len(nodes), len(nodes)))
         np.fill_diagonal(times, 0.0)
         return times
 
     def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
-        if self.motion.turn_s_per_rad > 0 or self.has_limits:
+        if self.motion.turn_s_per_rad > 0:
             return super().legs_s(stops, indices)
         nodes = self._nodes([stops[int(index)] for index in indices])
-        lengths = [self.graph.routes_to_all(start)[0][end] for start, end in pairwise(nodes)]
+        lengths = [self._as_long_m(start)[end] for start, end in pairwise(nodes)]
         return self.motion.travel_s(np.array(lengths, float))
 
     def lengths_m(self, from_xy: Array, stops: Sequence[Stop]) -> Array:

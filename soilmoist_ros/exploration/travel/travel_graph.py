@@ -191,6 +191,30 @@ class TravelGraph:
         limits = [self._limits.get((*start, *end), np.inf) for start, end in parts]
         return float(np.hypot(*np.diff(way, axis=0).T) @ np.maximum(speed_mps / np.array(limits) - 1, 0.0))
 
+    def slower_to_all_m(self, start: int, speed_mps: float) -> Array:
+        """As :meth:`slower_m`, of the shortest routes from a node to all, shape (n,) [m]; 0 out of reach."""
+        lengths, before = self.routes_to_all(start)
+        slower, last = np.zeros(len(lengths)), np.arange(len(lengths))
+        if self.limit_mps is None:
+            return slower
+        to = np.flatnonzero(np.isfinite(lengths) & (last != start))
+        last[to] = before[to]
+        keys, limits = self._edge_limits
+        limit = limits[np.searchsorted(keys, last[to] * len(last) + to)]
+        slower[to] = np.hypot(*(self.xy[to] - self.xy[last[to]]).T) * np.maximum(speed_mps / limit - 1, 0.0)
+        while (last[last] != last).any():  # each has the sum from there on; twice as far in each turn
+            slower, last = slower + slower[last], last[last]
+        return slower
+
+    @cached_property
+    def _edge_limits(self) -> tuple[Indices, Array]:
+        """Edges as ``start * n + end``, sorted, and their speeds; the highest of parallel edges [m/s]."""
+        assert self.limit_mps is not None
+        keys = self.edges[:, 0] * len(self.names) + self.edges[:, 1]
+        order = np.lexsort([-self.limit_mps, keys])
+        found, first = np.unique(keys[order], return_index=True)
+        return found, self.limit_mps[order][first]
+
     @cached_property
     def _limits(self) -> dict[tuple[float, ...], float]:
         """Speeds of edges with a limit by the places of their ends; the highest one of parallel edges."""

@@ -3,6 +3,7 @@
 """Tracks of a file as a graph, and routes of a car that turns around only at ends and junctions."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,6 +88,20 @@ def test_a_tour_allows_for_the_direction_of_arrival(lanes):
     to_branch_m = 200 - stops[1].x_m - stops[2].x_m
     assert legs == pytest.approx([stops[1].x_m - stops[0].x_m, to_branch_m], abs=0.1)
     assert GraphTravel(lanes, MOTION).legs_s(stops, np.array([0, 1, 2]))[1] * 5 == pytest.approx(20, abs=6)
+    middle = at(lanes, 48, 0).x_m
+    west = np.where(lanes.xy[lanes.edges].max(axis=1)[:, 0] < middle + 0.1, 2.5, np.inf)  # half as fast there
+    limited = replace(lanes, limit_mps=west)
+    slow = LaneTravel(limited, MOTION).legs_s(stops, np.array([0, 1, 2])) * MOTION.speed_mps
+    slow_m = [middle - stops[0].x_m, middle - stops[2].x_m]
+    assert slow == pytest.approx(legs + slow_m, abs=0.1)
+    # Between all stops at once as route by route.
+    travel, chosen = GraphTravel(limited, MOTION), np.arange(0, len(lanes.stops), 3)
+    ends = [limited.stops[index] for index in chosen]
+    each = [
+        [travel.slower_m(travel.route(a.xy, b)) + travel.lengths_m(np.array(a.xy), [b])[0] for b in ends]
+        for a in ends
+    ]
+    assert travel.between_s(limited.stops, chosen) * MOTION.speed_mps == pytest.approx(np.array(each))
 
 
 def test_the_arrow_points_to_the_next_bend_of_the_lane(lanes):
