@@ -32,9 +32,15 @@ def product() -> list[Path]:
     return [path for name in ("soilmoist_ros", "msg_adapters") for path in sorted((ROOT / name).rglob("*.py"))]
 
 
+def door(folder):
+    if folder in ("soilmoist_ros.nodes", "msg_adapters"):
+        pytest.importorskip("rclpy")
+    return importlib.import_module(folder)
+
+
 @pytest.mark.parametrize("folder", ROOMS)
 def test_each_room_has_a_door(folder):
-    module = importlib.import_module(folder)
+    module = door(folder)
     assert module.__doc__
     for name in module.__all__:
         assert getattr(module, name) is not None
@@ -53,15 +59,12 @@ def test_each_room_has_a_door(folder):
     assert inside & set(module.__all__) == set(), "a module of that name would hide what the door offers"
 
 
-def test_all_that_is_public_is_documented():
-    undocumented = []
-    for folder in ROOMS:
-        module = importlib.import_module(folder)
-        for name in module.__all__:
-            thing = getattr(module, name)
-            if isinstance(thing, FunctionType | type) and not (thing.__doc__ or "").strip():
-                undocumented.append(f"{folder}.{name}")
-    assert undocumented == []
+@pytest.mark.parametrize("folder", ROOMS)
+def test_all_that_is_public_is_documented(folder):
+    module = door(folder)
+    things = {name: getattr(module, name) for name in module.__all__}
+    public = {name: thing for name, thing in things.items() if isinstance(thing, FunctionType | type)}
+    assert [name for name, thing in public.items() if not (thing.__doc__ or "").strip()] == []
 
 
 def listed() -> list[str]:

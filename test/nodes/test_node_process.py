@@ -26,6 +26,8 @@ from soilmoist_ros.nodes.topics import VISITS as ROSOUT
 
 NODE = """
 import logging, sys, threading, time
+if MODE == "bare":
+    sys.modules["rclpy.experimental"] = None
 from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Empty, Trigger
@@ -50,7 +52,7 @@ class Example(Node):
         if MODE == "last":
             self.last = self.create_publisher(String, "last", RECORDS)
             self.matched = self.create_timer(0.05, self.wait_for_receiver)
-        if MODE == "busy":
+        if MODE in ("busy", "bare"):
             for _ in range(4):
                 self.create_timer(0.001, lambda: time.sleep(0.05))
         self.released = threading.Event()
@@ -127,8 +129,9 @@ def example(ros, tmp_path):
     return start
 
 
-def test_a_busy_node_ends_in_good_order(ros, example):
-    process = example("busy")
+@pytest.mark.parametrize("mode", ["busy", pytest.param("bare", id="without experimental executors")])
+def test_a_busy_node_ends_in_good_order(ros, example, mode):
+    process = example(mode)
     ros.wait_for(lambda: "ready" in process.output())
     assert process.stop(signal.SIGTERM) == 0
     assert process.output().split() == ["ready", "closed"]

@@ -213,18 +213,20 @@ class LaneTravel(GraphTravel):
 
     def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
         """See :class:`TravelModel`."""
-        start = np.asarray(from_xy, float)
-        reached = np.isfinite(self.lengths_m(start, stops))
-        ways = [self.route(start, stop) if ok else start[None] for stop, ok in zip(stops, reached, strict=True)]
+        ways = self._ways(np.asarray(from_xy, float), stops)
         return np.array([along(way, share) for way, share in zip(ways, shares, strict=True)])
+
+    def _ways(self, start: Array, stops: Sequence[Stop]) -> list[Array]:
+        """Routes to stops; only the start for those out of reach."""
+        reached = np.isfinite(self.lengths_m(start, stops))
+        return [self.route(start, stop) if ok else start[None] for stop, ok in zip(stops, reached, strict=True)]
 
     def _slower_to_m(self, start: Array, stops: Sequence[Stop]) -> Array:
         """See :class:`TravelModel`."""
-        if self.graph.limit_mps is None:
-            return np.zeros(len(stops))
-        reached = np.isfinite(self.lengths_m(start, stops))
-        ways = [self.route(start, stop) if ok else start[None] for stop, ok in zip(stops, reached, strict=True)]
-        return np.array([self.slower_m(way) for way in ways])
+        limited = self.graph.limit_mps is not None
+        return np.array(
+            [self.slower_m(way) for way in self._ways(start, stops)] if limited else np.zeros(len(stops))
+        )
 
     def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
