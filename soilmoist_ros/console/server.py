@@ -122,6 +122,7 @@ class ConsoleServer:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)
         self._viewers: set[web.WebSocketResponse] = set()
+        self._ends = False
         self._onlookers: Counter[str] = Counter()
         self._asking: WeakSet[asyncio.Transport] = WeakSet()
         self._controls = Controls()
@@ -191,6 +192,7 @@ class ConsoleServer:
         self._loop.call_later(SILENT_S, self._end_silent, silent)
 
     async def _shut(self) -> None:
+        self._ends = True
         if self._jobs is not None:
             await self._jobs.close()
         for viewer in tuple(self._viewers):
@@ -358,7 +360,7 @@ class ConsoleServer:
 
     async def _send(self, send: Callable[[str], Awaitable[None]], client: str, may_steer: bool) -> None:
         sent: dict[str, Any] = {}
-        while True:
+        while not self._ends:
             version, sent_s = self._board.version, self._board.now_s()
             viewer = {"may_steer": may_steer, "holds": self._controls.holds(client), "holder": self._controls.who}
             now = {**self._board.snapshot(), "viewer": viewer}
@@ -366,7 +368,7 @@ class ConsoleServer:
             await send(_text(message))
             sent = now
             await asyncio.sleep(UPDATE_S)
-            while self._board.version == version and self._board.now_s() < sent_s + IDLE_S:
+            while not self._ends and self._board.version == version and self._board.now_s() < sent_s + IDLE_S:
                 await asyncio.sleep(UPDATE_S / 5)
 
     # What is asked -------------------------------------------------------------------------------------------

@@ -361,3 +361,5 @@ def test_a_phone_that_was_hidden_or_without_network_says_so_and_goes_on(browser,
         return " s old" not in page.locator("#guide-alarm").inner_text()
 
     wait_for(well)
+    served.server._controls.__init__()  # as a command that was started again
+    wait_for(lambda: well() and served.server._controls.who)

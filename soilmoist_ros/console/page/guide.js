@@ -117,13 +117,17 @@ function borderView(isLost) {
 function borderActions() {
   if (where()[0] === undefined || draft.drawing) return [];
   if (walk()) return [button(t("walk_finish"), () => endWalk(true), "primary big"), button(t("walk_discard"), () => endWalk(false))];
-  if (drawn()) return [...(areaDrawn() === null ? [] : [button(t("border_use"), useBorder, "primary big")]), button(t("clear"), clear)];
+  if (drawn()) return [...(areaDrawn() === null ? [] : [button(t("border_use"), useBorder, "primary big", saving ? "…" : "")]), button(t("clear"), clear)];
   return [button(t("border_walk"), () => beginWalk("boundary"), "primary big"), button(t("border_tap"), () => begin("boundary"), "big")];
 }
 
+let saving = false;
 async function useBorder() {
+  saving = true;
+  renderGuide(use);
   const field = await fieldFile();
   if (field && await use.ask("change", { field })) fieldIsUsed();
+  saving = false;
 }
 
 function actions(now) {
@@ -156,6 +160,7 @@ async function sendPlace({ coords, timestamp }) {
   const { latitude, longitude, accuracy, altitude, speed } = coords;
   const age_s = (Date.now() - timestamp) / 1000;  // some phones count from another day than 1970
   const answer = await request("position", { latitude, longitude, accuracy, altitude, speed, age_s: Math.abs(age_s) < DAY_S ? age_s : 0 }, 5000);
+  if (answer.error && sections.viewer && !sections.viewer.holder) await takeControls();  // the command was started again
   busy = false;
   fault = said(answer.error ?? "");
 }
@@ -226,7 +231,7 @@ export function renderGuide(helpers) {
   $("guide").dataset.edge = shown.edge || (wrong.length ? (wrong.some((part) => part.level === 2) ? "bad" : "warn") : "");
   const rest = now?.running ? [t("n_stops", { n: now.stops }), t("guide_left", { duration: duration(now.left_s) })] : [];
   setText("guide-rest", [...rest, watch === null || isAwake() ? "" : t("phone_sleeps")].filter(Boolean).join(" · "));
-  fill("guide-actions", [now?.phase, now?.paused, now?.running, now?.ready, sections.over, isEnough(now ?? {}), near(now ?? {}), sections.viewer, sections.report, connected(), watch !== null, sections.border && [where()[0] === undefined, draft.drawing, drawn(), areaDrawn(), walk()]], () => [...phoneActions(), ...actions(now)]);
+  fill("guide-actions", [now?.phase, now?.paused, now?.running, now?.ready, sections.over, isEnough(now ?? {}), near(now ?? {}), sections.viewer, sections.report, connected(), watch !== null, sections.border && [where()[0] === undefined, draft.drawing, drawn(), areaDrawn(), walk(), saving]], () => [...phoneActions(), ...actions(now)]);
   const key = now ? `${now.phase} ${now.stop?.[0]} ${isEnough(now)}` : "";
   if (key !== before && before) {
     if (now?.phase === "travelling") signal(660, [200, 100, 200]);
