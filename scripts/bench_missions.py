@@ -413,8 +413,8 @@ def made_field(name: str, seed: int) -> SurrogateField:
         width, height, hours, about = MADE[name]
         polygon, no_go = np.array([(0, 0), (width, 0), (width, height), (0, height)], float), ()
     else:
-        mean = 0.05 if name == "few-counts" else 4.0
-        hours, about = 2.0, {"family": "matern32", "mean": mean, "sd": mean / 8, "range_m": 8}
+        mean, sd = (0.05, 0.01) if name == "few-counts" else (4.0, 0.5)
+        hours, about = 2.0, {"family": "matern32", "mean": mean, "sd": sd, "range_m": 8}
         polygon, no_go = (np.array(one, float) for one in ODD[name])
         cell_m = 1.0
     field = Field(name, shipped.frame, polygon, tuple(no_go), cell_m=cell_m)
