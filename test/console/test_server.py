@@ -88,7 +88,8 @@ class Served:
             with urllib.request.urlopen(request, timeout=LIMIT_S) as answer:
                 return answer.status, answer.read(), answer.headers
         except urllib.error.HTTPError as error:
-            return error.code, error.read(), error.headers
+            with error:
+                return error.code, error.read(), error.headers
 
     def post(self, path, content, kind="application/json", **headers):
         body = content if isinstance(content, bytes) else json.dumps(content).encode()
@@ -99,7 +100,8 @@ class Served:
             with urllib.request.urlopen(request, timeout=LIMIT_S) as answer:
                 return answer.status, json.loads(answer.read())
         except urllib.error.HTTPError as error:
-            return error.code, error.read().decode()
+            with error:
+                return error.code, error.read().decode()
 
 
 @pytest.fixture

@@ -66,8 +66,9 @@ def test_nobody_steers(tmp_path):
             request = urllib.request.Request(
                 page.address + path, b'{"verb": "abort"}', {"Content-Type": "application/json"}
             )
-            with pytest.raises(urllib.error.HTTPError, match="403"):
+            with pytest.raises(urllib.error.HTTPError, match="403") as refused:
                 urllib.request.urlopen(request, timeout=10)
+            refused.value.close()
 
 
 def test_a_stop_ends_the_mission_and_keeps_what_was_counted(tmp_path):
