@@ -323,8 +323,8 @@ def print_knowledge(run: MapRun) -> None:
         if row.name == REFERENCE:
             say(f"reference  {', '.join(f'{name} {value}' for name, value in row.parameters.items())}")
     fit = run.soil_map.fit
-    if fit is not None and (verdict := fit.message.partition(", ")[2]):
-        say(f"prior      {'; '.join(filter(None, (str(run.settings.get('other_fields', '')), verdict)))}")
+    if fit is not None and fit.other_fields:
+        say(f"prior      {fit.other_fields}")
     related = relations(run)
     for one in run.earlier:
         known = related.get(one.survey.name)

@@ -252,6 +252,7 @@ class FieldMap:
         self._paths = DrivenPaths()
         self._rising: tuple[list[float], ...] = ([], [], [], [])  # values of :data:`_MEDIANS`
         self._expected = ExpectedCounts(self.merge_radius_m)
+        self._began_s = 0.0
         self._recent_fit: tuple[int, Variogram] | None = None
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
         self.state = MapState()
@@ -504,6 +505,7 @@ class FieldMap:
         """The variogram of a state, ``None`` while its samples are too few."""
         if not len(state.samples):
             return None
+        self._began_s = state.began_s
         state = self._as_seen(state)
         if state.given_fit is not None:
             given = state.given_fit  # with what is known of the field, unless it has that already
@@ -558,7 +560,8 @@ class FieldMap:
         like: VariogramFit | None = None,
     ) -> VariogramFit:
         """The variogram of samples and of other surveys, see :func:`estimate_variogram`."""
-        return estimate_variogram(
+        farm = self.farm and self.farm.besides(self._began_s)
+        fit = estimate_variogram(
             samples.xy,
             samples.counts,
             samples.exposure_s,
@@ -571,8 +574,11 @@ class FieldMap:
             others=others,
             effects=effects,
             like=like,
-            farm=self.farm,
+            farm=farm,
         )
+        if farm is None and self.farm is not None:
+            return replace(fit, message=f"{fit.message}, not used: the only survey is this one")
+        return fit
 
     @cached_property
     def farm(self) -> FarmPrior | None:

@@ -167,7 +167,6 @@ def settings_of(field_map: FieldMap, soil_map: SoilMap, merge_radius_m: float) -
         "local_variance": settings.local, "drift_model": settings.drift_model,
         "nugget": "kept" if settings.keep_nugget else "filtered", "merge_radius_m": merge_radius_m,
         "cell_m": field_map.grid.cell_m, "deconvolved_footprint_m": soil_map.deconvolved_m,
-        **({} if field_map.farm is None else {"other_fields": field_map.farm.text}),
     }  # fmt: skip
 
 

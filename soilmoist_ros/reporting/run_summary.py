@@ -148,6 +148,7 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
         "method": fit.method, "converged": fit.converged, "objective": fit.objective,
         "log_sd": fit.log_sd and dict(zip(names, fit.log_sd, strict=True)),
         "prior_share": dict(zip(names, fit.prior_share, strict=True)),
+        **({"other_fields": fit.other_fields} if fit.other_fields else {}),
         "local": fit.local
         and {
             "used": amplitude is not None, "log_bayes_factor": fit.local.evidence,

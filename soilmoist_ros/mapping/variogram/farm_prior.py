@@ -22,14 +22,14 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import InputError, read_json, read_limited
+from soilmoist_ros.foundation import InputError, Mistake, read_json, read_limited
 from soilmoist_ros.mapping.variogram.model import Variogram, correlation_model
 
 Array = NDArray[np.float64]
@@ -39,6 +39,8 @@ NAMES: Final = ("variation", "range_m", "nugget_share")
 COLUMNS: Final = ("survey", *(name for one in NAMES for name in (one, f"{one.split('_')[0]}_factor")))
 _TAU: Final = np.geomspace(0.02, 2.0, 25)
 _TAU_SCALE: Final = 0.5
+_HIGHEST: Final = {"variation": 1.0, "range_m": 1e6, "nugget_share": 10.0}
+"""Values beyond which a table is in other units."""
 _MIN_NUGGET: Final = 1e-4
 _MIN_LOG_SD: Final = 0.05  # least standard error of a logarithm that is believed
 _MAX_LOG_SD: Final = 3.0  # standard error of a logarithm from which on the counts say nothing
@@ -52,6 +54,8 @@ class FarmSurvey:
     name: str
     log_values: tuple[float, float, float]
     log_sds: tuple[float, float, float]
+    times_s: tuple[float, float] = (math.inf, -math.inf)
+    """Begin and end of a measured survey [s since 1970-01-01 UTC]; none if it does not say."""
 
     @classmethod
     def of(
@@ -86,6 +90,13 @@ class FarmPrior:
     """Surveys of other fields, one at least."""
 
     surveys: tuple[FarmSurvey, ...]
+    left_out: int = 0
+    """Number of runs that are the present survey itself."""
+
+    def besides(self, began_s: float) -> FarmPrior | None:
+        """The prior without the survey that began at this time, whose counts would be used twice [s]."""
+        others = tuple(one for one in self.surveys if not one.times_s[0] <= began_s <= one.times_s[1])
+        return replace(self, surveys=others, left_out=len(self.surveys) - len(others)) if others else None
 
     def expected(self, usual: Array, usual_sd: Array) -> tuple[Array, Array]:
         """Mean and standard deviation of the logarithms of :data:`NAMES` of a field without a survey, shape (3,).
@@ -123,7 +134,9 @@ class FarmPrior:
             for value, factor, form in zip(np.exp(mean), np.exp(sd), (".0%", ".0f", ".0%"), strict=True)
         )
         count = len(self.surveys)
-        return f"{count} survey{'s'[: count > 1]}: variation {variation}, range [m] {range_m}, nugget {nugget}"
+        left_out = f", {self.left_out} left out that is this survey itself" if self.left_out else ""
+        about = f"variation {variation}, range [m] {range_m}, nugget {nugget}"
+        return f"{count} survey{'s'[: count > 1]}{left_out}: {about}"
 
     def table(self) -> str:
         """The surveys as CSV, which :meth:`read` reads."""
@@ -131,10 +144,9 @@ class FarmPrior:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(COLUMNS)
         for one in self.surveys:
-            numbers = zip(one.log_values, one.log_sds, strict=True)
             texts = [
-                (f"{math.exp(value):.5g}", f"{math.exp(sd):.5g}" if sd < _MAX_LOG_SD else "")
-                for value, sd in numbers
+                (f"{min(math.exp(value), _HIGHEST[name]):.5g}", f"{math.exp(sd):.5g}" if sd < _MAX_LOG_SD else "")
+                for name, value, sd in zip(NAMES, one.log_values, one.log_sds, strict=True)
             ]
             writer.writerow([one.name, *(text for pair in texts for text in pair)])
         return stream.getvalue()
@@ -153,9 +165,8 @@ class FarmPrior:
         if path.is_dir():
             runs = sorted({path / _SUMMARY, *path.glob(f"*/{_SUMMARY}")})
             found = [survey for file in runs if file.is_file() for survey in _of_summary(file)]
-            found += [
-                survey for file in sorted(path.glob("*.csv")) if _is_table(file) for survey in _of_table(file)
-            ]
+            tables = (file for file in sorted(path.glob("*.csv")) if set(_rows(file)[0]) >= set(COLUMNS))
+            found += [one for file in tables for one in _of_table(file)]
             why = "has neither a run with a fitted variogram (method reml) nor a table of surveys"
         else:
             found, why = _of_table(path), "lists no survey"
@@ -163,11 +174,6 @@ class FarmPrior:
             remedy = "give the folder with the output folders of surveys of other fields, or a table of them"
             raise InputError(why, remedy, path)
         return cls(tuple({(one.log_values, one.log_sds): one for one in found}.values()))
-
-
-def _is_table(path: Path) -> bool:
-    with path.open("rb") as stream:
-        return stream.read(200).decode("utf-8", "replace").lstrip("\ufeff").startswith(",".join(COLUMNS))
 
 
 def _of_summary(path: Path) -> Iterable[FarmSurvey]:
@@ -182,28 +188,52 @@ def _of_summary(path: Path) -> Iterable[FarmSurvey]:
         nugget = float(model["nugget_cps2"]) * math.exp(-0.5 * log_sd[2] ** 2)
         structured = (float(model["sill_cps2"]) - float(model["nugget_cps2"])) * math.exp(-0.5 * log_sd[0] ** 2)
         mode = Variogram(model["model"], nugget, float(model["range_m"]), structured + nugget)
-        return [FarmSurvey.of(path.parent.name, mode, float(model["mean_rate_cps"]), log_sd, shares)]
+        one = FarmSurvey.of(path.parent.name, mode, float(model["mean_rate_cps"]), log_sd, shares)
+        times = about.get("first_stamp_s"), about.get("last_stamp_s")
+        known = not about.get("simulated") and None not in times
+        return [replace(one, times_s=(float(times[0]), float(times[1]))) if known else one]
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"is not the summary of a run: {error}", "make the run again, or leave it out", path
         ) from None
 
 
+def _rows(path: Path) -> list[list[str]]:
+    """The cells of a table with commas, or semicolons or tabs, and perhaps decimal commas; one row at least."""
+    lines = read_limited(path).decode("utf-8-sig", "replace").splitlines() or [""]
+    mark = max(",;\t", key=lines[0].count)
+    rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=mark) if row] or [[]]
+    return rows if mark == "," else [rows[0], *([cell.replace(",", ".") for cell in row] for row in rows[1:])]
+
+
 def _of_table(path: Path) -> list[FarmSurvey]:
-    rows = list(csv.reader(read_limited(path).decode("utf-8-sig", "replace").splitlines()))
-    if not rows or tuple(rows[0]) != COLUMNS:
-        raise InputError("is not a table of surveys", f"its first line must be {','.join(COLUMNS)}", path)
+    head, *rows = _rows(path)
+    if missing := [name for name in COLUMNS if name not in head]:
+        raise InputError(
+            f"is not a table of surveys: it has no column {missing[0]!r}",
+            f"its first line must name {', '.join(COLUMNS)}, as soilmoist export --to prior writes them",
+            path,
+        )
     found = []
-    for number, row in enumerate(rows[1:], 2):
-        try:
-            cells = [float(cell) if cell.strip() else math.inf for cell in row[1:]]
-            values, factors = cells[::2], cells[1::2]
-            good = len(row) == len(COLUMNS) and all(0 < one < math.inf for one in values) and min(factors) >= 1
-        except ValueError:
-            good = False
-        if not good:
-            remedy = "give positive values, and factors of one standard error that are 1 or more, or empty"
-            raise InputError(f"line {number} is no survey", remedy, path)
-        logs = [tuple(map(math.log, numbers)) for numbers in (values, factors)]
-        found.append(FarmSurvey(row[0], *logs))  # type: ignore[arg-type]
+    for number, row in enumerate(rows, 2):
+        cells = dict(zip(head, row, strict=False))
+        logs = [
+            math.log(_number(cells.get(column, ""), column, number, path))
+            for column in COLUMNS
+            if column != "survey"
+        ]
+        found.append(FarmSurvey(cells.get("survey", ""), (logs[0], logs[2], logs[4]), (logs[1], logs[3], logs[5])))
     return found
+
+
+def _number(cell: str, column: str, line: int, path: Path) -> float:
+    """A value or factor of a table, as far as it can be; ``inf`` for a factor that is not known."""
+    low, high = (1.0, math.inf) if column.endswith("_factor") else (0.0, _HIGHEST[column])
+    try:
+        value = float(cell) if cell or high < math.inf else math.inf
+    except ValueError:
+        value = math.nan
+    if not (low <= value <= high and value > 0):
+        what = "1 or more, or empty" if low else f"above 0 and at most {high:g}; write 0.30 for 30 %"
+        raise InputError([Mistake(f"{column} is {cell!r}", f"give a number that is {what}", path, line)])
+    return value

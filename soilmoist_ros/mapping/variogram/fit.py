@@ -77,6 +77,11 @@ class VariogramFit:
         return self.variogram if self.local is None else self.local.stationary
 
     @property
+    def other_fields(self) -> str:
+        """Verdict of the counts on surveys of other fields, and what these expect; empty without any."""
+        return self.message.partition(", ")[2]
+
+    @property
     def local_text(self) -> str:
         """Verdict on a variance that differs from place to place, and the evidence, in words."""
         if self.local is None:

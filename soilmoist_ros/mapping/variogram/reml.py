@@ -248,7 +248,7 @@ def _variance_without_noise(places: Samples, mean_rate: float, guess: float) -> 
         if corrected > noise:
             return corrected, degrees
         if len(pools) < 2 * _MIN_POOLS:
-            return corrected, min(degrees, (len(pools) - 1) * (guess / (corrected + noise)) ** 2)
+            return corrected, min(degrees, (len(pools) - 1) * (guess / noise) ** 2)
         size *= 2
 
 
@@ -438,7 +438,7 @@ def maximise_reml(
     chosen = ""
     if farm is not None:
         by_farm = fitted(farm)
-        chosen = f", {OTHER_FIELDS[by_farm[0] > evidence]}"
+        chosen = f", {OTHER_FIELDS[by_farm[0] > evidence]} ({farm.text})"
         if by_farm[0] > evidence:
             _, prior, best, covariance = by_farm
     structured, range_m, nugget = np.exp(prior.log_median + prior.log_sd * best.u)

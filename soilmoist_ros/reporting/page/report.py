@@ -162,6 +162,8 @@ def _model_rows(run: MapRun) -> list[tuple[str, str, str]]:
     if fit is not None and any(fit.prior_share):
         shares = ", ".join(percent(share) for share in fit.prior_share)
         rows.insert(2, ("influence of the prior on sill, range, nugget", shares, ""))
+    if fit is not None and fit.other_fields:
+        rows.insert(2, ("surveys of other fields", fit.other_fields, ""))
     if variogram.anisotropy > 1:
         root = float(np.sqrt(variogram.anisotropy))
         longest, shortest = (number(variogram.practical_range_m * factor) for factor in (root, 1 / root))

@@ -4,6 +4,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -96,18 +97,32 @@ def test_a_table_and_runs_are_read_as_they_were_written(tmp_path):
     (of_table, neighbour) = FarmPrior.read(table).surveys  # one of four that are equal
     np.testing.assert_allclose(of_table.log_values, survey.log_values, rtol=1e-4)
     assert neighbour.log_sds[2] == math.inf
+    head, first, *_ = table.read_text().splitlines()
+    turned = [";".join([*reversed(line.split(","))]).replace(".", ",") for line in (head, first)]
+    table.write_text("\ufeff" + "\n".join(turned))  # as a German spreadsheet saves it
+    assert FarmPrior.read(table).surveys == (of_table,)
+
+
+def test_the_survey_itself_is_no_other_field():
+    day, mine = (replace(farm(60.0).surveys[0], times_s=times) for times in ((1e9, 1.0001e9), (2e9, 2.0001e9)))
+    known = FarmPrior((day, mine))
+    assert known.besides(2.00005e9) == FarmPrior((day,), 1)
+    assert "1 left out that is this survey itself" in known.besides(2e9).text
+    assert FarmPrior((mine,)).besides(2e9) is None
+    assert known.besides(3e9).surveys == known.surveys
 
 
 @pytest.mark.parametrize(
     ("text", "why"),
     [
         ("", "is not a table of surveys"),
-        ("survey,range\na,3\n", "is not a table of surveys"),
+        ("survey,range\na,3\n", "has no column 'variation'"),
         ("HEAD", "lists no survey"),
-        ("HEADa,0.1,1.2,30,1.3,0.05\n", "line 2 is no survey"),
-        ("HEADa,0.1,1.2,30,1.3,0.05,2\nb,0.1,0.9,30,1.3,0.05,2\n", "line 3 is no survey"),
-        ("HEADa,0.1,1.2,-30,1.3,0.05,2\n", "line 2 is no survey"),
-        ("HEADa,0.1,1.2,nan,1.3,0.05,2\n", "line 2 is no survey"),
+        ("HEADa,0.1,1.2,30,1.3\n", "nugget_share is ''"),
+        ("HEADa,0.1,1.2,30,1.3,0.05,2\nb,0.1,0.9,30,1.3,0.05,2\n", ":3: variation_factor is '0.9'"),
+        ("HEADa,0.1,1.2,-30,1.3,0.05,2\n", "range_m is '-30'"),
+        ("HEADa,0.1,1.2,nan,1.3,0.05,2\n", "range_m is 'nan'"),
+        ("HEADa,30,1.2,30,1.3,0.05,2\n", "write 0.30 for 30 %"),
     ],
 )
 def test_other_tables_are_refused(text, why, tmp_path):
