@@ -143,7 +143,8 @@ class Planner(Node):
 
     def _mission_clock(self) -> MissionClock:
         simulated = self.get_parameter("use_sim_time").value
-        return MissionClock(self._outputs.now_s, None if simulated else time.monotonic, boot_id())
+        steady_s = time.monotonic
+        return MissionClock(self._outputs.now_s, None if simulated else steady_s, boot_id(), steady_s)
 
     def _stay(self) -> None:
         self._autostart = False

@@ -25,6 +25,8 @@ from soilmoist_ros.nodes.watchdog import AGAIN_S, ALL_GOALS, ALL_S, FIRST_S, REL
 
 SILENT_S = float(os.environ.get("WATCHDOG_SILENT_S", "2.5"))
 """Limit of the real watchdogs [s]: above the default, as machines that run tests are busy."""
+STOPPED_S = float(os.environ.get("PLANNER_STOPPED_S", "7"))
+"""Time for which a planner is stopped [s]; after 20 s, it takes its navigation for gone."""
 GOAL = ("/topological_navigation", b"planner's goal id")
 STUCK = """
 import ctypes, signal
@@ -137,13 +139,16 @@ def test_the_robot_of_a_dead_planner_stops_and_waits_for_people(ros, tmp_path, w
         ros.wait_for(lambda: heard and heard[-1].level == DiagnosticStatus.ERROR and not told[-1].data)
         assert "the planner is silent" in heard[-1].message
         if way == "stopped":
+            time.sleep(max(0.0, since + STOPPED_S - time.monotonic()))
             os.kill(first.process.process.pid, signal.SIGCONT)
             again = first
         else:
             first.process.kill()
             again = Planning(ros, tmp_path, respawn_limit_s=600.0, **given)
-        again.wait(lambda status: status.phase is Phase.PAUSED and "planner is silent" in status.reason, "a pause")
+        said = "the planner was silent for" if way == "stopped" else "planner is silent"
+        again.wait(lambda status: status.phase is Phase.PAUSED and said in status.reason, "a pause")
         ros.wait_for(lambda: heard[-1].level == DiagnosticStatus.OK, message="the watchdog to let go")
+        assert len(navigation.goals) == len(goals), "no goal before people resume"
         ros.wait_for(lambda: again.call("resume").success, message="people to be obeyed")
         ros.wait_for(lambda: len(navigation.goals) > len(goals), message="another goal")
 

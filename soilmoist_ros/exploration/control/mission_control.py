@@ -382,6 +382,7 @@ class MissionControl:
         :param sd_m: standard deviation of each coordinate [m], NaN if unknown
         :param stamp_s: when it was measured [s], NaN if unknown
         """
+        self._wake()
         now_s = self._clock.now_s()
         self._watching.expect(self._mission.state, now_s, self._mission.rules.by_person)
         if self._feed.fix(PlaceFix(now_s, *place, sd_m, stamp_s)):
@@ -413,6 +414,7 @@ class MissionControl:
 
         :param more: whether further records of the same message follow: the disk is synced once for all
         """
+        self._wake()
         now_s, came = self._clock.now_s(), len(records)
         arrived = self._watching.stamped(records, self._outputs.now_s())
         records = [record for record in arrived if not record.quarantine]
@@ -511,12 +513,23 @@ class MissionControl:
         for name in self.team.pass_time(1.0):
             self._queue.take_other(name, None)
 
+    def _wake(self) -> None:
+        """If the planner slept while it had a goal, pause before anything that has come meanwhile is believed."""
+        slept_s, mission = self._clock.slept_s(), self._mission
+        if slept_s and mission.state.goal is not None and not mission.rules.by_person:
+            now_s = self._clock.now_s()
+            alarm = self.watch.answer(Cause.WATCHDOG, f"the planner was silent for {slept_s:.0f} s", now_s)
+            if alarm is not None:
+                self._feed.give(alarm)
+
     def ended(self, ended: Ended) -> None:
         """The navigator reports the end of a goal."""
+        self._wake()
         self._feed.ended(self._clock.now_s(), ended)
 
     def tick(self) -> None:
         """Time has passed; to be called several times a second."""
+        self._wake()
         self.navigator.tick(self._clock.now_s())
         if self._clock.now_s() > 0:
             for event in self._clock.events(self._mission.state):

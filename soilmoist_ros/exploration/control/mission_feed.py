@@ -189,6 +189,8 @@ class MissionFeed:
 # Mission time: it runs evenly, whatever is done to the clock of the computer ------------------------------------
 
 NOTICED_S = 0.1  # a smaller difference between the clocks is no step [s]
+SLEPT_S, SLEPT_SIMULATED_S = 5.0, 10.0
+"""Silence from which a planner was asleep [s]: as long as its navigation may be away; simulations starve others."""
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
@@ -200,15 +202,29 @@ class MissionClock:
     :param ros_s: ROS time [s]; 0 while it does not run
     :param steady_s: steady time of the computer [s]; ``None`` where time is simulated
     :param boot: names the start of the computer from which steady time counts; empty if unknown
+    :param awake_s: steady time also where time is simulated [s]; ``None`` where nothing can sleep
     """
 
     def __init__(
-        self, ros_s: Callable[[], float], steady_s: Callable[[], float] | None = None, boot: str = ""
+        self,
+        ros_s: Callable[[], float],
+        steady_s: Callable[[], float] | None = None,
+        boot: str = "",
+        awake_s: Callable[[], float] | None = None,
     ) -> None:
         self._ros_s = ros_s
         self._steady_s = steady_s
         self._boot = boot
         self._offset_s: float | None = None
+        self._steady_awake_s, self._awake_s = awake_s, math.inf
+
+    def slept_s(self) -> float:
+        """Time since the last call, if this process was stopped or stuck since then [s]; 0 if it was awake."""
+        if self._steady_awake_s is None:
+            return 0.0
+        before_s, self._awake_s = self._awake_s, self._steady_awake_s()
+        slept_s = self._awake_s - before_s
+        return slept_s if slept_s > (SLEPT_SIMULATED_S if self._steady_s is None else SLEPT_S) else 0.0
 
     def now_s(self) -> float:
         """Mission time [s]; 0 while ROS time does not run."""

@@ -262,6 +262,11 @@ class Watch:
         state.times += 1
         state.text, state.momentary = text, True
 
+    def answer(self, cause: Cause, text: str, now_s: float) -> Alarm | AlarmOver | None:
+        """Something was wrong, and is answered before the next check: by its alarm, ``None`` if that is on."""
+        self.note(cause, text)
+        return self._turn(cause, self._states[cause], now_s)
+
     def adopt(self, causes: Iterable[str], now_s: float) -> None:
         """Continue the alarms of an interrupted mission; they end as all others do."""
         for cause in set(causes) & set(Cause):

@@ -135,6 +135,37 @@ def test_it_starts_only_when_all_is_there():
     assert around.control.command(Verb.START).accepted
 
 
+@pytest.mark.parametrize("steady", [True, False], ids=["real time", "simulated time"])
+@pytest.mark.parametrize("first", ["ended", "tick", "fix"])
+def test_a_planner_that_was_stopped_on_the_way_waits_for_people_before_all_else(steady, first):
+    around = Around()
+    around.control._clock = MissionClock(around.now_s, around.now_s if steady else None, "", around.now_s)
+    around.begin()
+    (goal_id, _) = around.goals[-1]
+    around.time_s += 22.0
+    gone = Ended(goal_id, Outcome.FAILED, "the navigation has gone away")
+    {
+        "ended": lambda: around.control.ended(gone),
+        "tick": around.control.tick,
+        "fix": lambda: around.control.fix((2.0, 1.0)),
+    }[first]()
+    said = "the planner was silent for 22 s; check the robot, then resume or abort"
+    assert [status.reason for status, _ in around.shown if "gone away" in status.reason] == []
+    assert said in around.status.reason
+    around.control.ended(gone)
+    for _ in range(40):
+        around.time_s += 0.2
+        around.control.fix((2.0, 1.0))
+        around.control.tick()
+        around.control.check()
+    assert (around.status.phase, around.goals[1:]) == (Phase.PAUSED, [(goal_id, None)])
+    assert not around.control.command(Verb.RESUME).accepted, "the alarm is on"
+    around.time_s += 4.0
+    around.control.check()
+    assert around.control.command(Verb.RESUME).accepted
+    assert around.goals[-1][1] is not None
+
+
 def test_goals_and_places_reach_the_navigation_in_its_own_frame():
     frames = SimpleNamespace(waiting_for="the navigation's datum", move=None)
     around, ways, places = Around(frames=frames), [], []
