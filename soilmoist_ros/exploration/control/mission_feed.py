@@ -191,6 +191,7 @@ class MissionFeed:
 NOTICED_S = 0.1  # a smaller difference between the clocks is no step [s]
 SLEPT_S, SLEPT_SIMULATED_S = 5.0, 10.0
 """Silence from which a planner was asleep [s]: as long as its navigation may be away; simulations starve others."""
+_Steady = Callable[[], float] | None
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
@@ -206,11 +207,7 @@ class MissionClock:
     """
 
     def __init__(
-        self,
-        ros_s: Callable[[], float],
-        steady_s: Callable[[], float] | None = None,
-        boot: str = "",
-        awake_s: Callable[[], float] | None = None,
+        self, ros_s: Callable[[], float], steady_s: _Steady = None, boot: str = "", awake_s: _Steady = None
     ) -> None:
         self._ros_s = ros_s
         self._steady_s = steady_s
