@@ -190,7 +190,7 @@ class MissionFeed:
 
 NOTICED_S = 0.1  # a smaller difference between the clocks is no step [s]
 SLEPT_S, SLEPT_SIMULATED_S = 5.0, 10.0
-"""Silence from which a planner was asleep [s]: as long as its navigation may be away; simulations starve others."""
+"""Silence of a planner that was asleep [s]: its navigation may be away as long; simulations starve computers."""
 _Steady = Callable[[], float] | None
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
