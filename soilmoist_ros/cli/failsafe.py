@@ -24,16 +24,26 @@ def command(causes: tuple[str, ...], phase: str | None, response: str | None) ->
 
     The alarm is given to a small mission, which decides as the robot's does. Without a CAUSE, all are listed.
     """
-    from soilmoist_ros.exploration import FAILSAFES, LIMITS, Phase, Response, WatchLimits, consequence, find_cause
+    from soilmoist_ros.exploration import (
+        FAILSAFES,
+        LIMITS,
+        Phase,
+        Response,
+        WatchLimits,
+        chosen_response,
+        consequence,
+        find_cause,
+    )
 
     known, limits = [find_cause(name) for name in causes], WatchLimits()
     found = []
     for cause in known or FAILSAFES:
         row = FAILSAFES[cause]
         answer = Response(response) if response else row.response
+        answer = chosen_response(cause, answer) if known or answer in row.choices else row.response
         of = {name: getattr(limits, name) for name in row.limits if name in LIMITS}
         phases = [Phase(phase)] if phase else list(Phase) if known else []
-        does = {one.value: consequence(answer, one, cause, "WHY") for one in phases}
+        does = {one.value: consequence(answer, one, cause, cause.replace("_", " ")) for one in phases}
         item = {"cause": cause.value, "response": answer.value, "alarm": row.about, "remedy": row.remedy}
         shown = {name: {"does": one.does, "says": one.says} for name, one in does.items()}
         found.append({**item, "default": row.response.value, "limits": of, "phases": shown})

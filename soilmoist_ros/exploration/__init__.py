@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.control.mission_feed import MissionClock as MissionClock, boot_id as boot_id
     from soilmoist_ros.exploration.control.operator_request import OperatorRequest as OperatorRequest, Reply as Reply, ReplyCode as ReplyCode
     from soilmoist_ros.exploration.control.team import PendingMeasurement as PendingMeasurement, Team as Team, keep_apart_m as keep_apart_m, pending_measurement as pending_measurement
-    from soilmoist_ros.exploration.guard.failsafes import FAILSAFES as FAILSAFES, LIMITS as LIMITS, Cause as Cause, WatchLimits as WatchLimits, consequence as consequence, find_cause as find_cause
+    from soilmoist_ros.exploration.guard.failsafes import FAILSAFES as FAILSAFES, LIMITS as LIMITS, Cause as Cause, WatchLimits as WatchLimits, chosen_response as chosen_response, consequence as consequence, find_cause as find_cause
     from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M as ROBOT_RADIUS_M, Fence as Fence, KeepoutMask as KeepoutMask, keepout_mask as keepout_mask, unreachable as unreachable
     from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph as FencedGraph, Outside as Outside
     from soilmoist_ros.exploration.guard.robot_frames import ASKED_M as ASKED_M, ROBOT as ROBOT, FrameSettings as FrameSettings, RobotFrames as RobotFrames, Transform as Transform, yaw_rotation as yaw_rotation
@@ -63,7 +63,7 @@ __getattr__, __dir__, __all__ = open_door(
         "control.mission_feed": "MissionClock boot_id",
         "control.operator_request": "OperatorRequest Reply ReplyCode",
         "control.team": "PendingMeasurement Team keep_apart_m pending_measurement",
-        "guard.failsafes": "Cause FAILSAFES LIMITS WatchLimits consequence find_cause",
+        "guard.failsafes": "Cause FAILSAFES LIMITS WatchLimits chosen_response consequence find_cause",
         "guard.fence": "Fence KeepoutMask ROBOT_RADIUS_M keepout_mask unreachable",
         "guard.fenced_graph": "FencedGraph Outside",
         "guard.robot_frames": "ASKED_M FrameSettings ROBOT RobotFrames Transform yaw_rotation",

@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import signal
 import socket
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -232,6 +233,9 @@ def _watch(group: ProcessGroup, live: LiveMission, show: Show) -> None:
 
 def _require_all(group: ProcessGroup) -> None:
     for name, code in group.ended().items():
+        if code < 0:
+            killed = f"signal {-code}, {signal.strsignal(-code)}"
+            raise DemoError(f"{name} was killed ({killed})\nits log: {group.log(name)}")
         if name.rpartition("/")[2] != "planner" or code != 0:
             lines = group.log(name).read_text(errors="replace").strip().splitlines()
             last = lines[-1] if lines else "without a message"

@@ -28,6 +28,7 @@ from soilmoist_ros.exploration import (
     Watch,
     WatchLimits,
     check_places,
+    chosen_response,
     keep_apart_m,
     make_strategy,
     parse_dwell,
@@ -239,7 +240,7 @@ def failsafe_responses(parameters: Parameters) -> dict[Cause, Response]:
             if name not in known:
                 remedy = f"write CAUSE:RESPONSE{did_you_mean(name, known)}; known are {', '.join(known)}"
                 raise InputError(f"failsafes: {text!r} has the unknown {name!r}", remedy)
-        responses[Cause(cause)] = Response(response)
+        responses[Cause(cause)] = chosen_response(Cause(cause), Response(response))
     return responses
 
 

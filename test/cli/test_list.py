@@ -71,7 +71,9 @@ def test_failsafes_are_told_for_each_phase():
     text = failsafe("off-route", "--response", "pause")
     assert "off_route: pause instead of warn" in text
     assert "limit        off_route_m 5 m" in text
-    assert "travelling   cancels the goal, waits for people" in text
+    assert "travelling   cancels the goal, waits for people: 'off route; check the robot, then resume" in text
+    assert "watchdog:hold is not possible" in failsafe("watchdog", "--response", "hold", code=2)
+    assert "\nwatchdog          pause " in failsafe("--response", "hold")
     content = json.loads(failsafe("moving", "battery_low", "--phase", "counting", "--json"))
     moving, battery = (item["phases"]["counting"]["does"] for item in content["failsafes"])
     assert moving.startswith("cancels all goals of the navigation")

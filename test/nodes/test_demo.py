@@ -6,9 +6,12 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +21,8 @@ import rasterio
 
 pytest.importorskip("rclpy")
 from soilmoist_ros.mapping import CovariateSource, load_field
-from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
+from soilmoist_ros.nodes.demo import DemoError, DemoSettings, _require_all, write_configuration
+from soilmoist_ros.nodes.process_group import ProcessGroup
 from soilmoist_ros.recording import CONFIGURATION, BagReader, points, read_parameters
 from soilmoist_ros.simulation import MissionSettings, PropertySettings, surrogate_field
 
@@ -32,6 +36,17 @@ def run_demo(out, options):
     logs = {path.name: path.read_text(errors="replace") for path in (out / "log").glob("*.log")}
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}\n{logs}"
     return done.stdout
+
+
+def test_a_node_that_is_killed_is_named_with_the_signal_not_its_last_words(tmp_path):
+    program = ("-c", "import time; print('[INFO] all is well', flush=True); time.sleep(60)")
+    with ProcessGroup({}, tmp_path) as group:
+        group.start("planner", tmp_path / "none.yaml", program=program)
+        os.kill(group.pid("planner"), signal.SIGKILL)
+        while not group.ended():
+            time.sleep(0.01)
+        with pytest.raises(DemoError, match=r"^planner was killed \(signal 9, Killed\)\nits log: [^\n]*$"):
+            _require_all(group)
 
 
 def test_the_map_of_one_robot_is_that_of_its_replay_bit_for_bit(tmp_path):

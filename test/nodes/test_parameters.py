@@ -197,3 +197,5 @@ def test_failsafes_are_read_as_before_and_as_a_list(ros, capfd):
     for wrong in ("ofroute:pause", "off_route:paus", "off_route"):
         with pytest.raises(InputError, match="write CAUSE:RESPONSE"):
             failsafe_responses(Parameters(make(ros, failsafes=[wrong]), table))
+    with pytest.raises(InputError, match="watchdog:hold is not possible"):
+        failsafe_responses(Parameters(make(ros, failsafes=["watchdog:hold"]), table))

@@ -66,6 +66,7 @@ class Failsafe:
     response: Response  # what follows unless it is set otherwise
     remedy: str  # what the operator can do
     limits: tuple[str, ...] = ()  # names of the parameters that limit it, in :data:`LIMITS` or others
+    choices: tuple[Response, ...] = tuple(Response)  # responses that people may choose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -291,6 +292,7 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "the watchdog has cancelled the goals: the planner was silent or stuck, or another heartbeat is bad",
             Response.PAUSE,
             "look at the robot, and at the entry watchdog of /diagnostics, then resume",
+            choices=(Response.PAUSE, Response.ABORT),
         ),
         Cause.WATCHDOG_SILENT: Failsafe(
             "the watchdog was there, and has not been heard for 10 s",
@@ -319,6 +321,17 @@ def find_cause(name: str) -> Cause:
         near = did_you_mean(known, list(Cause))
         raise InputError(f"there is no cause {name!r}{near}", f"choose among {', '.join(Cause)}")
     return Cause(known)
+
+
+def chosen_response(cause: Cause, response: Response) -> Response:
+    """The response that people choose for a cause.
+
+    :raises InputError: if the robot could drive on without people after a stop by the watchdog
+    """
+    if response not in FAILSAFES[cause].choices:
+        what = f"{cause}:{response} is not possible: after a stop by the watchdog the robot waits for people"
+        raise InputError(what, f"choose {' or '.join(FAILSAFES[cause].choices)}")
+    return response
 
 
 # What follows in each phase: the alarm is given to a mission, which is the one of the robot ---------------------

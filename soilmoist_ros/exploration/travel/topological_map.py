@@ -51,7 +51,9 @@ CONFIG_KEYS = ("definitions", "actions")
 _SPEEDS = ("max_speed", "max_vel", "top_vel", "speed_limit")
 """Names of the highest speed on an edge, among its properties or its own keys [m/s]."""
 _RESTRICTIONS = ("restrictions_planning", "restrictions_runtime")
-_WORD = re.compile(r"\w+")
+SLOW_MPS = 0.02  # highest speed of an edge below which it is taken for a mistake [m/s]
+_WORD, _SIGNS = re.compile(r"\w+"), re.compile(r"[\W_]")
+_QUOTED = re.compile(r"\s*-?\d*\.?\d+\s*")  # a number that stands in quotes
 NO_GO = "no_go"
 """Tag of a node, and property of nodes and edges, that robots must keep away from."""
 XY_TOLERANCE_M = 0.3  # distance at which a node of a map that is made here counts as reached [m]
@@ -93,7 +95,8 @@ class TopologicalMap:
             describes; without any, actions are not looked at
         """
         unknown = self._unknown_actions(known_actions) if known_actions else ""
-        return list(filter(None, (unknown, self.restrictions(), self._wide_nodes())))
+        doubts = unknown, self.restrictions(), self._wide_nodes(), self._slow_edges(), self._nearly_no_go()
+        return list(filter(None, doubts))
 
     def _wide_nodes(self) -> str:
         """Nodes at which the navigation may stop before the robot counts as arrived, in words."""
@@ -105,6 +108,30 @@ class TopologicalMap:
                 wide.append(f"{stop.name} ({tolerance_m:g} m)")
         text = f"xy_goal_tolerance is more than half the distance to the next node at {listing(wide)}"
         return f"the robot may stop too far from nodes to count there: {text}" if wide else ""
+
+    def _slow_edges(self) -> str:
+        """Edges on which the robot would hardly move, in words."""
+        if (limit_mps := self.graph.limit_mps) is None:
+            return ""
+        slow = np.flatnonzero(limit_mps < SLOW_MPS)
+        ends = (" to ".join(self.graph.names[end] for end in self.graph.edges[one]) for one in slow)
+        edges = listing(f"{way} ({limit_mps[one]:g} m/s)" for way, one in zip(ends, slow, strict=True))
+        text = f"the highest speed is below {SLOW_MPS:g} m/s on edges: {edges} (speeds of edges are in m/s)"
+        return text if len(slow) else ""
+
+    def _nearly_no_go(self) -> str:
+        """Marks that look like :data:`NO_GO`, and close nothing, in words."""
+        found = []
+        for name, _, part, marks in self._parts():
+            properties = part.get("properties")
+            read = properties if isinstance(properties, Mapping) else {}
+            unread = [part, *(one for one in read.values() if isinstance(one, Mapping))]
+            words = [key for one in unread for key in one if one[key]]
+            words += [one for one in (*(key for key in read if read[key]), *marks) if one != NO_GO]
+            near = [word for word in map(str, words) if _SIGNS.sub("", word).lower().startswith("nogo")]
+            found += [f"{word} of {name}" for word in near]
+        text = f"without effect: {listing(found)}; write {NO_GO} among the properties of the node or edge"
+        return text if found else ""
 
     def _unknown_actions(self, known: Sequence[str]) -> str:
         definitions = self.document.get("definitions")
@@ -161,17 +188,23 @@ class TopologicalMap:
 
     def _restricted(self) -> Iterator[tuple[str, tuple[str, str], list[str]]]:
         """Name, ends (a node has one) and restrictions of all nodes and edges."""
+        for name, ends, part, marks in self._parts():
+            texts = [str(part.get(key)) for key in _RESTRICTIONS if part.get(key) is not None]
+            properties = part.get("properties")
+            if (isinstance(properties, Mapping) and properties.get(NO_GO)) or NO_GO in marks:
+                texts.append(NO_GO)
+            yield name, ends, texts
+
+    def _parts(self) -> Iterator[tuple[str, tuple[str, str], Mapping[str, Any], Collection[str]]]:
+        """Name, ends (a node has one), content and tags of all nodes and edges."""
         for entry in self.document["nodes"]:
             node, meta = entry["node"], entry.get("meta")
             tags = (meta.get("tag") if isinstance(meta, Mapping) else None) or ()
             parts = [(node, (node["name"], ""), tags)]
             parts += [(edge, (node["name"], edge["node"]), ()) for edge in node.get("edges") or []]
             for part, (start, end), marks in parts:
-                texts = [str(part.get(key)) for key in _RESTRICTIONS if part.get(key) is not None]
-                properties = part.get("properties")
-                if (isinstance(properties, Mapping) and properties.get(NO_GO)) or NO_GO in marks:
-                    texts.append(NO_GO)
-                yield str(part.get("edge_id", f"{start}_{end}") if end else start), (str(start), str(end)), texts
+                name = str(part.get("edge_id", f"{start}_{end}") if end else start)
+                yield name, (str(start), str(end)), part, [marks] if isinstance(marks, str) else marks
 
     def to_json(self) -> str:
         """The document as it goes on the topic ``topological_map_2``."""
@@ -435,6 +468,7 @@ def _limit(name: Any, edge: Mapping[str, Any]) -> float:
     if isinstance(properties, Mapping):  # a map may group them by who uses them
         holders += [properties, *(one for one in properties.values() if isinstance(one, Mapping))]
     given = [one[key] for one in holders for key in _SPEEDS if one.get(key) is not None]
+    given = [float(one) if isinstance(one, str) and _QUOTED.fullmatch(one) else one for one in given]
     speeds = [_number(value, f"{name}: the speed of the edge to {edge['node']}") for value in given]
     if any(speed < 0 for speed in speeds):
         raise ValueError(f"{name}: the speed of the edge to {edge['node']} is negative")

@@ -398,7 +398,7 @@ def test_a_closed_node_closes_its_edges_and_one_of_two_edges_leaves_the_other():
 
 @pytest.mark.parametrize(
     "keys",
-    [{"properties": {"max_speed": 0.5}}, {"properties": {"navigation": {"max_speed": 0.5}}}, {"top_vel": 0.5}],
+    [{"properties": {"max_speed": "0.5"}}, {"properties": {"navigation": {"max_speed": 0.5}}}, {"top_vel": 0.5}],
 )
 def test_times_of_the_planner_and_of_the_robot_keep_the_speeds_of_edges(keys):
     content = document()
@@ -442,3 +442,13 @@ def test_a_node_with_a_wide_tolerance_is_named():
     content["nodes"][0]["node"]["properties"]["xy_goal_tolerance"] = 3.0
     (doubt,) = parse(content).doubts([])
     assert "half the distance to the next node at gate (3 m)" in doubt
+
+
+def test_edges_of_no_speed_and_marks_that_are_nearly_no_go_are_named():
+    content = document()
+    content["nodes"][0]["node"]["edges"][0]["properties"] = {"max_speed": 0.0001, "noGo": True}
+    content["nodes"][1]["node"]["no_go"] = True  # outside of the properties it is not read
+    content["nodes"][2]["meta"]["tag"] = ["no-go", "barn"]
+    (slow, near) = parse(content).doubts([])
+    assert "below 0.02 m/s on edges: gate to row 1 (0.0001 m/s)" in slow
+    assert "noGo of gate_row 1, no_go of row 1, no-go of row_2; write no_go among the properties" in near
