@@ -14,6 +14,7 @@ Three files are read, as their programs write them (Fields2Cover/Fields2Cover an
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -109,13 +110,30 @@ def _of_content(content: Any, path: Path) -> SwathFile:
         for key in ("result", "coverage_path"):
             content = content.get(key) or content
         given = enumerate(content.get("swaths") or [], 1)
+        frame = str((content.get("header") or {}).get("frame_id", ""))
         swaths = tuple((str(number), _xy([one["start"], one["end"]])) for number, one in given)
         paths = (turn["poses"] for turn in content.get("turns") or [])
         turns = tuple(_xy([one["pose"]["position"] for one in poses]) for poses in paths if poses)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         what = f"lacks {error}" if isinstance(error, KeyError) else f"is bad: {error}"
         raise InputError(f"a swath or turn {what}", _REMEDY, path) from None
+    if _in_degrees(frame):
+        what = f"has places in degrees: its header.frame_id is {frame!r}"
+        raise InputError(what, "give PathComponents in metres from the field's datum", path)
     return SwathFile(swaths, turns, "PathComponents of opennav_coverage")
+
+
+def _in_degrees(frame: str) -> bool:
+    """Whether the name of a frame is that of a reference system with longitude and latitude."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    if code := re.search(r"epsg\W*(\d+)", frame, re.IGNORECASE):
+        try:
+            return CRS.from_epsg(int(code[1])).is_geographic
+        except CRSError:
+            return False
+    return bool(re.fullmatch(r"(.*[:/])?(wgs.?84|crs.?84|lon.?lat|lat.?lon)", frame.strip(), re.IGNORECASE))
 
 
 def _geojson_lines(features: list[Any]) -> Iterator[tuple[str, Array]]:
@@ -168,12 +186,19 @@ def swath_graph(field: Field, path: Path, spacing_m: float, margin_m: float) -> 
     good = allowed_ways([way for way in ways if kept.issuperset(way)], area)
     lost = [chain for chain in chains if not set(good).issuperset(pairwise(chain))]
     how = "turns of the file" if file.turns else "straight ways between ends, as the file has no turns"
-    said = f"{len(swaths)} swaths ({file.kind}, {unit}), joined by {len(chains) - len(lost)} {how}"
+    used = [not {*pairwise(swath)}.isdisjoint(good) for swath in swaths]
+    said = f"{sum(used)} swaths ({file.kind}, {unit}), joined by {len(chains) - len(lost)} {how}"
     if lost:
         which = listing(f"{chain[0].name} - {chain[-1].name}" for chain in lost)
         said += f"; {len(lost)} others would leave the field or cross a no-go area ({which})"
     if unused := max(0, len(file.turns) - len(chains)):
         said += f"; {unused} turns do not begin and end at swaths"
+    border = shapely.Polygon(field.polygon)
+    for (name, line), is_used in zip(lines, used, strict=True):
+        if not is_used:
+            is_outside = border.disjoint(shapely.LineString(line))
+            where = "outside the field" if is_outside else "in no-go areas or the margin"
+            said += f"; swath {name} lies {where}: not used"
     remedy = "check the swaths and the headland, or use a smaller margin"
     return connected([stop for stop in stops if stop in kept], good, remedy), said
 

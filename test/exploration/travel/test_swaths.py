@@ -83,6 +83,10 @@ def test_turns_of_the_file_join_its_swaths(tmp_path, file):
     assert max(built.graph.xy[[built.graph.index(name) for name in way], 0]) == pytest.approx(105.0, abs=0.2)
     narrow = replace(FIELD, polygon=np.array([[-10, -10], [103, -10], [103, 40], [-10, 40]], float))
     assert "1 others would leave the field" in swath_graph(narrow, file(tmp_path), 50.0, 1.0)[1]
+    short = replace(FIELD, polygon=np.array([[-10, -10], [110, -10], [110, 14], [-10, 14]], float))
+    said = swath_graph(short, file(tmp_path), 50.0, 1.0)[1]
+    assert said.startswith("2 swaths")
+    assert said.endswith("; swath 3 lies outside the field: not used")
 
 
 @pytest.mark.parametrize(
@@ -96,6 +100,13 @@ def test_turns_of_the_file_join_its_swaths(tmp_path, file):
         ("<GAOS_parcel><Row id='1'/></GAOS_parcel>", "has no swath"),
         ("swaths:\n- start: {x: 0, y: 0}\n", "lacks 'end'"),
         ("1 2 3\n4 5 6\n", "has no swath"),
+        *(
+            (
+                f"header: {{frame_id: '{frame}'}}\nswaths: [{{start: {{x: 5, y: 9}}, end: {{x: 6, y: 9}}}}]",
+                "in degrees",
+            )
+            for frame in ("EPSG:4326", "WGS84")
+        ),
         ('{"features": ', "is not valid JSON"),
         ("0 5000 0 0 1 10 1 1\n", "most of its places are not in the field 'hundred': the nearest is 5.0 km away"),
     ],
