@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import heapq
 import math
+import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -35,6 +36,8 @@ KINDS = (
 )  # fmt: skip
 """Formats, by their names in GDAL, that hold their own pixels. Others (VRT, WMS, tile indices) name files or
 addresses, which GDAL would read, whatever the ending of their own name is."""
+FEET_M = {"us": 0.3048006096012192, "": 0.3048}
+UNITS_M = {"m": 1.0, "metre": 1.0, "dm": 0.1, "cm": 0.01, "centimetre": 0.01, "mm": 0.001}
 MAX_VALUE = 1e30  # magnitude from which a value is a gap, as -3.4e38 and infinity are
 BEGINNINGS = {
     ".gpkg": b"SQLite format 3\0",
@@ -108,10 +111,45 @@ class RasterBands:
         if nodata is None and (gaps := [usual for usual in USUAL_NODATA if (values == usual).any()]):
             values = self._warped(number, frame, x_m, y_m, gaps[0])
         values[~(np.abs(values) < MAX_VALUE)] = np.nan
-        scale, offset = self._source.scales[number - 1], self._source.offsets[number - 1]
-        return values * float(scale) + float(offset)
+        scale, offset = self.scale(number)
+        return values * scale + offset
 
-    def _warped(self, number: int, frame: LocalFrame, x_m: Array, y_m: Array, nodata: float | None) -> Array:
+    def scale(self, number: int) -> tuple[float, float]:
+        """Factor and offset from what is stored of a band to its values."""
+        return float(self._source.scales[number - 1]), float(self._source.offsets[number - 1])
+
+    def stored(self, number: int, frame: LocalFrame, x_m: Array, y_m: Array) -> Array:
+        """The pixels of a band next to square cells, as they are stored; NaN where it declares none."""
+        return self._warped(number, frame, x_m, y_m, self._source.nodatavals[number - 1], nearest=True)
+
+    def unit(self, number: int) -> tuple[float, str]:
+        """Unit of a band of elevations [m], NaN if it is not known, and its name, empty if the file has none."""
+        from pyproj import CRS
+
+        name = self._source.units[number - 1] or ""
+        if not name:
+            axes = CRS.from_wkt(self._source.crs.to_wkt()).axis_info
+            up = [(float(axis.unit_conversion_factor), axis.unit_name) for axis in axes if axis.direction == "up"]
+            feet = next((axis.unit_name for axis in axes if "foot" in axis.unit_name), "")
+            return up[0] if up else (math.nan, f"{feet} of places") if feet else (1.0, "")
+        letters = re.sub("[^a-z]", "", name.lower()).replace("meter", "metre").removesuffix("s")
+        if re.search("ft|foot|feet", letters):
+            return FEET_M["us" if "us" in letters else ""], name
+        return UNITS_M.get(letters, math.nan), name
+
+    def slopes_by_name(self, number: int) -> str:
+        """What a file says from which a band has slopes, not elevations; empty if it says nothing of that."""
+        unit, label = self._source.units[number - 1] or "", self._source.descriptions[number - 1] or ""
+        tags = [*self._source.tags(number).values(), self._source.tags().get("TIFFTAG_IMAGEDESCRIPTION", "")]
+        units = r"(?<![a-z])(deg|degrees?|per ?cent|pct)(?![a-z])|[%°]|m/m"
+        said = [text for text in (unit, label) if re.search(units, text, re.IGNORECASE)]
+        texts = (unit, label, *tags, self.path.stem)
+        said += [text for text in texts if re.search("(?<![a-z])slopes?(?![a-z])", text, re.IGNORECASE)]
+        return said[0] if said else ""
+
+    def _warped(
+        self, number: int, frame: LocalFrame, x_m: Array, y_m: Array, nodata: float | None, nearest: bool = False
+    ) -> Array:
         """A band as it is stored, at square cells."""
         import rasterio
         from rasterio.transform import Affine
@@ -128,7 +166,7 @@ class RasterBands:
                 dst_transform=corner,
                 dst_crs=frame.crs.to_wkt(),
                 dst_nodata=np.nan,
-                resampling=Resampling.bilinear,
+                resampling=Resampling.nearest if nearest else Resampling.bilinear,
                 init_dest_nodata=True,
                 tolerance=0.01,
             )

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, Section, floats, listing
 from soilmoist_ros.mapping.covariate_files import (
     BEGINNINGS,
+    USUAL_NODATA,
     RasterBands,
     attribute_of,
     derivatives,
@@ -138,7 +139,15 @@ GROUND_M = 1.0
 """Cells of elevations on which slopes are judged, unless pixels are larger: three of them, the base of a slope,
 are about as long as a robot [m]."""
 COARSE_M = 3.0  # pixels of elevations from which the steepness of banks and ditches is not seen [m]
-NOISE_SHARE = 0.25  # standard deviation of a slope by noise, as a share of the limit, from which it is named
+NOISE_SHARE = 0.125  # standard deviation of a slope by noise, as a share of the limit, from which it is named
+ELEVATIONS_M = (-1000.0, 10000.0)  # between which elevations of ground lie [m]
+FAR_M = 20.0  # distance from the rest of the elevations from which one value of many cells is none [m]
+FAR_SPREADS = 3.0  # the same, in interquartile ranges of the rest
+MANY = 0.02  # share of the cells from which one value has many
+GAP_VALUES = (*USUAL_NODATA, 32767.0, -32767.0, 65535.0)  # they need not be many
+SPIKE = 3.0  # distance from the median of 5 x 5 cells, in cells, from which a cell is a spike or a hole
+CLIFF = 1.0  # slope from which values between 0 and 100 are rather slopes, if most that is not level has it [m/m]
+LEVEL = 0.02  # slope up to which ground is level [m/m]
 MAX_STEEP_AREAS = 300
 """Steep areas of a field from which it is noise."""
 _SLOPE = re.compile(
@@ -216,14 +225,14 @@ def steep_areas(
         step_m = max(pixel_m, GROUND_M, math.sqrt((east - west) * (north - south) / MAX_TERRAIN_CELLS))
         spans, margin_m = ((west, east), (south, north)), 2 * step_m
         x_m, y_m = (np.arange(low - margin_m, high + margin_m + step_m, step_m) for low, high in spans)
-        heights = bands.on(number, frame, x_m, y_m)
+        heights, none, notes = _elevations(bands, number, frame, x_m, y_m, slope.limit)
     grid_xy = np.column_stack([axis.ravel() for axis in np.meshgrid(x_m, y_m)])
     inside = shapely.contains_xy(field.buffer(step_m / 2), grid_xy).reshape(heights.shape)
-    gaps, notes = inside & ~np.isfinite(heights), list[str]()
+    gaps = inside & ~np.isfinite(heights)
     if gaps.any():
         first = grid_xy[gaps.ravel()][0]
         share, place = gaps.sum() / inside.sum(), f"({first[0]:.0f}, {first[1]:.0f}) m"
-        what = f"{share:.1%} of the field has no elevation, such as {place}"
+        what = f"{share:.1%} of the field has no elevation, such as {place}{none}"
         if not slope.unknown:
             remedy = f"give a file with all of it, or write '{slope.text}, unknown no_go' or ', unknown allowed'"
             raise InputError(what, remedy, source.path)
@@ -233,14 +242,6 @@ def steep_areas(
     steep |= gaps & (slope.unknown == "no_go")
     if pixel_m > COARSE_M:
         notes.append(f"its pixels are {pixel_m:.0f} m wide: shorter banks and ditches are not seen")
-    middle, across = heights[1:-1, 1:-1], heights[1:-1, 2:] + heights[1:-1, :-2]
-    second = across + heights[2:, 1:-1] + heights[:-2, 1:-1] - 4 * middle
-    known = np.abs(second[np.isfinite(second)])
-    # Of white noise with the standard deviation s, second differences have sqrt(20) s, slopes sqrt(12) / 8 s.
-    sd_m = float(np.quantile(known, 0.75)) / 1.15 / math.sqrt(20) if known.size else 0.0
-    noise = sd_m * math.sqrt(12) / 8 / step_m
-    if noise > NOISE_SHARE * slope.limit:
-        notes.append(f"its noise, or roughness, makes slopes uncertain by {noise:.0%}: smooth it")
     half = step_m / 2
     x, y = grid_xy[steep.ravel()].T
     joined = shapely.union_all(shapely.box(x - half, y - half, x + half, y + half))
@@ -250,6 +251,89 @@ def steep_areas(
         what = f"'{slope.text}' makes {len(parts)} no-go areas: elevations are noisy, or the limit is low"
         raise InputError(what, "smooth the elevations, or raise the limit", source.path)
     return [shapely.get_coordinates(part.exterior)[:-1] for part in parts], notes
+
+
+def _elevations(
+    bands: RasterBands, number: int, frame: LocalFrame, x_m: Array, y_m: Array, limit: float
+) -> tuple[Array, str, list[str]]:
+    """Elevations at square cells [m], NaN where there are none; what stands there instead; and what is doubtful.
+
+    :param limit: slope that must be seen [m/m]
+    :raises InputError: if they are slopes, or so rounded that a single step is steeper than the limit
+    """
+    from scipy.ndimage import binary_dilation
+
+    (unit_m, unit), (scale, offset), step_m = bands.unit(number), bands.scale(number), float(x_m[1] - x_m[0])
+    factor, notes = unit_m if math.isfinite(unit_m) else 1.0, list[str]()
+    stored = bands.stored(number, frame, x_m, y_m)
+    nearest, heights = (stored * scale + offset) * factor, bands.on(number, frame, x_m, y_m) * factor
+    false = _false_elevations(stored, nearest)
+    missing = np.isin(stored, false)
+    heights[binary_dilation(missing, np.ones((3, 3))) | _implausible(heights)] = np.nan
+    known, steepness = heights[np.isfinite(heights)], horn_slope(heights, step_m)
+    rough = steepness[steepness > LEVEL]
+    says = bands.slopes_by_name(number)
+    is_low = known.size > 0 and 0 <= known.min() < known.max() <= 100
+    jumps = is_low and rough.size > MANY * known.size and np.median(rough) > CLIFF
+    if (says or jumps) and not (unit and unit_m == 1.0):
+        what = "looks like slopes, not elevations: "
+        what += f"it is named {says!r}" if says else "its values jump, or have another unit"
+        remedy = "give elevations, with the unit 'm' of the band if they are; of slopes, draw no-go areas in a GIS"
+        raise InputError(what, remedy, bands.path)
+    if not math.isfinite(unit_m):
+        notes.append(f"its elevations are taken as metres, though it names {unit!r}")
+    elif unit_m != 1.0:
+        notes.append(f"its elevations are converted from {unit!r} to metres")
+    pixels = stored[np.isfinite(stored) & ~missing]
+    whole = (pixels == np.round(pixels)).all() and (np.diff(np.unique(pixels)) == 1).any()
+    rounded_m = abs(scale) * factor if whole else 0.0
+    if (steep := rounded_m / 2 / step_m) > NOISE_SHARE * limit:
+        notes.append(f"its elevations have steps of {rounded_m:.2g} m, which make slopes or hide them")
+        if steep > limit:
+            remedy = "give finer elevations, or the band its unit, such as 'cm'"
+            raise InputError(f"{notes[-1]}: one step is too steep", remedy, bands.path)
+    # Across two cells, as interpolation makes noise of neighbours alike. Of white noise with the standard
+    # deviation s, second differences have sqrt(20) s, slopes sqrt(12) / 8 s.
+    middle, across = heights[2:-2, 2:-2], heights[2:-2, 4:] + heights[2:-2, :-4]
+    second = np.abs(across + heights[4:, 2:-2] + heights[:-4, 2:-2] - 4 * middle)
+    second = second[np.isfinite(second)]
+    sd_m = float(np.quantile(second, 0.75)) / 1.15 / math.sqrt(20) if second.size else 0.0
+    noise = sd_m * math.sqrt(12) / 8 / step_m
+    if noise > NOISE_SHARE * limit:
+        notes.append(f"its noise, or roughness, makes slopes uncertain by {noise:.0%}: smooth it")
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(heights, 2, constant_values=np.nan), (5, 5))
+    usual = np.ma.median(np.ma.masked_invalid(around.reshape(*heights.shape, 25)), axis=-1)  # type: ignore[no-untyped-call]
+    above = np.abs(heights - usual.filled(np.nan))
+    if (spikes := above > max(SPIKE * step_m, 5 * sd_m)).any():
+        row, column = np.unravel_index(np.nanargmax(above), above.shape)
+        place = f"{np.nanmax(above):.0f} m at ({x_m[column]:.0f}, {y_m[row]:.0f}) m"
+        notes.append(f"{spikes.sum()} cells are far above or below those around them, such as {place}")
+    none = ""
+    if len(false):
+        values = listing(f"{value:g}" for value in false) if len(false) < 4 else f"{false[0]:g} to {false[-1]:g}"
+        none = f"; {missing.mean():.1%} of the file's cells there have {values}, which is taken as missing"
+    return heights, none, notes
+
+
+def _implausible(heights: Array) -> NDArray[np.bool_]:
+    return (heights <= ELEVATIONS_M[0]) | (heights >= ELEVATIONS_M[1])
+
+
+def _false_elevations(stored: Array, heights: Array) -> list[float]:
+    """Values as stored, in order, that are no elevations: implausible, or of many cells and far from the rest."""
+    false = np.unique(stored[_implausible(heights)]).tolist()
+    values, counts = np.unique(stored[np.isfinite(stored)], return_counts=True)
+    likely = (counts > MANY * counts.sum()) | np.isin(values, GAP_VALUES)
+    order = np.lexsort((counts, values != 0))  # of two values that are far from each other, 0, or the rarer
+    for value in values[order][likely[order]].tolist():
+        rest = heights[np.isfinite(heights) & ~np.isin(stored, [*false, value])]
+        few = 0 if value in (0.0, *GAP_VALUES) else MANY * counts.sum()  # a spike makes no gap of level ground
+        if value not in false and rest.size > few:
+            low, first, third, high = np.quantile(rest, (0.05, 0.25, 0.75, 0.95))
+            height = heights[stored == value][0]
+            if max(low - height, height - high) > max(FAR_M, FAR_SPREADS * (third - first)):
+                false.append(value)
+    return sorted(false)
 
 
 # -- Standardised covariates ---------------------------------------------------------------------------------
@@ -479,7 +563,9 @@ def _terrain(bands: RasterBands, number: int, frame: LocalFrame, grid: FieldGrid
     x_m, y_m = (
         np.arange(low - margin_m, high + margin_m + step_m, step_m) for low, high in ((west, east), (south, north))
     )
-    found = derivatives(bands.on(number, frame, x_m, y_m), step_m)
+    unit_m = bands.unit(number)[0]
+    elevation_m = bands.on(number, frame, x_m, y_m) * (unit_m if math.isfinite(unit_m) else 1.0)
+    found = derivatives(elevation_m, step_m)
     return {name: _resampled(x_m, y_m, values, grid) for name, values in found.items()}
 
 

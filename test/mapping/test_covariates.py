@@ -3,6 +3,7 @@
 """Covariates of a field, and their files (covariate_files.py)."""
 
 import json
+import re
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -495,3 +496,64 @@ def test_a_file_of_elevations_that_is_coarse_or_noisy_or_has_gaps_says_so(tmp_pa
     ):
         with pytest.raises(InputError, match=message):
             steep_field(tmp_path, text)
+
+
+def spiked(x, y):
+    return bank(x, y) + 200 * ((abs(x - 40) < 1) & (abs(y - 40) < 1))
+
+
+SLOPES = "looks like slopes, not elevations"
+
+
+@pytest.mark.parametrize(
+    ("function", "about", "said"),
+    [
+        (
+            lambda x, y: np.where(x > 35, 0, 50 + bank(x, y)),
+            {"nodata": -9999},
+            r"no elevation.*\d% of.* have 0, which",
+        ),
+        (lambda x, y: np.where(x > 35, -32767, bank(x, y)), {}, "no elevation.* have -32767, which"),
+        (lambda x, y: np.where(x > 35, 12345.5, bank(x, y)), {}, "no elevation.* have 12345.5, which"),
+        (lambda x, y: np.where(abs(x - 25) < 5, 20.0, 1.0), {}, SLOPES),
+        (lambda x, y: 5 + x / 20, {"descriptions": ("Slope (percent)",)}, SLOPES),
+        *((lambda x, y: 5 + x / 20, {"units": (unit,)}, SLOPES) for unit in ("degrees", "m/m")),
+        (lambda x, y: np.round(bank(x, y)), {}, "steps of 1 m, which make slopes or hide them: one step"),
+    ],
+)
+def test_elevations_that_are_none_or_too_rounded_are_refused(tmp_path, function, about, said):
+    about_file(write_raster(tmp_path / "relief.tif", function=function), about)
+    with pytest.raises(InputError, match=said):
+        steep_field(tmp_path, "slope > 15 deg in relief.tif")
+    if "have" in said:
+        field = steep_field(tmp_path, "slope > 15 deg in relief.tif, unknown no_go")
+        assert not field.grid(2.0).mask[:, 18:].any()
+
+
+def about_file(path, about):
+    with rasterio.open(path, "r+") as file:
+        for name, value in about.items():
+            setattr(file, name, value)
+
+
+@pytest.mark.parametrize(
+    ("function", "about", "pixel", "said"),
+    [
+        (lambda x, y: bank(x, y) / 0.3048, {"units": ("ft",)}, 1, "converted from 'ft'"),
+        (lambda x, y: bank(x, y) / 0.3048, {"units": ("US survey foot",)}, 1, "converted from 'US survey foot'"),
+        (lambda x, y: bank(x, y) / 0.3048, {"crs": "EPSG:32630+6360"}, 1, "converted from 'US survey foot'"),
+        (lambda x, y: 100 * bank(x, y), {"units": ("cm",)}, 1, "converted from 'cm'"),
+        (bank, {"units": ("fathom",)}, 1, "taken as metres, though it names 'fathom'"),
+        (lambda x, y: np.round(bank(x, y)), {}, 5, "steps of 1 m"),
+        (spiked, {}, 1, r"cells are far above or below .* at \((39|40|41), (39|40|41)\) m"),
+        (lambda x, y: bank(x, y) + np.random.default_rng(1).normal(0, 0.15, x.shape), {}, 1, "slopes uncertain"),
+        (lambda x, y: 2.5 * bank(x, y), {"units": ("m",), "descriptions": ("slope",)}, 1, "no-go"),
+    ],
+)
+def test_units_of_elevations_and_what_is_doubtful_are_named(tmp_path, function, about, pixel, said):
+    about_file(write_raster(tmp_path / "relief.tif", pixel=pixel, function=function), about)
+    field = steep_field(tmp_path, "slope > 19 deg in relief.tif")
+    assert re.search(said, field.notes[0])
+    if "converted" in said:
+        assert len(field.no_go) == 1
+        assert not steep_field(tmp_path, "slope > 25 deg in relief.tif").no_go
