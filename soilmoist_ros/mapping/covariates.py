@@ -147,6 +147,7 @@ MANY = 0.02  # share of the cells from which one value has many
 GAP_VALUES = (*USUAL_NODATA, 32767.0, -32767.0, 65535.0)  # they need not be many
 SPIKE = 3.0  # distance from the median of 5 x 5 cells, in cells, from which a cell is a spike or a hole
 CLIFF = 1.0  # slope from which values between 0 and 100 are rather slopes, if most that is not level has it [m/m]
+NEAR_0 = 0.05  # share of the highest value below which the lowest is as near to 0 as those of slopes are
 LEVEL = 0.02  # slope up to which ground is level [m/m]
 MAX_STEEP_AREAS = 300
 """Steep areas of a field from which it is noise."""
@@ -280,6 +281,10 @@ def _elevations(
         what += f"it is named {says!r}" if says else "its values jump, or have another unit"
         remedy = "give elevations, with the unit 'm' of the band if they are; of slopes, draw no-go areas in a GIS"
         raise InputError(what, remedy, bands.path)
+    if is_low and known.min() < NEAR_0 * known.max() and not unit:
+        notes.append(
+            f"its values, {known.min():.2g} to {known.max():.3g}, could be slopes: it must have elevations"
+        )
     if not math.isfinite(unit_m):
         notes.append(f"its elevations are taken as metres, though it names {unit!r}")
     elif unit_m != 1.0:

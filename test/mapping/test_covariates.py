@@ -543,6 +543,7 @@ def about_file(path, about):
         (lambda x, y: bank(x, y) / 0.3048, {"units": ("US survey foot",)}, 1, "converted from 'US survey foot'"),
         (lambda x, y: bank(x, y) / 0.3048, {"crs": "EPSG:32630+6360"}, 1, "converted from 'US survey foot'"),
         (lambda x, y: 100 * bank(x, y), {"units": ("cm",)}, 1, "converted from 'cm'"),
+        (bank, {}, 1, "its values, 0 to 4, could be slopes: it must have elevations"),
         (bank, {"units": ("fathom",)}, 1, "taken as metres, though it names 'fathom'"),
         (lambda x, y: np.round(bank(x, y)), {}, 5, "steps of 1 m"),
         (spiked, {}, 1, r"cells are far above or below .* at \((39|40|41), (39|40|41)\) m"),
