@@ -26,7 +26,7 @@ from soilmoist_ros.nodes.watchdog import AGAIN_S, ALL_GOALS, ALL_S, FIRST_S, REL
 SILENT_S = float(os.environ.get("WATCHDOG_SILENT_S", "2.5"))
 """Limit of the real watchdogs [s]: above the default, as machines that run tests are busy."""
 STOPPED_S = float(os.environ.get("PLANNER_STOPPED_S", "7"))
-"""Time for which a planner is stopped [s]; after 20 s, it takes its navigation for gone."""
+"""Time for which a planner is stopped [s]; after 5 s it would take its navigation for gone."""
 GOAL = ("/topological_navigation", b"planner's goal id")
 STUCK = """
 import ctypes, signal

@@ -189,8 +189,7 @@ class MissionFeed:
 # Mission time: it runs evenly, whatever is done to the clock of the computer ------------------------------------
 
 NOTICED_S = 0.1  # a smaller difference between the clocks is no step [s]
-SLEPT_S, SLEPT_SIMULATED_S = 5.0, 10.0
-"""Silence of a planner that was asleep [s]: its navigation may be away as long; simulations starve computers."""
+SLEPT_S = 5.0  # silence of a planner that was asleep [s]: after it, the navigation seems to have gone away
 _Steady = Callable[[], float] | None
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
@@ -221,7 +220,7 @@ class MissionClock:
             return 0.0
         before_s, self._awake_s = self._awake_s, self._steady_awake_s()
         slept_s = self._awake_s - before_s
-        return slept_s if slept_s > (SLEPT_SIMULATED_S if self._steady_s is None else SLEPT_S) else 0.0
+        return slept_s if slept_s > SLEPT_S else 0.0
 
     def now_s(self) -> float:
         """Mission time [s]; 0 while ROS time does not run."""
