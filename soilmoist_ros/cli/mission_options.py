@@ -114,7 +114,7 @@ def _default(setting: Setting) -> str:
         return "Default: the usual time of the field."
     if setting.kind is bool:
         return f"Default: {'yes' if setting.default else 'no'}."
-    return "" if setting.default is None else f"Default: {setting.default}."
+    return "" if setting.default in (None, "") else f"Default: {setting.default}."
 
 
 irrigation_option = click.option(
@@ -143,13 +143,15 @@ def chosen_settings(choices: dict[str, Any], irrigation: Irrigation | None = Non
 
     :param irrigation: its doses give the thresholds where ``dose`` is given; default: that of a simulated site
     """
-    from soilmoist_ros.exploration import OF_DOSE
+    from soilmoist_ros.exploration import OF_DOSE, check_thresholds
     from soilmoist_ros.simulation import MissionSettings, simulated_site, surrogate_field
 
     choices = with_graph(choices)
     if choices.get("threshold") == OF_DOSE:
         site = simulated_site(surrogate_field(choices.get("field", MissionSettings.field)), irrigation=irrigation)
         choices["threshold"] = ",".join(f"{value:.4g}" for value in site.irrigation.dose_thresholds)
+    elif choices.get("threshold"):
+        check_thresholds(choices["threshold"])
     settings = MissionSettings(**choices)
     if "hours" not in choices:
         settings = MissionSettings(**choices, hours=surrogate_field(settings.field_name).hours)

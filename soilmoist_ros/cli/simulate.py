@@ -131,8 +131,8 @@ def _live(settings: MissionSettings, time_factor: float, out: Path) -> Iterator[
 
 def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun | None) -> None:
     from soilmoist_ros.exploration import polyline_length_m
-    from soilmoist_ros.reporting import irrigation
-    from soilmoist_ros.simulation import forecast_text, mission_efficiency
+    from soilmoist_ros.reporting import decision, irrigation
+    from soilmoist_ros.simulation import forecast_texts, mission_efficiency
 
     last = result.series[-1]
     say(f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, samples: {last.samples}; {result.ended}")
@@ -150,7 +150,11 @@ def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun
         print_knowledge(one)
     if run.soil_map.curve is not None:
         say(f"irrigation {irrigation(run).steps[0]}")
-    say(f"deviation  {forecast_text(result.forecasts, 3600 * settings.hours)}")
+    texts = forecast_texts(result.forecasts, 3600 * settings.hours)
+    for name, text in zip(("deviation", "forecast"), texts, strict=False):
+        say(f"{name:10} {text}")
+    if (decided := decision(run)) is not None:
+        say(f"decision   {decided.shares}\n           {decided.level}")
     print_certificate(run)
     if (plan := mission_efficiency(result)) is not None:
         say(f"efficiency {100 * plan.reached:.0f} % of the best possible plan, which need not drive")

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.navigation.navigator import Ended as Ended, Navigator as Navigator
     from soilmoist_ros.exploration.navigation.person import PERSON_ENTRY_M as PERSON_ENTRY_M, PersonNavigator as PersonNavigator, person_rules as person_rules, person_watch as person_watch
     from soilmoist_ros.exploration.navigation.pose_client import CancelAll as CancelAll, PoseClient as PoseClient, PoseRequest as PoseRequest, RobotTrack as RobotTrack, SendPose as SendPose, drivers as drivers
-    from soilmoist_ros.exploration.planning.decision import OF_DOSE as OF_DOSE, Thresholds as Thresholds, parse_thresholds as parse_thresholds
+    from soilmoist_ros.exploration.planning.decision import OF_DOSE as OF_DOSE, Thresholds as Thresholds, check_thresholds as check_thresholds, parse_thresholds as parse_thresholds
     from soilmoist_ros.exploration.planning.dwell import DWELL_RULES as DWELL_RULES, DwellRule as DwellRule, Optimal as Optimal, dwell_rule as dwell_rule, parse_dwell as parse_dwell
     from soilmoist_ros.exploration.planning.forecast import Forecast as Forecast, forecast_from_text as forecast_from_text, forecast_to_text as forecast_to_text, hundredths as hundredths
     from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS as MIN_RATE_CPS, spread_cells as spread_cells
@@ -79,7 +79,7 @@ __getattr__, __dir__, __all__ = open_door(
         "navigation.navigator": "Ended Navigator",
         "navigation.person": "PERSON_ENTRY_M PersonNavigator person_rules person_watch",
         "navigation.pose_client": "CancelAll PoseClient PoseRequest RobotTrack SendPose drivers",
-        "planning.decision": "OF_DOSE Thresholds parse_thresholds",
+        "planning.decision": "OF_DOSE Thresholds check_thresholds parse_thresholds",
         "planning.dwell": "DWELL_RULES DwellRule Optimal dwell_rule parse_dwell",
         "planning.forecast": "Forecast forecast_from_text forecast_to_text hundredths",
         "planning.planning_model": "MIN_RATE_CPS spread_cells",

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from soilmoist_ros import sensing
-from soilmoist_ros.exploration import OF_DOSE, Thresholds, parse_thresholds
+from soilmoist_ros.exploration import OF_DOSE, Thresholds, check_thresholds, parse_thresholds
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, __version__, resource, shown_path
 from soilmoist_ros.mapping import (
     CovariateSource,
@@ -278,7 +278,7 @@ def planning_thresholds(
     if not text:
         return None
     if text != OF_DOSE:
-        return Thresholds.of(parse_thresholds(text), curve)
+        return Thresholds.of(parse_thresholds(check_thresholds(text)), curve)
     if curve is None:
         raise InputError(
             "the threshold is dose, but there is no calibration", "give a site file with a calibration"

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs, remove_earlier as remove_earlier, require_free as require_free, require_writable as require_writable, results_in as results_in
     from soilmoist_ros.reporting.outputs import mission_run as mission_run, write_failed as write_failed, write_mission as write_mission, write_outputs as write_outputs
     from soilmoist_ros.reporting.page.charts import Area as Area, Chart as Chart, ChartColour as ChartColour, Line as Line, Mark as Mark, limits_of as limits_of
+    from soilmoist_ros.reporting.page.decision import decision as decision
     from soilmoist_ros.reporting.page.frame import dwell_text as dwell_text, length as length, number as number, plain as plain, render_page as render_page, strategy_text as strategy_text
     from soilmoist_ros.reporting.page.irrigation import dose_sentence as dose_sentence, irrigation as irrigation
     from soilmoist_ros.reporting.page.report import change_summary as change_summary, dated as dated, relations as relations
@@ -49,6 +50,7 @@ _open, __dir__, __all__ = open_door(
         "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",
         "outputs": "mission_run write_failed write_mission write_outputs",
         "page.charts": "Area Chart ChartColour Line Mark limits_of",
+        "page.decision": "decision",
         "page.frame": "dwell_text length number plain render_page strategy_text",
         "page.irrigation": "dose_sentence irrigation",
         "page.report": "change_summary dated relations",

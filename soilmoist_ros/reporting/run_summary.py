@@ -23,7 +23,7 @@ from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
 from soilmoist_ros.reporting.page import statistics
-from soilmoist_ros.reporting.page.decision import decision
+from soilmoist_ros.reporting.page.decision import DecisionMap, decision
 from soilmoist_ros.reporting.page.field_dose import has_level, root_zone
 from soilmoist_ros.reporting.page.irrigation import IrrigationZone, irrigation
 from soilmoist_ros.reporting.page.report import relations
@@ -69,7 +69,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         ],
         "cross_validation": loo
         and {"rmse_cps": loo.rmse, "standardised_sd": loo.standardised_sd, "coverage95": loo.coverage95},
-        "truth": _truth(soil_map, run.truth_rate),
+        "truth": _truth(soil_map, run.truth_rate, decision(run)),
         "mission": None if run.mission is None else mission_summary(run.mission),
         "certificate": None if (stated := certificate_of(run)) is None else stated.values,
         "properties": [
@@ -252,11 +252,14 @@ def _estimate(estimate: SurveysEstimate) -> dict[str, float]:
     return {"value": estimate.value, "sd": estimate.sd, "low95": low, "high95": high}
 
 
-def _truth(soil_map: SoilMap, truth: NDArray[np.float64] | None) -> dict[str, float] | None:
+def _truth(
+    soil_map: SoilMap, truth: NDArray[np.float64] | None, decided: DecisionMap | None = None
+) -> dict[str, float] | None:
     if truth is None:
         return None
     score = statistics.truth_score(soil_map, truth)
-    return {"rmse_cps": score.rmse, "bias_cps": score.bias, "coverage95": score.coverage95}
+    wrong = {} if decided is None or decided.true_wrong is None else {"wrong_zone_share": decided.true_wrong}
+    return {"rmse_cps": score.rmse, "bias_cps": score.bias, "coverage95": score.coverage95, **wrong}
 
 
 def mission_summary(mission: MissionResult) -> dict[str, Any]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.simulation.mission.channel import mission_fields as mission_fields, mission_properties as mission_properties
     from soilmoist_ros.simulation.mission.efficiency import mission_efficiency as mission_efficiency
     from soilmoist_ros.simulation.mission.mission_ground import mission_map as mission_map
-    from soilmoist_ros.simulation.mission.mission_result import MapErrors as MapErrors, MappedProperty as MappedProperty, MissionResult as MissionResult, Moment as Moment, SeriesRow as SeriesRow, TimedForecast as TimedForecast, achieved as achieved, forecast_text as forecast_text, map_errors as map_errors, reported as reported, series_columns as series_columns
+    from soilmoist_ros.simulation.mission.mission_result import MapErrors as MapErrors, MappedProperty as MappedProperty, MissionResult as MissionResult, Moment as Moment, SeriesRow as SeriesRow, TimedForecast as TimedForecast, achieved as achieved, forecast_texts as forecast_texts, map_errors as map_errors, reported as reported, series_columns as series_columns
     from soilmoist_ros.simulation.mission.settings import PRESETS as PRESETS, SETTINGS as SETTINGS, MissionSettings as MissionSettings, PropertySettings as PropertySettings, Setting as Setting
     from soilmoist_ros.simulation.mission.simulator import simulate_mission as simulate_mission
     from soilmoist_ros.simulation.robot.scenario import load_scenario as load_scenario
@@ -34,7 +34,7 @@ _open, __dir__, __all__ = open_door(
         "mission.channel": "mission_fields mission_properties",
         "mission.efficiency": "mission_efficiency",
         "mission.mission_ground": "mission_map",
-        "mission.mission_result": "MapErrors MappedProperty MissionResult Moment SeriesRow TimedForecast achieved forecast_text map_errors reported series_columns",
+        "mission.mission_result": "MapErrors MappedProperty MissionResult Moment SeriesRow TimedForecast achieved forecast_texts map_errors reported series_columns",
         "mission.settings": "MissionSettings PRESETS PropertySettings SETTINGS Setting",
         "mission.simulator": "simulate_mission",
         "robot.scenario": "load_scenario",

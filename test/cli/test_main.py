@@ -151,6 +151,7 @@ def test_the_help_lists_each_command_with_its_first_sentence(name):
 @pytest.mark.parametrize("name", ["simulate", "demo"])
 def test_the_help_of_a_mission_groups_its_options(name):
     text = run(name, "--help").output
+    assert not re.search(r"Default:\s+\.", text), "no empty default"
     assert re.findall(r"^([A-Z][a-z ]+):$", text, re.MULTILINE) == list(GROUPS)
     usual = text.partition("Usual options:")[2].partition("Mission:")[0]
     wanted = ["--field", "--hours", "--strategy", *["--live"] * (name == "simulate"), "--out"]
@@ -231,9 +232,16 @@ def test_no_help_imports_heavy_libraries():
 @pytest.mark.slow
 def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
     out = tmp_path / "out"
-    result = run("simulate", "--field", "synthetic-high", "--strategy", "greedy", "--dwell", "fmi:120",
-                 "--hours", 0.5, "--cell", 2, "--seed", 3, "--out", out)  # fmt: skip
+    result = run("simulate", "--field", "synthetic-high", "--strategy", "ivr", "--dwell", "fmi:120",
+                 "--hours", 0.5, "--cell", 2, "--seed", 3, "--target", "decision", "--threshold", "20%,0.15",
+                 "--out", out)  # fmt: skip
     assert result.exit_code == 0, result.output
+    for line in (
+        r"forecast   at 25 % of the time: ±\S+ % \(\S+ to \S+\)",
+        "decision   below 15 %: .*; 15 % to 20 %: .*; above 20 %: .* of the field",
+        " +Expected in the wrong zone: .* by the simulated truth it is .*",
+    ):
+        assert len(re.findall(f"^{line}$", result.output, re.MULTILINE)) == 1
     assert "irrigation Simulated: " in result.output or "irrigation Next: " in result.output
     assert sorted(path.name for path in out.iterdir()) == sorted([*OUTPUTS, "series.csv", "visits.csv"])
     header, *rows = (out / "series.csv").read_text().splitlines()
@@ -253,6 +261,8 @@ def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
         (["--strategy", "gredy"], "did you mean 'greedy'"),
         (["--dwell", "ami:3"], "did you mean 'ami:3%'"),
         (["--graph", "missing.yaml"], "missing.yaml"),
+        (["--target", "decision", "--threshold", "15%,0.15"], "name 15 % twice"),
+        (["--target", "decision", "--threshold", "0.2", "--field", "smooth"], "looks like a moisture"),
     ],
 )
 def test_bad_missions_exit_with_2_and_a_remedy(tmp_path, options, message):

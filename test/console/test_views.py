@@ -47,7 +47,7 @@ def test_a_view_has_codes_and_values_of_which_the_page_makes_sentences():
     reaching = Reaching("p95-sd=0.03 m3/m3", True, 0.042, (0.03, 0.02, 0.04), (1500.0, 900.0, None))
     view = mission_view(replace(over, forecast=replace(sure, reaching=reaching)), {})["forecast"]["aim"]
     assert (view["about"], view["value"], view["minutes"], view["met"]) == ("p95", 0.03, [25, 15, None], False)
-    assert f"aim_{view['about']}" in TEXTS
+    assert {f"aim_{view['about']}", "aim_unknown", "aim_doubtful"} <= TEXTS.keys()
     idle = replace(STATUS, phase=Phase.IDLE)
     assert [mission_view(replace(idle, hindered=one), {})["ready"] for one in (False, True)] == [True, False]
     assert mission_view(STATUS, {})["error_percent"] == 5.0

@@ -77,12 +77,14 @@ def test_thresholds_of_a_plan_are_those_given_or_those_between_the_doses():
     loam = without(STATION, irrigation={"texture": "loam", "steps_mm": 20, "max_dose_mm": 40})
     found = planning_thresholds("decision", "dose", loam, curve)
     assert found.values == pytest.approx([0.28 - 30 / 300, 0.21]), "20 mm at once where plants lack water, then 40"
-    assert planning_thresholds("decision", "0.2 0.1", plain, None).rates_cps == (0.1, 0.2)
+    assert planning_thresholds("decision", "5 4", plain, None).rates_cps == (4, 5)
     assert planning_thresholds("vwc", "", plain, curve) is None
     for target, text, site, of, why in (
         ("decision", "", plain, curve, "belong together"),
         ("rate", "0.2", plain, curve, "belong together"),
         ("decision", "dose", loam, None, "no calibration"),
+        ("decision", "0.2", plain, None, "looks like a moisture"),
+        ("decision", "0.2 0.2", plain, curve, "twice"),
         ("decision", "dose", plain, curve, "water that plants use"),
     ):
         with pytest.raises(InputError, match=why):

@@ -19,6 +19,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import make_soil_map
 from soilmoist_ros.recording import read_records
 from soilmoist_ros.reporting import mission_run, notes, outputs, write_mission, write_outputs
+from soilmoist_ros.reporting.page.frame import percent
 from soilmoist_ros.reporting.page.report import mission_part, render_report
 from soilmoist_ros.reporting.page.wording import facts, headline
 from soilmoist_ros.reporting.run_summary import mission_summary
@@ -108,18 +109,24 @@ def test_all_files(mission, tmp_path):
 def test_zones_of_a_decision_have_one_certainty_with_the_other_zones(mission, tmp_path):
     settings = dataclasses.replace(mission.settings, target="decision", threshold="0.06,0.2")
     write_mission(tmp_path, dataclasses.replace(mission, settings=settings))
-    found = json.loads((tmp_path / "summary.json").read_text())["decision"]
+    about = json.loads((tmp_path / "summary.json").read_text())
+    found, truly = about["decision"], about["truth"]["wrong_zone_share"]
     assert (found["thresholds"], found["unit"], found["outside"]) == ([0.06, 0.2], "m3/m3", [])
     assert [zone["limits"] for zone in found["zones"]] == ["below 6 %", "6 % to 20 %", "above 20 %"]
     with rasterio.open(tmp_path / "map.tif") as raster:
         vwc = raster.read(1)
         dry = np.mean(vwc[np.isfinite(vwc) & (vwc != raster.nodata)] < 0.06)
+    mapped, inside = mission_run(mission).soil_map.vwc, mission.soil_map.grid.mask
+    true = mission.soil_map.curve.vwc(mission.truth_rate)
+    mapped, true = (np.digitize(one[inside], [0.06, 0.2]) for one in (mapped, true))
+    assert truly == np.mean(mapped != true), "of the true curve, not of the map's calibration"
     assert found["zones"][0]["share"] == pytest.approx(dry, abs=0.02)
     assert 1 - found["wrong_share"] == pytest.approx(
         sum(zone["share"] * zone["expected_share"] for zone in found["zones"] if zone["share"])
     )
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
-    for text in ('id="decision"', 'value="decision"', 'value="right"', "Expected in the wrong zone"):
+    truth = f"by the simulated truth it is {percent(truly)}".replace("\xa0", " ")
+    for text in ('id="decision"', 'value="decision"', 'value="right"', "Expected in the wrong zone", truth):
         assert text in html.replace("\xa0", " ")
 
 
@@ -238,7 +245,7 @@ def test_the_forecast_is_compared_with_what_was_reached(mission):
     assert [chart.key for chart in part.charts][-1] == "course-sd"
     names = [name for _, name in part.charts[-1].names]
     assert names == ["forecast at the start", "forecast after a quarter", "forecast after half", "reached"]
-    assert "±3.8 % of the rate reached; forecast ±8.0 % (6.7 to 9.6) at the start" in part.text
+    assert "±3.8 % of the rate reached; forecast at 25 % of the time: ±" in part.text
     about = mission_summary(known)["forecast"]
     assert [one["time_s"] for one in about["made"]] == [0.0, 1000.0, 1900.0, 2800.0]
     assert {one["end_s"] for one in about["made"]} == {3600.0}

@@ -215,7 +215,8 @@ function aimText(one) {
   const aim = t(`aim_${one.about}`, { value: said(one.value) });
   const [min, soonest, latest] = one.minutes;
   if (one.met) return t("aim_met", { aim });
-  if (min === null) return t("aim_missed", { aim, end: said(one.end[0]), lack: said(Math.abs(one.end[0] - one.value)).replace("±", "") });
+  if (min === undefined) return t("aim_unknown", { aim });
+  if (min === null) return t(soonest === null ? "aim_missed" : "aim_doubtful", { aim, end: said(one.end[0]), lack: said(Math.abs(one.end[0] - one.value)).replace("±", "") });
   return t("aim_in", { aim, min, soonest, latest: latest ?? t("too_late") });
 }
 

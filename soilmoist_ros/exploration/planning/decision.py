@@ -36,22 +36,38 @@ _TINY = 1e-12
 
 
 def parse_thresholds(text: str) -> tuple[float, ...]:
-    """Read thresholds, rising.
+    """Read thresholds, rising; one that is repeated is kept, as doses may be.
 
-    >>> parse_thresholds("0.25, 0.15")
+    >>> parse_thresholds("0.25, 15 %")
     (0.15, 0.25)
 
     :raises InputError: if there are none, or one is not a positive number
     """
+    words = re.split(r"[,;\s]+", re.sub(r"\s+%", "%", text.strip()))
     try:
-        values = sorted(float(word) for word in re.split(r"[,;\s]+", text.strip()))
+        values = sorted(float(one.removesuffix("%")) / (100 if one.endswith("%") else 1) for one in words)
     except ValueError:
         values = []
     if not values or not all(math.isfinite(one) and one > 0 for one in values):
-        raise InputError(
-            f"{text!r} is not a list of thresholds", "give numbers above 0, such as 0.15 or 0.15,0.25"
-        )
+        how = "give numbers above 0, such as 0.15 or 0.15,0.25, with a point before the decimals"
+        raise InputError(f"{text!r} is not a list of thresholds", how)
     return tuple(values)
+
+
+def check_thresholds(text: str) -> str:
+    """Thresholds that a person gives.
+
+    :raises InputError: if they are none, or one is given twice
+    """
+    values = () if text == OF_DOSE else parse_thresholds(text)
+    if twice := {threshold_text(one) for one in values if values.count(one) > 1}:
+        raise InputError(f"thresholds {text!r} name {' and '.join(sorted(twice))} twice", "give each once")
+    return text
+
+
+def threshold_text(value: float) -> str:
+    """A threshold with its unit: all below 1 are moistures."""
+    return f"{100 * value:.3g} %" if value < 1 else f"{value:g} counts/s"
 
 
 @dataclass(frozen=True)
@@ -72,9 +88,12 @@ class Thresholds:
         """Thresholds of the moisture, or of the rate without a curve.
 
         :param values: thresholds; one that is given n times costs n times as much
-        :raises InputError: if a moisture is not one that the soil can have
+        :raises InputError: if a moisture is not one that the soil can have, or there is no calibration for it
         """
         if curve is None:
+            if min(values) < 1:
+                what = f"the threshold {min(values):g} looks like a moisture, but there is no calibration"
+                raise InputError(what, "give the site's calibration, or a rate in counts/s, from 1")
             return cls(tuple(values), tuple(values), (1.0,) * len(values))
         limits = soil_limits(curve.bulk_density_gcm3)
         for value in values:

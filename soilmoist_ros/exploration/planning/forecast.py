@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.planning.decision import EXPLORING
+from soilmoist_ros.exploration.planning.decision import EXPLORING, threshold_text
 from soilmoist_ros.exploration.planning.properties import MIN_RATE_CPS, Aim, Property, slope2
 from soilmoist_ros.foundation import read_json
 from soilmoist_ros.mapping import (
@@ -54,47 +54,47 @@ class Reaching:
     moisture: bool  # whether it is of the moisture
     now: float  # figure of the map now
     end: tuple[float, float, float]  # figure at the end of the mission, and its better and worse limit
-    times_s: tuple[
-        float | None, ...
-    ]  # time from now at which it is met, soonest and latest [s]; ``None``: too late
+    times_s: tuple[float | None, ...]
+    """Time from now at which it is met, soonest and latest [s]; ``None``: too late; empty: not known yet."""
 
     @property
     def is_met(self) -> bool:
         """True if the map is good enough now."""
-        aim = Aim.parse(self.aim)
-        return aim.met(self.now)
+        return Aim.parse(self.aim).met(self.now)
 
     @property
     def met_text(self) -> str:
         """The figure now and the one demanded, in words."""
         aim = Aim.parse(self.aim)
-        return f"{self._said(self.now)} {self._about(aim)}, {self._said(aim.value)} demanded"
+        return f"{self._said(self.now)} {self._about(aim)}, {self._demanded(aim)} demanded"
 
     @property
     def text(self) -> str:
         """When the aim is met, or by how much it is missed, in words."""
         aim = Aim.parse(self.aim)
-        about = f"{self._said(aim.value)} {self._about(aim)}"
+        about = f"{self._demanded(aim)} {self._about(aim)}"
+        if not self.times_s:
+            return f"{about}: when is not known yet"
         when_s, soonest_s, latest_s = self.times_s
         if self.is_met:
             return f"{about}: reached"
         if when_s is None:
-            lack = self._said(abs(self.end[0] - aim.value)).lstrip("±")
             side = "too little" if aim.kind == "zone" else "too much"
-            best = "; with luck just so" if soonest_s is not None else ""
+            lack = f"{100 * abs(self.end[0] - aim.value):.1f} percentage points {side}"
             if self.end[1] == self.end[2]:
-                return f"{about}: missed, {self._said(self.end[0])}, {lack} {side}"
-            better, worse = (self._said(value).strip("±% ") for value in self.end[1:])
-            return (
-                f"{about} cannot be reached in the time: {self._said(self.end[0])} ({better} to {worse}) "
-                f"at its end, {lack} {side}{best}"
-            )
+                return f"{about}: missed, {self._said(self.end[0])}, {lack}"
+            low, high = (self._said(value).strip("±% ") for value in sorted(self.end[1:]))
+            when = "cannot be reached in the time" if soonest_s is None else "probably not within the time"
+            return f"{about} {when}: {self._said(self.end[0])} ({low} to {high}) at its end, {lack}"
         latest = "later than the time allows" if latest_s is None else f"{latest_s / 60:.0f}"
         assert soonest_s is not None
         return f"{about} in {when_s / 60:.0f} min ({soonest_s / 60:.0f} to {latest})"
 
     def _said(self, value: float) -> str:
-        return f"{100 * value:.3g} %" if self.aim.startswith("zone") else f"±{hundredths(value)} %"
+        return f"{100 * value:.1f} %" if self.aim.startswith("zone") else f"±{hundredths(value)} %"
+
+    def _demanded(self, aim: Aim) -> str:
+        return f"{100 * aim.value:.3g} %" if aim.kind == "zone" else self._said(aim.value)
 
     def _about(self, aim: Aim) -> str:
         if aim.kind == "zone":
@@ -127,6 +127,7 @@ class Forecast:
     wrong: float | None = None  # share of the field expected in the wrong zone now; ``None`` without thresholds
     wrong_end: float | None = None  # at the end of the mission
     outside: tuple[float, ...] = ()  # thresholds that hardly any place of the field is below, or above
+    divides: bool = True  # whether another threshold is of the field, so that there is something to decide
     reaching: Reaching | None = None  # when the mission's aim is met; ``None`` without an aim
 
     @property
@@ -155,14 +156,9 @@ class Forecast:
         return "% by volume" if self.moisture else "% of the rate"
 
     @property
-    def now_text(self) -> str:
-        """Standard deviation now, as ``±2.4 % of the rate``."""
-        return f"±{hundredths(self.sd)} {self.unit}"
-
-    @property
     def text(self) -> str:
         """The forecast in words, as ``±2.4 % of the rate now, ±2.0 % (1.7 to 2.4) in 35 min``."""
-        text = f"{self.now_text} now"
+        text = f"±{hundredths(self.sd)} {self.unit} now"
         if self.times_s:
             text += f", {self.end_text} in {self.times_s[-1] / 60:.0f} min"
         if self.wrong is not None:
@@ -184,13 +180,13 @@ class Forecast:
         text = f"{100 * self.wrong:.1f} % of the field in the wrong zone"
         if self.wrong_end is not None:
             text += f", {100 * self.wrong_end:.1f} % at the end"
-        outside = " and ".join(f"{value:g}" for value in self.outside)
+        outside = " and ".join(map(threshold_text, self.outside))
         return f"{text}; {outside} is outside what the field has" if outside else text
 
     @property
     def is_decided(self) -> bool:
-        """True if hardly any place is expected in the wrong zone."""
-        return self.wrong is not None and self.wrong < DECIDED
+        """True if hardly any place is expected in the wrong zone, and a threshold divides the field."""
+        return self.wrong is not None and self.wrong < DECIDED and self.divides
 
     @property
     def uniform(self) -> str:
@@ -248,7 +244,6 @@ EFFICIENCY = 0.7  # even counting time that a second of a plan is worth [-]
 LEARNING = 0.08
 """Power of the counting time by which the standard deviation falls because the variogram becomes certain [-]."""
 MIN_EVERY_S = 60.0  # shortest mission time between two forecasts [s]
-AIMED_EVERY_S = 60.0  # shortest mission time between two forecasts of a mission with an aim [s]
 MAX_FORECASTS = 60  # number of forecasts in a long mission
 UNIFORM_FROM = 0.2  # share of the mission time after which a field may be called uniform
 SPREAD, MAX_SPREAD = 2.2, 1.4
@@ -285,7 +280,7 @@ class Forecaster:
         if used_s < self._due_s or left_s <= 0:
             return None
         every_s = max(MIN_EVERY_S, (used_s + left_s) / MAX_FORECASTS)
-        self._due_s = used_s + (every_s if aim is None else AIMED_EVERY_S)
+        self._due_s = used_s + (every_s if aim is None else MIN_EVERY_S)
         if of.field_map.soil_map is None:
             expected = of.field_map.expected_fit
             rate_cps = self._nominal_rate_cps if expected is None else expected.mean_rate
@@ -342,7 +337,8 @@ def map_forecast(
     moved = np.clip(np.diag(covariance), 0.0, variance) * max(1 - (found.sd_end / found.sd) ** 2, 0.0)
     end = of.thresholds.wrong(rate, variance, moved) if left_s > 0 else None
     outside = of.thresholds.outside(rate, variance)
-    return replace(found, wrong=of.thresholds.wrong(rate, variance), wrong_end=end, outside=outside)
+    wrong, divides = of.thresholds.wrong(rate, variance), len(outside) < len(of.thresholds.values)
+    return replace(found, wrong=wrong, wrong_end=end, outside=outside, divides=divides)
 
 
 def prior_forecast(
@@ -380,9 +376,9 @@ def prior_forecast(
     made = replace(found.forecast(left_s, rate_cps, slope is not None), is_guess=True)
     if aim is None:
         return made
-    # Without a map, the places that may be dry and wet are spread as the variogram says.
-    spread = math.sqrt(variogram.sill) * np.resize((-1.22, 0.0, 1.22), len(rate))
-    return replace(made, reaching=found.reaching(aim, rate + spread, left_s, slope is not None))
+    if aim.kind == "zone":  # which places are dry and wet, only a map can tell
+        return replace(made, reaching=Reaching(str(aim), slope is not None, 0.0, (0.0, 0.0, 0.0), ()))
+    return replace(made, reaching=found.reaching(aim, rate, left_s, slope is not None))
 
 
 class _Curve:

@@ -146,7 +146,8 @@ class Aim:
         plain = text.lower().replace("³", "3").replace("m^3", "m3").strip()
         found = re.fullmatch(r"([a-z0-9-]+)\s*=\s*([-+.0-9e]+)\s*(%?)\s*([a-z0-9/]*)", plain)
         if found is None:
-            raise InputError(f"{text!r} is not an aim", _EXAMPLES)
+            point = f"write a decimal point: {text.replace(',', '.')}" if "," in text else _EXAMPLES
+            raise InputError(f"{text!r} is not an aim", point)
         kind, number, percent, unit = found.groups()
         if kind not in KINDS:
             raise InputError(
@@ -160,7 +161,8 @@ class Aim:
             raise InputError(f"the unit {unit!r} of {text!r} is unknown or does not fit", _EXAMPLES)
         low, high = (1 / ZONES, 1.0) if kind == "zone" else (0.0, MAX_SD)
         if not low < value < high:
-            hint = f"{text!r} is not in percent: write {kind}={value:g}%" if 1 <= value < 100 else _EXAMPLES
+            meant = not percent and value >= 1 and low < value / 100 < high
+            hint = f"{text!r} is not in percent: write {kind}={value:g}%" if meant else _EXAMPLES
             raise InputError(f"the aim {text!r} is not between {low:.3g} and {high:g}", hint)
         return cls(kind, value, UNITS[unit])
 

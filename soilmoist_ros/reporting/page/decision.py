@@ -38,6 +38,7 @@ class DecisionMap:
     number: Array
     probability: Array
     outside: tuple[float, ...]
+    true_wrong: float | None  # share of the field that is in another zone, ``None`` without a truth
     basis: ClassVar[str] = "Zones by the thresholds of the mission."
     water: ClassVar[str] = ""
 
@@ -49,11 +50,17 @@ class DecisionMap:
     @property
     def level(self) -> str:
         """What is decided, as sentences."""
-        text = f"Expected in the wrong zone: {percent(self.wrong)} of the field."
+        truly = "" if self.true_wrong is None else f"; by the simulated truth it is {percent(self.true_wrong)}"
+        text = f"Expected in the wrong zone: {percent(self.wrong)} of the field{truly}."
         if self.outside:
             which = " and ".join(_limit(value, self.of_moisture) for value in self.outside)
             text += f" {which} is outside what the field has: the zone is the same nearly everywhere."
         return text
+
+    @property
+    def shares(self) -> str:
+        """The zones with their shares of the field, in words."""
+        return "; ".join(f"{zone.limits}: {percent(zone.share)}" for zone in self.zones) + " of the field"
 
 
 @once_a_run
@@ -80,8 +87,13 @@ def decision(run: MapRun) -> DecisionMap | None:
         text = _range(zone, edges, of_moisture)
         zones.append(IrrigationZone(f"zone {zone + 1}", text, colour, share * size_m2, share, sure))
     at = soil_map.rate[inside], soil_map.variance[inside]
-    outside = Thresholds.of(edges, curve).outside(*at)
-    return DecisionMap(edges, of_moisture, tuple(zones), number, probability, outside)
+    limits = Thresholds.of(edges, curve) if curve is not None else Thresholds(edges, edges, (1.0,) * len(edges))
+    wrong, truth, true_curve = None, run.truth_rate, run.mission.soil_map and run.mission.soil_map.curve
+    if truth is not None and np.isfinite(truth).any():
+        true = truth if curve is None else (true_curve or curve).vwc(truth)
+        known = inside & np.isfinite(true)
+        wrong = float(np.mean(np.searchsorted(edges, true[known], side="right") != number[known]))
+    return DecisionMap(edges, of_moisture, tuple(zones), number, probability, limits.outside(*at), wrong)
 
 
 def _range(zone: int, edges: tuple[float, ...], of_moisture: bool) -> str:

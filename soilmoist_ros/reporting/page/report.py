@@ -49,7 +49,7 @@ from soilmoist_ros.reporting.page.statistics import covariate_importance, leave_
 from soilmoist_ros.reporting.page.variogram_charts import variogram_charts
 from soilmoist_ros.reporting.page.viewer import pictures, viewer_data
 from soilmoist_ros.reporting.page.wording import Fact, notes
-from soilmoist_ros.simulation import MissionResult, forecast_text, mission_efficiency, series_columns
+from soilmoist_ros.simulation import MissionResult, forecast_texts, mission_efficiency, series_columns
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
 
@@ -373,8 +373,8 @@ def _text(mission: MissionResult) -> str:
         of_truth = "with the variogram of the truth, so that missions on this field can be compared"
         of_map = "with the variogram of this map: not comparable with other missions"
         sentences[-1] += f" ({of_truth if plan.of_truth else of_map})"
-    if forecast := forecast_text(mission.forecasts, 3600 * settings.hours):
-        sentences.append(f"Standard deviation of the map: {forecast}")
+    if forecast := forecast_texts(mission.forecasts, 3600 * settings.hours):
+        sentences.append(f"Standard deviation of the map: {'; forecast '.join(forecast)}")
     if mission.ended:
         sentences.append(f"The mission ended: {mission.ended.rstrip('.')}")
     return ". ".join(sentences) + "."

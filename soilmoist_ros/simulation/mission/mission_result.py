@@ -78,24 +78,22 @@ def achieved(forecasts: Sequence[TimedForecast]) -> TimedForecast | None:
     return next((one for one in reversed(forecasts) if not one.forecast.is_guess), None)
 
 
-def forecast_text(forecasts: Sequence[TimedForecast], planned_s: float) -> str:
-    """Forecasts for the end and the standard deviation reached, in words; empty without a map."""
+def forecast_texts(forecasts: Sequence[TimedForecast], planned_s: float) -> list[str]:
+    """Standard deviation reached, and its forecast after a quarter of the time, or at the start if there is no
+    other, in words; empty without a map.
+    """
     end = achieved(forecasts)
     if end is None:
-        return ""
+        return []
     reached = f"±{hundredths(end.forecast.sd)} {end.forecast.unit} reached"
     if end.forecast.reaching is not None:
         reached += f"; {end.forecast.reaching.text}"
-    made = [f"{_expected(made.forecast)} {_when(share)}" for share, made in reported(forecasts, planned_s)]
-    return "; ".join([reached, f"forecast {', '.join(made)}"] if made else [reached])
-
-
-def _expected(forecast: Forecast) -> str:
-    return forecast.end_text if forecast.reaching is None else forecast.reaching.text
-
-
-def _when(share: float) -> str:
-    return f"at {100 * share:.0f} % of the time" if share else "at the start"
+    early = [(share, one.forecast) for share, one in reported(forecasts, planned_s) if share <= SHARES[1]]
+    if not early:
+        return [reached]
+    share, made = early[-1]
+    when = f"at {100 * share:.0f} % of the time" if share else "at the start"
+    return [reached, f"{when}: {made.end_text if made.reaching is None else made.reaching.text}"]
 
 
 @dataclass(frozen=True)

@@ -332,7 +332,7 @@ class MissionSettings:
     )  # fmt: skip
     threshold: str | None = _setting(
         None, "Thresholds between the zones, such as 0.15 or 0.15,0.25, for target decision: moisture in m3/m3 "
-        "where it is calibrated, else counts/s; dose: those between the doses of the site file.", str,
+        "or % where it is calibrated, else counts/s; dose: those between the doses of the site file.", str,
         check=_plain_thresholds,
     )  # fmt: skip
     travel: Literal["free", "graph", "lanes"] = _setting(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.planning.decision import Thresholds, parse_thresholds
+from soilmoist_ros.exploration.planning.decision import Thresholds, check_thresholds, parse_thresholds
 from soilmoist_ros.exploration.planning.planning_model import EVEN_SHARE, PlanningModel
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import PoissonKriging, Variogram
@@ -42,13 +42,17 @@ def test_thresholds_of_the_moisture_are_rates_with_the_price_of_the_moisture():
     assert found.outside(np.full(50, found.rates_cps[0]), np.full(50, 1e-4)) == (0.3,)
     with pytest.raises(InputError, match=r"threshold 20 is not between 0 and .*write 0\.2"):
         Thresholds.of((20.0,), curve)
+    with pytest.raises(InputError, match=r"0\.2 looks like a moisture, but there is no calibration .* counts/s"):
+        Thresholds.of((0.2, 4.0), None)
 
 
 @pytest.mark.parametrize("text", ["", "wet", "0.2 to 0.3", "-1", "0", "nan", "inf"])
 def test_other_texts_are_refused(text):
     with pytest.raises(InputError, match="list of thresholds"):
         parse_thresholds(text)
-    assert parse_thresholds(" 0.3;0.1 0.2") == (0.1, 0.2, 0.3)
+    assert parse_thresholds(" 0.3;10 %;20% 0.2") == (0.1, 0.2, 0.2, 0.3)
+    with pytest.raises(InputError, match="name 15 % twice"):
+        check_thresholds("0.2,0.15,15%")
 
 
 def test_a_model_for_a_decision_saves_loss_and_looks_at_the_threshold():

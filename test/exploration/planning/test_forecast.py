@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration import Aim, Forecast, Property, forecast_from_text, forecast_to_text
+from soilmoist_ros.exploration import Aim, Forecast, Property, Thresholds, forecast_from_text, forecast_to_text
 from soilmoist_ros.exploration.planning import forecast as forecaster
 from soilmoist_ros.exploration.planning.forecast import (
     CERTAIN,
@@ -18,6 +18,7 @@ from soilmoist_ros.exploration.planning.forecast import (
     Reaching,
     differences,
     map_forecast,
+    prior_forecast,
 )
 from soilmoist_ros.exploration.planning.properties import zones_right
 from soilmoist_ros.foundation import InputError
@@ -44,15 +45,36 @@ REACHING = Reaching("p95-sd=0.03", True, 0.042, (0.031, 0.027, 0.036), (None, 90
 
 def test_when_an_aim_is_met_in_words():
     assert replace(FORECAST, reaching=REACHING).text == (
-        f"{FORECAST.text}; ±3.0 % by volume on 95 % of the field cannot be reached in the time: "
-        "±3.1 % (2.7 to 3.6) at its end, 0.1 % too much; with luck just so"
+        f"{FORECAST.text}; ±3.0 % by volume on 95 % of the field probably not within the time: "
+        "±3.1 % (2.7 to 3.6) at its end, 0.1 percentage points too much"
     )
     late = replace(REACHING, end=(0.031, 0.031, 0.031), times_s=(None, None, None))
-    assert late.text == "±3.0 % by volume on 95 % of the field: missed, ±3.1 %, 0.1 % too much"
+    assert late.text == "±3.0 % by volume on 95 % of the field: missed, ±3.1 %, 0.1 percentage points too much"
+    few = Reaching("zone=0.8", False, 0.7, (0.78371, 0.808, 0.767), (None, None, None))
+    assert few.text == (
+        "80 % of the zones right cannot be reached in the time: 78.4 % (76.7 to 80.8) at its end, "
+        "1.6 percentage points too little"
+    )
     zones = Reaching("zone=0.85", False, 0.7, (0.9, 0.92, 0.84), (1500.0, 900.0, None))
     assert zones.text == "85 % of the zones right in 25 min (15 to later than the time allows)"
     assert replace(zones, now=0.86).text == "85 % of the zones right: reached"
-    assert replace(zones, now=0.86).met_text == "86 % of the zones right, 85 % demanded"
+    assert replace(zones, now=0.86).met_text == "86.0 % of the zones right, 85 % demanded"
+
+
+def test_only_a_map_tells_when_the_zones_are_right():
+    early = prior_forecast(CELLS, 60.0, 4.0, 3600.0, aim=Aim("zone", 0.8)).reaching
+    assert (early.text, early.is_met) == ("80 % of the zones right: when is not known yet", False)
+
+
+def test_a_decision_is_not_made_by_thresholds_that_the_field_does_not_have():
+    def told(*rates):
+        return map_forecast(replace(mapped(), thresholds=Thresholds.of(rates, None)), CELLS, 3600.0)
+
+    assert told(90.0).wrong < 0.01
+    assert not told(90.0).is_decided
+    assert told(90.0).text.endswith("; 90 counts/s is outside what the field has")
+    assert replace(told(4.0, 90.0), wrong=0.0).is_decided
+    assert forecast_from_text(forecast_to_text(told(90.0))).divides is False
 
 
 @pytest.mark.parametrize(
@@ -73,6 +95,8 @@ def test_an_aim_is_read_in_the_units_that_people_write(text, aim):
         ("sd=2", "write sd=2%"), ("zone=0.2", "not between"), ("sd=", "not an aim"), ("0.02", "not an aim"),
         ("var=0.1", "no aim 'var' -> use one of"), ("zone=80% rate", "unit 'rate'"), ("sd=nan", "not an aim"),
         ("sd=2% m3/m3", "unit 'm3/m3'"), ("sd=1e", "not between"),
+        ("zone=1", "not between 0.333 and 1 -> write for example"), ("sd=200%", "-> write for example"),
+        ("zone=85", "write zone=85%"), ("sd=0,03", "write a decimal point: sd=0.03"),
     ],
 )  # fmt: skip
 def test_another_aim_is_refused(text, why):

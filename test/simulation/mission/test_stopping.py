@@ -74,7 +74,8 @@ def test_a_mission_for_a_decision_counts_at_the_threshold_and_ends_when_it_is_ma
     forecasts = [one.forecast for one in found.forecasts]
     assert forecasts[0].wrong is None, "it explores first"
     assert forecasts[-1].wrong < 0.7 * next(one.wrong for one in forecasts if one.wrong is not None)
-    outside, hours = mission(**settings, threshold="9")
-    assert "the decision is made" in outside.ended
-    assert "outside what the field has" in outside.ended
-    assert 0.5 <= hours < 0.7
+    outside, hours = mission(**{**settings, "hours": 0.5}, threshold="9")
+    assert "9 counts/s is outside what the field has" in outside.forecasts[-1].forecast.text
+    assert hours > 0.45, "nothing is decided by it"
+    with pytest.raises(InputError, match="looks like a moisture"):
+        mission(field="smooth", target="decision", threshold="0.2")
