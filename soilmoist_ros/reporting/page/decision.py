@@ -66,8 +66,7 @@ class DecisionMap:
 @once_a_run
 def decision(run: MapRun) -> DecisionMap | None:
     """The map of the decision that the mission was for; ``None`` if it was for none."""
-    text = None if run.mission is None else run.mission.settings.threshold
-    if not text:
+    if run.mission is None or not (text := run.mission.settings.threshold):
         return None
     soil_map = run.soil_map
     edges = run.irrigation.dose_thresholds if text == OF_DOSE else parse_thresholds(text)
