@@ -130,7 +130,9 @@ class Explorer:
         if not self._forecasts:
             return planned
         times_s = request.time_used_s, request.time_left_s
-        forecast = self._forecaster.forecast(self.properties[0], *times_s, 1 + len(others), self.rules.aim)
+        forecast = self._forecaster.forecast(
+            self.properties[0], *times_s, 1 + len(others), self.rules.aim, self.rules.by_person
+        )
         return replace(planned, forecast=forecast)
 
     def home_s(self, stop: str) -> float:
