@@ -236,7 +236,7 @@ def redrawn(result: MissionResult) -> list[str]:
     for _ in range(DRAWS):
         at = drawn(grid.mask, len(exposure_s), int(rng.integers(2**53)))
         made = map_certificate.state(p, at, rng.poisson(truth[at] * exposure_s).astype(float), exposure_s)
-        bound = made.rmse_below
+        bound = np.inf if made.rmse_below is None else made.rmse_below
         held = bound**2 >= np.mean(error**2), bound**2 >= result.series[-1].mse
         found.append((abs(made.mean - truth.mean()) <= made.half_width, *held, made.half_width, bound))
     values = np.mean(found, axis=0) / [1, 1, 1, truth.mean(), truth.mean()]

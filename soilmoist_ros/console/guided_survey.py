@@ -49,6 +49,7 @@ from soilmoist_ros.exploration import (
     Verb,
     Visit,
     boot_id,
+    check_time,
     parse_dwell,
     person_rules,
     person_watch,
@@ -163,6 +164,7 @@ class GuidedSurvey:
         self._survey = survey = open_survey(
             mission.field_name, settings.site, earlier=earlier, covariates=covariates, **mapping
         )
+        check_time(mission.certify, survey.map.grid.area_m2, mission.motion, settings.rules, mission.cadence_s)
         self._plane = survey.field.frame
         curve = planning_curve(survey.site, survey.field, mission.target == "vwc")
         self._driver = Driver(devices, survey.site, self._plane, page.receiver())

@@ -12,7 +12,7 @@ from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
     # fmt: off
-    from soilmoist_ros.exploration.control.certified_stops import CertifiedStops as CertifiedStops
+    from soilmoist_ros.exploration.control.certified_stops import CertifiedStops as CertifiedStops, check_time as check_time
     from soilmoist_ros.exploration.control.explorer import STREAMS_PER_ROBOT as STREAMS_PER_ROBOT, Explorer as Explorer, ExplorerSettings as ExplorerSettings, nominal_rate_cps as nominal_rate_cps, planning_grid as planning_grid, strategy_stream as strategy_stream
     from soilmoist_ros.exploration.control.field_access import PAST_M as PAST_M, AccessRules as AccessRules, FieldAccess as FieldAccess, cell_stops as cell_stops
     from soilmoist_ros.exploration.control.mission_control import DATUM as DATUM, EXPOSURE as EXPOSURE, GUIDED as GUIDED, LEADS as LEADS, PLACE_TIME as PLACE_TIME, RECORD_STAMP as RECORD_STAMP, MissionControl as MissionControl, MissionSetup as MissionSetup
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "control.certified_stops": "CertifiedStops",
+        "control.certified_stops": "CertifiedStops check_time",
         "control.explorer": "Explorer ExplorerSettings STREAMS_PER_ROBOT nominal_rate_cps planning_grid strategy_stream",
         "control.field_access": "AccessRules FieldAccess PAST_M cell_stops",
         "control.mission_control": "DATUM EXPOSURE GUIDED LEADS MissionControl MissionSetup PLACE_TIME RECORD_STAMP",

@@ -29,6 +29,7 @@ from soilmoist_ros.exploration import (
     Verb,
     boot_id,
     check_places,
+    check_time,
     property_weights,
     read_travel_map,
 )
@@ -113,6 +114,7 @@ class Planner(Node):
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
         check_places(self._values.whole("certify"), 1 + len(other_namespaces(self, others)))
+        check_time(settings.certify, self._field.grid().area_m2, settings.motion, rules)
         by_name = self._values.text("navigator") == "goto_node"
         robot = self._values.texts("robot_properties")
         self._inputs = PlannerInputs(

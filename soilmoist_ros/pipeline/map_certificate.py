@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import combinations, islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +35,10 @@ Array = NDArray[np.float64]
 CONFIDENCE = 0.95
 KURTOSIS = 6.0
 """Kurtosis of the errors of a map over the field for which the bound of the error holds; 3 if they are normal."""
+REACH_M = 10.0
+"""Counts farther from a place than this are not its counts [m]: robots arrive within 3 m, people 5 m."""
+_LATE_S = 1.0  # a record may end this long after its visit: clocks differ
+_CHOICES = 10_000  # choices of records to try: those in a pause of a visit do not belong to it
 _CLOCK_S = 1e-3
 _STEP = 0.01  # relative step of the rate for the curvature of the moisture
 
@@ -44,13 +49,14 @@ class Statement:
 
     :param half_width: half of the 95 % interval of the mean
     :param rmse: root mean squared error of the map without the sample; 0 if the counts show no error
-    :param rmse_below: upper limit of it, with a confidence of 95 %
+    :param rmse_below: upper limit of it, with a confidence of 95 %; ``None`` if the counts are too few for one
+        below the mean
     """
 
     mean: float
     half_width: float
     rmse: float
-    rmse_below: float
+    rmse_below: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +95,9 @@ def run_certificate(run: MapRun) -> Certificate | None:
     if mission is None or not mission.certificate:
         return None
     settings, known = mission.settings, Knowledge(tuple(one.survey for one in run.earlier), run.covariates)
-    choices = FieldMapSettings.chosen(settings)
-    curve = run.soil_map.curve
-    return certify(
-        sample_from_text(mission.certificate), run.track, mission.visits, run.soil_map.grid, choices, curve, known,
-        settings.map_from == "stops",
-    )  # fmt: skip
+    choices, curve = FieldMapSettings.chosen(settings), run.soil_map.curve
+    sample, stops_only = sample_from_text(mission.certificate), settings.map_from == "stops"
+    return certify(sample, run.track, mission.visits, run.soil_map.grid, choices, curve, known, stops_only)
 
 
 def certify(
@@ -111,7 +114,10 @@ def certify(
 
     :param stops_only: whether the map is of the counts at stops
     """
+    from scipy.spatial import cKDTree
+
     visits = sorted(visits, key=lambda visit: visit.arrived_s)
+    records = [one for one in records if not one.quarantine]
     there = _visits_at(sample, visits)
     measured = tuple(number for number, stop in enumerate(sample.stops) if there[stop.name])
     others = _without_sample(records, visits, sample, stops_only)
@@ -119,7 +125,7 @@ def certify(
     if soil_map is None:
         return Certificate(sample, measured, None, None, sample.is_as_drawn)
     p, drift = soil_map.rate[grid.mask], soil_map.change.drift
-    at = _cells_at(grid, sample.cells_xy[list(measured)])
+    at = np.asarray(cKDTree(grid.cells).query(sample.cells_xy[list(measured)])[1], np.intp)
     counts, exposure_s = [], []
     for number in measured:
         its = there[sample.stops[number].name]
@@ -152,11 +158,12 @@ def state(
         bend = (curve.slope((1 + _STEP) * known) - curve.slope((1 - _STEP) * known)) / (2 * _STEP * known)
         kurtosis *= float(np.mean(weight**2) / weight.mean() ** 2)  # errors of the rate weigh more in wet soil
     difference = slope * error + bend / 2 * (error**2 - noise)
+    mean = middle + float(difference.mean())
     half_width = float(stdtrit(k - 1, (1 + CONFIDENCE) / 2) * difference.std(ddof=1) / math.sqrt(k))
     square, variance = (slope * error) ** 2, slope**2 * noise
     mse = max(float(np.mean(square - variance)), 0.0)
     below = math.sqrt(error_bound(square, variance, kurtosis))
-    return Statement(middle + float(difference.mean()), half_width, math.sqrt(mse), below)
+    return Statement(mean, half_width, math.sqrt(mse), below if below < mean else None)
 
 
 def error_bound(square: Array, variance: Array, kurtosis: float = KURTOSIS) -> float:
@@ -166,7 +173,7 @@ def error_bound(square: Array, variance: Array, kurtosis: float = KURTOSIS) -> f
     mean is compared with a gamma distribution of the mean and the variance that it has for a mean squared error
     B, errors of this kurtosis, and normal noise: ``B + V`` and ``((kurtosis - 1) B^2 + 4 B V + 2 mean(V^2)) /
     k``. The limit is the B for which so small a mean has the probability of 5 %. A mean below the noise counts
-    as the noise.
+    as the noise. Infinite if a few places can tell nothing of errors of this kurtosis.
 
     :param square: squared differences of counts and map, shape (k,); ``variance`` is that of their noise V
     """
@@ -184,16 +191,32 @@ def error_bound(square: Array, variance: Array, kurtosis: float = KURTOSIS) -> f
     top = seen
     while surplus(top) > 0 and top < 1e6 * seen:
         top *= 2
+    if surplus(top) > 0:
+        return math.inf
     return float(brentq(surplus, 0.0, top, rtol=1e-4))
 
 
 def _visits_at(sample: SealedSample, visits: Sequence[Visit]) -> dict[str, list[Visit]]:
-    """Visits at each stop of a sample that have an exposure, by its name."""
-    found: dict[str, list[Visit]] = {stop.name: [] for stop in sample.stops}
+    """Visits that were made for each stop of a sample, near it, and have an exposure, by its name."""
+    places = {stop.name: stop.xy for stop in sample.stops}
+    found: dict[str, list[Visit]] = {name: [] for name in places}
     for visit in visits:
-        if visit.name in found and visit.effective_exposure_s > 0:
+        if visit.name not in found or sample.digest not in visit.reason or not visit.effective_exposure_s > 0:
+            continue
+        if math.dist((visit.x_m, visit.y_m), places[visit.name]) <= REACH_M:
             found[visit.name].append(visit)
     return found
+
+
+def adds_up(visit: Visit, records: Sequence[CountRecord]) -> bool:
+    """True if counts and exposures of a visit are those of records that were counted in its time near it."""
+    place, begin_s, end_s = (visit.x_m, visit.y_m), visit.arrival_stamp_s - _CLOCK_S, visit.end_stamp_s + _LATE_S
+    there = [one for one in records if begin_s <= one.stamp_s - one.exposure_s and one.stamp_s <= end_s]
+    there = [one for one in there if math.dist((one.x_m, one.y_m), place) <= REACH_M and not one.quarantine]
+    counted = [(one.raw_counts, one.exposure_s, one.effective_exposure_s) for one in there]
+    told = visit.raw_counts, visit.exposure_s, visit.effective_exposure_s
+    tried = islice(combinations(counted, visit.records), _CHOICES)
+    return any(np.allclose(np.sum(one, axis=0), told, rtol=1e-6) for one in tried)
 
 
 def _without_sample(
@@ -220,16 +243,8 @@ def _map(
 ) -> SoilMap | None:
     """Map of what the sensor sees; ``None`` if there is none."""
     field_map = FieldMap(grid, settings, knowledge)
-    placed = [one for one in records if math.isfinite(one.x_m) and one.effective_exposure_s > 0]
-    field_map.set_records(placed)
+    field_map.set_records([one for one in records if math.isfinite(one.x_m) and one.effective_exposure_s > 0])
     try:
         return field_map.update()
     except SoilmoistError:
         return None
-
-
-def _cells_at(grid: FieldGrid, xy: Array) -> NDArray[np.intp]:
-    """Numbers of the inside cells nearest to places, shape (n,)."""
-    from scipy.spatial import cKDTree
-
-    return np.asarray(cKDTree(grid.cells).query(xy)[1], np.intp)

@@ -5,17 +5,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from soilmoist_ros.exploration import sample_from_text
 from soilmoist_ros.foundation import InputError, read_json
 from soilmoist_ros.mapping import FieldGrid, FieldMapSettings, Knowledge
-from soilmoist_ros.pipeline import REMEDY, Certificate, Statement, certify, curve_of, run_certificate
-from soilmoist_ros.recording import read_records
+from soilmoist_ros.pipeline import REMEDY, Certificate, adds_up, certify, curve_of, run_certificate
+from soilmoist_ros.recording import RECORDS, SUMMARY, read_records
 from soilmoist_ros.reporting.certainty import NO_LEVEL, calibration_of, once_a_run
 from soilmoist_ros.reporting.opened_run import open_run
 from soilmoist_ros.reporting.output_folder import CERTIFICATE_NAME
@@ -24,6 +21,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline import MapRun
 
 _SETTINGS = ("model", "fit", "noise", "local", "drift_model")
+_STATED = ("rate_cps", "vwc", "drift_corrected")
+_WIDE = 1 / 3  # an interval of the mean whose half is a larger share of it is of little use
 _SAME = 1e-6  # relative difference of two statements that are the same but for rounding in the files
 
 
@@ -40,13 +39,14 @@ def statement_text(certificate: Certificate, moist: bool) -> str:
     if statement is None:
         return f"no statement: {measured} of {places} places were counted at, or nothing else was"
     unit, factor = ("% by volume", 100.0) if moist else ("counts/s", 1.0)
-    values = {name: factor * value for name, value in asdict(statement).items()}
-    text = f"mean {_figure(values['mean'], values['half_width'])} ± {_figure(values['half_width'])} {unit}"
-    seen = f"{_figure(values['rmse'])} {unit}" if values["rmse"] > 0 else "too small to be seen"
-    below = f"95 %: below {_figure(values['rmse_below'])} {unit}"
-    if values["rmse_below"] >= values["mean"]:
-        below = "too few counts for an upper limit"
-    return f"{text} (95 %), whatever the model; RMSE of the map {seen} ({below})"
+    mean, half_width, rmse = (factor * one for one in (statement.mean, statement.half_width, statement.rmse))
+    text = f"mean {_figure(mean, half_width)} ± {_figure(half_width)} {unit}"
+    seen = f"{_figure(rmse)} {unit}" if rmse > 0 else "too small to be seen"
+    limit, below = statement.rmse_below, "too few counts for an upper limit"
+    if limit is not None:
+        below = f"95 %: below {_figure(factor * limit)} {unit}"
+    text += f" (95 %), whatever the model; RMSE of the map {seen} ({below})"
+    return f"{text}; too wide to be of much use: give more time or places" if half_width > _WIDE * mean else text
 
 
 def sample_text(certificate: Certificate) -> str:
@@ -70,39 +70,25 @@ def certificate_text(run: MapRun) -> list[str]:
     sample, curve = found.sample, run.soil_map.curve
     measured, places = len(found.measured), len(sample.cells)
     text = statement_text(found, curve is not None)
-    sentences = [
-        f"{text[:1].upper()}{text[1:]}.",
+    lost = ", ".join(sample.stops[n].name for n in range(places) if n not in found.measured)
+    origin = "the level is not known at all" if calibration_of(run) in NO_LEVEL else "its uncertainty comes on top"
+    stated = found.rate is not None
+    sentences = {
+        f"{text[:1].upper()}{text[1:]}.": True,
         f"Sample: {places} places, drawn before the mission with the seed {sample.seed} (seal {sample.digest}); "
-        f"{'all' if measured == places else measured} were counted at.",
-    ]
-    if found.rate is None:
-        return sentences
-    if measured < places:
-        lost = ", ".join(sample.stops[n].name for n in range(places) if n not in found.measured)
-        sentences.append(
-            f"Not counted at: {lost}. The statement leaves out the part of the field that they stand for, about "
-            f"{100 * (1 - measured / places):.0f} %."
-        )
-    if not found.as_drawn:
-        sentences.append("The seed does not draw this sample: do not trust the statement.")
-    sentences.append(
+        f"{measured if lost else 'all'} were counted at.": True,
+        f"Not counted at: {lost}. The statement leaves out the part of the field that they stand for, about "
+        f"{100 * (1 - measured / places):.0f} %.": stated and lost,
+        "The seed does not draw this sample: do not trust the statement.": stated and not found.as_drawn,
         "The mean is of what the sensor sees from each place of the field, so ground within its reach outside the "
-        "border counts too. The error is that of the map made without these places; the map here has them, too."
-    )
-    if curve is not None:
-        origin = (
-            "the level is not known at all" if calibration_of(run) in NO_LEVEL else "its uncertainty comes on top"
-        )
-        sentences.append(f"The calibration (N0) is taken as it is: {origin}.")
-    if sample.visitable < 0.995:
-        sentences.append(
-            f"{100 * (1 - sample.visitable):.0f} % cannot be visited, and counts as the nearest place that is."
-        )
-    if found.drifts:
-        sentences.append(
-            "Counts were corrected for the change of the rate that the map has found, which is a model."
-        )
-    return sentences
+        "border counts too. The error is that of the map made without these places; the map here has them, too.":
+        stated,
+        f"The calibration (N0) is taken as it is: {origin}.": stated and curve is not None,
+        f"{100 * (1 - sample.visitable):.0f} % cannot be visited, and counts as the nearest place that is.":
+        stated and sample.visitable < 0.995,
+        "Counts were corrected for the change of the rate that the map has found, which is a model.": found.drifts,
+    }  # fmt: skip
+    return [sentence for sentence, holds in sentences.items() if holds]
 
 
 def certificate_content(run: MapRun) -> dict[str, Any]:
@@ -125,8 +111,8 @@ def certificate_content(run: MapRun) -> dict[str, Any]:
 def check_certificate(folder: Path) -> tuple[Certificate, str]:
     """Draw the sample of a run's certificate again, and make its statements again from records and visits.
 
-    :returns: the certificate as made again, and in a sentence what was compared
-    :raises InputError: if the folder has no certificate, the seed draws another sample, or a statement differs
+    :returns: the certificate as made again, and in a sentence what was compared, and what not
+    :raises InputError: if the folder has no certificate, or seed, visits, records and files do not fit together
     """
     import json
 
@@ -139,29 +125,35 @@ def check_certificate(folder: Path) -> tuple[Certificate, str]:
         sample = sample_from_text(json.dumps(content["sample"], separators=(",", ":")))
         grid = FieldGrid.from_polygon(about["polygons"], about["cell_m"], about["holes"])
         settings = FieldMapSettings(**{name: about[name] for name in _SETTINGS})
-        told = content["sealed"], {name: content.get(name) for name in ("rate_cps", "vwc")}
         stops_only, knowledge = bool(about["stops_only"]), bool(about["knowledge"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"cannot be read: {error!s:.200}", REMEDY, path) from None
-    if sample.digest != told[0] or not sample.is_as_drawn:
+    if not sample.is_as_drawn:
         raise InputError(f"the seed {sample.seed} does not draw this sample", "do not trust it", path)
     curve = curve_of(run.summary, folder) if about.get("calibrated") else None
-    records = read_records(folder / "records.csv")
+    records = read_records(folder / RECORDS)
+    for visit in run.visits:
+        sealed = visit.name in sample.names and sample.digest in visit.reason and visit.effective_exposure_s > 0
+        if sealed and not adds_up(visit, records):
+            wrong = f"the visit at {visit.name} has other counts, exposure or place than its records"
+            raise InputError(wrong, "do not trust the certificate", folder / "visits.csv")
     made = certify(sample, records, run.visits, grid, settings, curve, Knowledge(), stops_only)
+    values = made.values
+    values |= {name: content.get(name) if knowledge else values.get(name) for name in _STATED}
+    for file, told in ((path, content), (folder / SUMMARY, run.summary.get("certificate") or {})):
+        for name, value in values.items():
+            if not _same(value, told.get(name)):
+                wrong = f"{name} of the certificate is not what seed, records and visits give"
+                raise InputError(wrong, "do not trust it", file)
+    compared = f"the seed draws the sample, and its visits, {RECORDS}, {SUMMARY} and {CERTIFICATE_NAME} agree"
     if knowledge:
-        return made, "the seed draws the sample; earlier surveys or covariates informed the map: replay to compare"
-    for name, statement in (("rate_cps", made.rate), ("vwc", made.vwc)):
-        if not _agree(statement, told[1][name]):
-            raise InputError(f"records and visits give another statement of {name}", "do not trust it", path)
-    return made, "the seed draws the sample, and records and visits give the statement"
+        compared += ", but for the statements: earlier surveys or covariates informed the map, replay to compare"
+    return made, f"{compared}; not checked: report.html, map, pictures, and the bag if there is one"
 
 
-def _agree(statement: Statement | None, told: object) -> bool:
-    if statement is None or not isinstance(told, dict):
-        return statement is None and told is None
-    made = asdict(statement)
-    try:
-        values = [float(told[name]) for name in made]
-    except (KeyError, TypeError, ValueError):
-        return False
-    return bool(np.allclose(list(made.values()), values, rtol=_SAME, atol=_SAME))
+def _same(made: object, told: object) -> bool:
+    if isinstance(made, dict):
+        return isinstance(told, dict) and all(_same(one, told.get(name)) for name, one in made.items())
+    if isinstance(made, float) and isinstance(told, int | float):
+        return math.isclose(made, told, rel_tol=_SAME, abs_tol=_SAME)
+    return made == told

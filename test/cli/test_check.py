@@ -105,16 +105,13 @@ MONITOR = "# STATION: JUNG, OULU\n2026-05-01 00:00:00;151.0;100.0\n2026-05-03 00
 @pytest.mark.parametrize(
     ("old", "new", "doubt"),
     [
-        (
-            "reference: 150",
-            "reference: 1500",
-            "incoming neutrons is 9.87 to 9.93: are monitor and 'reference' of one",
-        ),
+        ("reference: 150", "reference: 1500",
+         "incoming neutrons is 9.87 to 9.93: are monitor and 'reference' of one"),
         ("0.7,", "2520,", "N0 of 2520 counts/s is unusual: 0.7 counts/s if it is per hour"),
         (', date: "2026-05-01"', "", "no date, note or n0_sd_cps: give one, or write 'illustrative: true'"),
         ("file: monitor.txt, monitor: JUNG", "constant: 100", "incoming neutrons is 1.50 to 1.50"),
     ],
-)
+)  # fmt: skip
 def test_a_site_whose_factors_or_n0_cannot_be_right_is_doubted(tmp_path, old, new, doubt):
     text = SITE.replace("monitor.txt", "monitor.txt, monitor: JUNG")
     (tmp_path / "monitor.txt").write_text(MONITOR)
@@ -152,31 +149,19 @@ def table_of(pressure=990.0, temperature=12.0, humidity=60.0):
 @pytest.mark.parametrize(
     ("weather", "n0", "text"),
     [
-        (
-            {},
-            "0.7",
-            "factors     pressure 0.995 to 0.995, humidity 1.034 to 1.035, incoming neutrons 1.000 to 1.000",
-        ),
+        ({}, "0.7",
+         "factors     pressure 0.995 to 0.995, humidity 1.034 to 1.035, incoming neutrons 1.000 to 1.000"),
         ({}, "2520", "N0 of 2520 counts/s fits these counts if it is per hour: 0.7 counts/s"),
-        (
-            {"humidity": 0.6},
-            "0.7",
-            "relative humidity is 0.58 to 0.60 %: if it is a fraction, write 'unit: fraction'",
-        ),
-        (
-            {"temperature": 54.0},
-            "0.7",
-            "temperature is 54 degC in the middle of the records: if it is in Fahrenheit",
-        ),
-        (
-            {"pressure": 99000},
-            "0.7",
-            "the pressure 99000 is not credible (300..1085) -> if it is in Pa, write 'unit: Pa'",
-        ),
+        ({"humidity": 0.6}, "0.7",
+         "relative humidity is 0.58 to 0.60 %: if it is a fraction, write 'unit: fraction'"),
+        ({"temperature": 54.0}, "0.7",
+         "temperature is 54 degC in the middle of the records: if it is in Fahrenheit"),
+        ({"pressure": 99000}, "0.7",
+         "the pressure 99000 is not credible (300..1085) -> if it is in Pa, write 'unit: Pa'"),
         ({"pressure": 29.2}, "0.7", "-> if it is in inHg, write 'unit: inHg' into the logger format"),
         ({"temperature": 285.0}, "0.7", "if it is in K, write 'unit: K' into the logger format"),
     ],
-)
+)  # fmt: skip
 def test_weather_and_n0_in_other_units_are_said_so(tmp_path, weather, n0, text):
     (tmp_path / "log.csv").write_text(table_of(**weather))
     (tmp_path / "format.yaml").write_text(FORMAT)

@@ -25,11 +25,17 @@ from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import FixedInterval
 from soilmoist_ros.exploration.planning.prospect import Counting
-from soilmoist_ros.exploration.planning.sealed_sample import SealedSample, draw_sample, sample_from_text
+from soilmoist_ros.exploration.planning.sealed_sample import (
+    MIN_PLACES,
+    SealedSample,
+    draw_sample,
+    sample_from_text,
+)
 from soilmoist_ros.exploration.strategies.route import nearest_neighbour
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any
-from soilmoist_ros.exploration.travel.travel import TravelModel
+from soilmoist_ros.exploration.travel.travel import RobotMotion, TravelModel
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import Changing, FieldGrid, FieldMap, Samples, TimedSamples
 
 Array = NDArray[np.float64]
@@ -40,6 +46,7 @@ TIME_SHARE = 0.05
 MIN_RECORDS = 2  # least number of records at a certified stop
 DETOUR_SHARE = 0.25  # detour to a certified stop, relative to the way from one to the next; for the time to keep
 COVERS = 0.6  # a tour that takes this share of the time left is the last one: stops are inserted where cheapest
+MAX_SHARE = 1 / 3  # share of the mission time that the certified stops may take
 _MIN_EXPOSURE_S = 1.0
 _M_PER_S = 0.01  # distance that counts as much as a second, to find the sample of a visit
 
@@ -62,6 +69,29 @@ class Plans(Protocol):
 
     def home_s(self, stop: str) -> float:
         """Travel time home from a stop, by its name [s]."""
+
+
+def check_time(
+    count: int, area_m2: float, motion: RobotMotion, rules: MissionRules, cadence_s: float = 10.0
+) -> None:
+    """Refuse a certificate in a field of some area whose places would take over a third of the mission time.
+
+    :raises InputError: says how many places would not
+    """
+
+    def each_s(places: int) -> float:
+        detour_s = DETOUR_SHARE * math.sqrt(area_m2 / places) / motion.speed_mps
+        return max(MIN_RECORDS * cadence_s, rules.min_dwell_s) + cadence_s / 2 + motion.stop_overhead_s + detour_s
+
+    max_s = MAX_SHARE * rules.budget_s
+    if not count or count * each_s(count) <= max_s:
+        return
+    fit = next((n for n in range(min(count, int(max_s)), MIN_PLACES - 1, -1) if n * each_s(n) <= max_s), 0)
+    hours, given = count * each_s(count) / 3600, rules.budget_s / 3600
+    remedy = f"give at most {fit} places, or {math.ceil(hours / MAX_SHARE * 10) / 10:g} h" if fit else (
+        f"give {math.ceil(MIN_PLACES * each_s(MIN_PLACES) / MAX_SHARE / 36) / 100:g} h or more, or leave it out"
+    )  # fmt: skip
+    raise InputError(f"certify: {count} places would take {hours:.2g} h of {given:.3g} h", remedy)
 
 
 class CertifiedStops:

@@ -45,6 +45,7 @@ from soilmoist_ros.exploration import (
     Verb,
     Visit,
     VisitDone,
+    check_time,
     correction_factor,
     dwell_rule,
     make_strategy,
@@ -217,6 +218,7 @@ class _Simulation:
             until_gain=settings.until_gain,
             until=settings.aim,
         )
+        check_time(settings.certify, self.grid.area_m2, settings.motion, rules, settings.cadence_s)
         mission = Mission(rules if settings.person is None else person_rules(rules))
         explorer = Explorer(
             [

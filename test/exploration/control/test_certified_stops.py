@@ -62,6 +62,15 @@ def test_a_certificate_of_few_places_or_several_robots_is_refused(count, robots)
 
 
 @pytest.mark.parametrize(
+    ("count", "hours", "remedy"),
+    [(300, 0.25, "give at most 6 places, or 9.8 h"), (5, 0.1, "give 0.22 h or more"), (7, 0.25, "at most 6")],
+)
+def test_a_certificate_that_leaves_no_time_for_the_map_is_refused(count, hours, remedy):
+    with pytest.raises(InputError, match=remedy):
+        simulate_mission(MissionSettings(field="patches", certify=count, hours=hours))
+
+
+@pytest.mark.parametrize(
     "choice",
     [{"strategy": "gcb"}, {"strategy": "lattice", "dwell": "fmi:10"}, {"strategy": "ivr", "travel": "graph"},
      {"strategy": "greedy", "until_gain": 99.0}, {"strategy": "gcb", "person": "usual"}],

@@ -97,20 +97,16 @@ def test_moistures_at_points_become_rates(tmp_path):
                 "truth.csv:8 [rate_cps]: '' is not a number",
             ],
         ),
-        (
-            "x_m,y_m,rate_cps\n" + "a,1,3\n" * 50,
-            ["'a' is not a number", *["truth.csv"] * 19, "has 30 more mistakes"],
-        ),
+        ("x_m,y_m,rate_cps\n" + "a,1,3\n" * 50,
+         ["'a' is not a number", *["truth.csv"] * 19, "has 30 more mistakes"]),
         ("x_m,y_m,vwc\n0,0,25\n1,0,0.2\n", ["truth.csv:2 [vwc]: 25 is no moisture in m3/m3 .* divided by 100"]),
         ("x_m,y_m,rate_cps\n0,0,3\n1,0,3\n0.0,0,4\n", ["truth.csv:4: the place x_m = 0, y_m = 0 occurs twice"]),
         ("x_m,y_m,rate_cps\n0,0,3\n1,0,3\n", ["truth.csv: has 2 points, but at least 3 are needed -> add more"]),
         ("x_m,y_m,rate_cps\n500,0,3\n501,0,3\n502,0,4\n", ["truth.csv: all points lie outside the field -> x_m"]),
-        (
-            "x_m,y_m,vwc\n0,0,0.1\n1,0,0.2\n2,0,0.2\n",
-            ["field.yaml [truth]: the truth is a moisture (vwc), but there is no calibration curve .*'soil'"],
-        ),
+        ("x_m,y_m,vwc\n0,0,0.1\n1,0,0.2\n2,0,0.2\n",
+         ["field.yaml [truth]: the truth is a moisture (vwc), but there is no calibration curve .*'soil'"]),
     ],
-)
+)  # fmt: skip
 def test_mistakes_in_points_are_named(tmp_path, data, messages):
     found = [str(mistake) for mistake in mistakes_of(write(tmp_path, "  points: truth.csv\n", data))]
     assert len(found) == len(messages), found
@@ -154,14 +150,12 @@ EVEN = np.arange(0, 41, 5)
     [
         (grid_csv([0, 10, 20, 33, 40], [0, 30]), r"truth.csv \[x_m\]: is not evenly spaced: .* -> give a regular"),
         (grid_csv([0, 40], [7]) + "1,7,3\n2,7,3\n", r"\[y_m\]: is not evenly spaced: 1 values"),
-        (
-            grid_csv([0, 10, 20], [0, 10, 20, 30]),
-            r"has no value in 35.0% of the field: x = 27 m, y = 1 m has none",
-        ),
+        (grid_csv([0, 10, 20], [0, 10, 20, 30]),
+         r"has no value in 35.0% of the field: x = 27 m, y = 1 m has none"),
         (grid_csv([900, 910], [0, 30]), "truth.csv: has no value in the field -> check the field's datum"),
         (grid_csv(EVEN, EVEN).replace("\n20,10,3.5", "\n20,10,"), r""),
     ],
-)
+)  # fmt: skip
 def test_mistakes_in_grids_are_named(tmp_path, data, message):
     if not message:
         data = re.sub(r"^20,10,.*$", "20,10,nan", data, flags=re.MULTILINE)
@@ -284,14 +278,10 @@ def test_a_formula_of_moisture_and_its_generator(tmp_path):
         ("  grid: a.csv\n  variogram: {range_m: 3}\n", "'variogram' belongs to 'points'; remove it"),
         ("  grid: a.csv\n  band: x\n", "'band' belongs to a 'grid' that is a GeoTIFF (.tif); remove it"),
         ("  points: a.csv\n  soil: {bulk_density_gcm3: 1.4}\n", "'soil' is of no use without 'calibration'"),
-        (
-            "  pionts: a.csv\n",
-            "field.yaml:5 [truth.pionts]: unknown key 'pionts' -> remove it or use one of: points,",
-        ),
-        (
-            "  points: a.csv\n  variogram: {model: linear}\n",
-            "field.yaml:6 [truth.variogram.model]: there is no variogram model 'linear'",
-        ),
+        ("  pionts: a.csv\n",
+         "field.yaml:5 [truth.pionts]: unknown key 'pionts' -> remove it or use one of: points,"),
+        ("  points: a.csv\n  variogram: {model: linear}\n",
+         "field.yaml:6 [truth.variogram.model]: there is no variogram model 'linear'"),
         ("  points: a.csv\n  variogram: {nugget: 2, sill: 1}\n", "'sill' is the total sill and must be greater"),
         ("  formula: {low: 1}\n", "field.yaml:5 [truth.formula]: a formula is a block of keys with a 'family'"),
         ("  formula:\n    family: rigde\n", "field.yaml:5 [truth.formula]: unknown family 'rigde'; known are"),
@@ -301,20 +291,14 @@ def test_a_formula_of_moisture_and_its_generator(tmp_path):
             "[truth.formula]: the family 'half' has no parameter 'hihg'; it has family, quantity, low, high, "
             "transition_m, angle_deg, offset_m (did you mean 'high'?)",
         ),
-        (
-            "  formula:\n    family: half\n    low: -1\n    high: 2\n",
-            "field.yaml:7 [truth.formula.low]: input should",
-        ),
-        (
-            "  formula: {family: matern32, mean: 4, sd: 0.4, range_m: 9000}\n",
-            "field.yaml [truth.formula]: no random field with the matern32 model of range 9000 m",
-        ),
-        (
-            "  formula: {family: half, quantity: vwc, low: 0.1, high: 0.2}\n",
-            "field.yaml [truth]: the truth is a moisture (vwc), but there is no calibration curve",
-        ),
+        ("  formula:\n    family: half\n    low: -1\n    high: 2\n",
+         "field.yaml:7 [truth.formula.low]: input should"),
+        ("  formula: {family: matern32, mean: 4, sd: 0.4, range_m: 9000}\n",
+         "field.yaml [truth.formula]: no random field with the matern32 model of range 9000 m"),
+        ("  formula: {family: half, quantity: vwc, low: 0.1, high: 0.2}\n",
+         "field.yaml [truth]: the truth is a moisture (vwc), but there is no calibration curve"),
     ],
-)
+)  # fmt: skip
 @pytest.mark.slow
 def test_mistakes_in_the_field_file_are_named(tmp_path, truth, message):
     found = [str(mistake) for mistake in mistakes_of(write(tmp_path, truth))]
