@@ -409,22 +409,16 @@ def test_knowledge_that_cannot_be_read_is_found_before_the_work(command, tmp_pat
 @pytest.mark.parametrize(
     ("arguments", "messages"),
     [
-        (
-            ["map", "no.log", "--site", "nosite"],
-            ["no.log: there is no such file -> check the path", "name 'nosite'"],
-        ),
-        (
-            ["simulate", "--covariate", "no.tif:slope", "--earlier", "none", "--covariate", "no.gpkg"],
-            ["no.tif: there is no such file of covariates -> check its path", "no.gpkg: there is"],
-        ),
-        (
-            ["map", "a.log", "--out", "a.log/out"],
-            ["a.log: is a file, not a folder -> choose another output folder"],
-        ),
+        (["map", "no.log", "--site", "nosite"],
+         ["no.log: there is no such file -> check the path", "name 'nosite'"]),
+        (["simulate", "--covariate", "no.tif:slope", "--earlier", "none", "--covariate", "no.gpkg"],
+         ["no.tif: there is no such file of covariates -> check its path", "no.gpkg: there is"]),
+        (["map", "a.log", "--out", "a.log/out"],
+         ["a.log: is a file, not a folder -> choose another output folder"]),
         (["simulate", "--field", "nofield"], ["there is no surrogate field or field file 'nofield'"]),
         (["calibrate", "no.csv", "--site", "no.yaml"], ["no.csv: there is", "no.yaml: there is"]),
     ],
-)
+)  # fmt: skip
 def test_what_is_missing_is_found_before_anything_heavy_is_loaded(arguments, messages, tmp_path):
     (tmp_path / "a.log").write_text("x\n")
     out = [] if "--out" in arguments or arguments[0] == "calibrate" else ["--out", "out"]

@@ -62,13 +62,11 @@ def test_boundary_in_degrees_and_in_geojson_are_the_same_field(tmp_path):
         (SQUARE + "geojson: missing.json\n", "cannot be read"),
         (SQUARE + "geojson: /dev/null\n", "not a regular file"),
         (SQUARE + "polgon: [[0,0],[1,0],[1,1]]\n", "did you mean 'polygon'"),
-        (
-            "datum: {latitude_deg: -97.4, longitude_deg: 38.7}\n",
-            "-97.4 -> check whether latitude and longitude are",
-        ),
+        ("datum: {latitude_deg: -97.4, longitude_deg: 38.7}\n",
+         "-97.4 -> check whether latitude and longitude are"),
         ("datum: {latitude_deg: 53,2, longitude_deg: -0.5}\n", "unknown key '2' -> write decimals with a point"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_are_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         load_field(write(tmp_path, text))
@@ -103,30 +101,20 @@ def test_a_cell_size_that_makes_no_grid_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "polygon: [[0,0],[0.001,0],[0.001,0.001]]\n",
-            "5e-07 m2, smaller than any footprint .*'polygon_lonlat' in deg",
-        ),
-        (
-            "polygon: [[-0.52,53.27],[-0.519,53.27],[-0.519,53.271]]\n",
-            r"m2, .* -> the corners look like degrees: give \[longitude, latitude\] under 'polygon_lonlat'",
-        ),
+        ("polygon: [[0,0],[0.001,0],[0.001,0.001]]\n",
+         "5e-07 m2, smaller than any footprint .*'polygon_lonlat' in deg"),
+        ("polygon: [[-0.52,53.27],[-0.519,53.27],[-0.519,53.271]]\n",
+         r"m2, .* -> the corners look like degrees: give \[longitude, latitude\] under 'polygon_lonlat'"),
         ("polygon: [[0,0],[40000,0],[40000,40000],[0,40000]]\n", "encloses 1,600 km2, too large for a survey"),
-        (
-            "polygon: [[398000,5902000],[398100,5902000],[398100,5902100]]\n",
-            "5,915 km from the datum .*map projection",
-        ),
-        (
-            "polygon_lonlat: [[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]\n",
-            "7,748 km from the datum -> longitude comes first in corners, west is negative: check them and",
-        ),
-        (
-            "polygon_lonlat: [[0.52,53.27],[0.521,53.27],[0.521,53.271]]\n",
-            "69 km from the datum -> .* check them and 'datum'$",
-        ),
+        ("polygon: [[398000,5902000],[398100,5902000],[398100,5902100]]\n",
+         "5,915 km from the datum .*map projection"),
+        ("polygon_lonlat: [[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]\n",
+         "7,748 km from the datum -> longitude comes first in corners, west is negative: check them and"),
+        ("polygon_lonlat: [[0.52,53.27],[0.521,53.27],[0.521,53.271]]\n",
+         "69 km from the datum -> .* check them and 'datum'$"),
         ("polygon_lonlat: [[53.27,-100.5],[53.3,-100.5],[53.3,-100.6]]\n", "longitude comes first"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_of_units_order_and_datum_are_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         load_field(write(tmp_path, SQUARE + text))
@@ -138,15 +126,11 @@ BIG = "polygon: [[0,0],[60,0],[60,50],[0,50]]\n"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "no_go: [[[-0.52,53.27],[-0.519,53.27],[-0.519,53.271]]]",
-            "lies 3 m from .*looks like .longitude, latitude",
-        ),
+        ("no_go: [[[-0.52,53.27],[-0.519,53.27],[-0.519,53.271]]]",
+         "lies 3 m from .*looks like .longitude, latitude"),
         ("no_go: [[[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]]", "lies .* looks like degrees, latitude first"),
-        (
-            "no_go: [[[398000,5902000],[398100,5902000],[398100,5902100]]]",
-            "5,915 km .*not as coordinates of a map",
-        ),
+        ("no_go: [[[398000,5902000],[398100,5902000],[398100,5902100]]]",
+         "5,915 km .*not as coordinates of a map"),
         ("no_go: [[[155000,43000],[155009,43000],[155009,43009]]]", "161 km .*not as coordinates of a map"),
         ("no_go: [[10,10],[20,10],[20,20]]", r":3 \[no_go\]: is a list of areas, each a list of corners"),
         ("no_go: [{name: pond, polygon: [[10,10],[20,10],[20,20]]}]", "is a list of areas, each a list of"),
@@ -156,27 +140,21 @@ BIG = "polygon: [[0,0],[60,0],[60,50],[0,50]]\n"
         ("no_go: [[[60.3,10],[80,10],[80,20]]]", "0.3 m from the field -> .* so that it touches the field"),
         ("no_go: [[[20,55],[30,55],[30,60]]]", "lies 5 m from the field -> with x and y of each corner swapped"),
         ("no_go: [[[20,30],[20.05,30],[20.05,30.05]]]", "no-go area 1 encloses 0.0013 m2"),
-        (
-            "no_go: [[[20,30],[20.9,30],[20.9,30.9],[20,30.9]]]",
-            "0.81 m2, less than 1 m2 -> give metres; draw a post",
-        ),
+        ("no_go: [[[20,30],[20.9,30],[20.9,30.9],[20,30.9]]]",
+         "0.81 m2, less than 1 m2 -> give metres; draw a post"),
         ("no_go: [[[130,98],[140,98],[140,108]]]", "85 m from the field -> .* read as feet, it touches"),
         ("no_go: [[[-1,-1],[99,-1],[99,99],[-1,99]]]", "no-go area 1 covers the whole field"),
-        (
-            "no_go: [[[-1,-1],[30,-1],[30,99],[-1,99]],[[30,-1],[70,-1],[70,99],[30,99]]]",
-            "the 2 no-go areas cover",
-        ),
+        ("no_go: [[[-1,-1],[30,-1],[30,99],[-1,99]],[[30,-1],[70,-1],[70,99],[30,99]]]",
+         "the 2 no-go areas cover"),
         ("no_go: [[[10,10],[20,20],[20,10],[10,20]]]", "no-go area 1 is not a simple polygon: Self-intersection"),
         ("no_go_lonlat: [[[150,-40],[150.1,-40],[150.1,-40.1]]]", "not on the field's side of the earth"),
-        (
-            "no_go_lonlat: [[[-0.5199,53.2701],[-0.5199,53.27010001],[-0.51990001,53.2701]]]",
-            "m2 -> draw a post or",
-        ),
+        ("no_go_lonlat: [[[-0.5199,53.2701],[-0.5199,53.27010001],[-0.51990001,53.2701]]]",
+         "m2 -> draw a post or"),
         ("no_go_lonlat: [[[-0.53,53.27],[-0.529,53.27],[-0.529,53.271]]]", "600 m from .* longitude comes first"),
         ("no_go_lonlat: [[[53.27,-100.5],[53.3,-100.5],[53.3,-100.6]]]", "longitude comes first"),
         ("no_go_lonlat: [[[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]]", "longitude comes first"),
     ],
-)
+)  # fmt: skip
 def test_a_no_go_area_of_another_place_or_unit_fences_off_nothing_and_is_refused(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         load_field(write(tmp_path, SQUARE + BIG + text))

@@ -262,15 +262,12 @@ def nothing_left(driver):
     [
         (MissionEnd.NOTHING_LEFT, {}, nothing_left),
         (MissionEnd.TIME_UP, {"budget_s": 400.0}, lambda driver: driver.send(Tick, after=400.0)),
-        (
-            MissionEnd.TIME_UP,
-            {"budget_s": 100.0},
-            lambda driver: driver.record().record().record().command("skip"),
-        ),
+        (MissionEnd.TIME_UP, {"budget_s": 100.0},
+         lambda driver: driver.record().record().record().command("skip")),
         (MissionEnd.ABORTED, {}, lambda driver: driver.command("abort")),
         (MissionEnd.SILENT_SENSOR, {"on_silence": OnSilence.ABORT}, lambda driver: driver.send(Tick, after=60.0)),
     ],
-)
+)  # fmt: skip
 def test_a_mission_has_a_code_for_its_end(end, rules, act):
     driver = Driver(**rules).counting()
     assert driver.mission.status.ended is None
@@ -287,17 +284,14 @@ def test_a_mission_has_a_code_for_its_end(end, rules, act):
         (VisitEnd.MAX_DWELL, {"dwell": parse_dwell("ami:3%", 20.0)}, lambda driver: driver.record()),
         (VisitEnd.MAX_DWELL, {"dwell": parse_dwell("ami:3%", 40.0)}, lambda driver: driver.send(Tick, after=30.0)),
         (VisitEnd.TIME_UP, {"budget_s": 400.0}, lambda driver: driver.send(Tick, after=400.0)),
-        (
-            VisitEnd.TIME_UP,
-            {"home": HOME, "budget_s": 400.0},
-            lambda driver: driver.command("pause").send(Tick, after=400.0),
-        ),
+        (VisitEnd.TIME_UP, {"home": HOME, "budget_s": 400.0},
+         lambda driver: driver.command("pause").send(Tick, after=400.0)),
         (VisitEnd.MOVED, {}, lambda driver: driver.command("pause").send(Moved, 35.0, 0.0).command("resume")),
         (VisitEnd.SKIPPED, {}, lambda driver: driver.command("skip")),
         (VisitEnd.ABORTED, {}, lambda driver: driver.command("abort")),
         (VisitEnd.SILENT_SENSOR, {"on_silence": OnSilence.ABORT}, lambda driver: driver.send(Tick, after=60.0)),
     ],
-)
+)  # fmt: skip
 def test_a_visit_has_a_code_for_its_end(end, rules, act):
     driver = Driver(**rules).counting().record()
     act(driver)

@@ -74,24 +74,18 @@ def test_times_without_a_zone_are_said_once_and_rows_without_a_place_are_no_fix(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "time,lat,lon\n05/06/2026 09:00:00,53.2,-0.5\n",
-            "two meanings: 2026-0(5-06 or 2026-06-05|6-05 or 2026-05-06)",
-        ),
+        ("time,lat,lon\n05/06/2026 09:00:00,53.2,-0.5\n",
+         "two meanings: 2026-0(5-06 or 2026-06-05|6-05 or 2026-05-06)"),
         ("time,lat,lon,latitude\n2026-05-14T09:00:00Z,53.2,-0.5,54.2\n", "several columns .*: lat, latitude"),
         ("time,lat,lon\n2026-05-14T09:00:00Z,53,268,-0,5245\n", "track:2: has 5 fields, the header names 3"),
         ("time,lat_deg,lat_min,lon\n2026-05-14T09:00:00Z,53,16.0,0\n", "minutes in columns of their own lat_min"),
         ("%  GPST  latitude(d'\") longitude(d'\") height(m) Q\n", "degrees and minutes in columns of their own"),
         ("<gpx><trk><trkpt lat='53' lon='0'/></trk></gpx>", "has 1 points, but not one time"),
         ("time,lat,lon\n,53,0\n", "has 1 points, but not one time"),
-        (
-            "time,easting,northing\n1778749200,664000,5904000\n",
-            "without columns of latitude.*: time, easting, north",
-        ),
-        (
-            "time,lat,lon\n2026-10-25 02:59:50,53,0\n2026-10-25 02:00:00,53,0\n",
-            "go back from 2026-10-25 02:59:50 to",
-        ),
+        ("time,easting,northing\n1778749200,664000,5904000\n",
+         "without columns of latitude.*: time, easting, north"),
+        ("time,lat,lon\n2026-10-25 02:59:50,53,0\n2026-10-25 02:00:00,53,0\n",
+         "go back from 2026-10-25 02:59:50 to"),
         ("%  GPST  x-ecef(m) y-ecef(m) z-ecef(m) Q\n", "from the centre of the earth"),
         ("2026/05/14 09:00:18.000   53.268   -0.5245   31.5   1  18  0.0\n", "RTKLIB without its header"),
         ("2418 378018.000   53.268   -0.5245   31.5   1  18  0.0\n", "RTKLIB without its header"),
@@ -103,7 +97,7 @@ def test_times_without_a_zone_are_said_once_and_rows_without_a_place_are_no_fix(
         ("<kml></kml>", "KML"),
         ("a,b\n1,2\n", "no NMEA sentence"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_read_is_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         read(tmp_path, text)
