@@ -231,7 +231,7 @@ def test_a_slide_stays_under_the_finger_while_the_page_changes(browser, served):
     page.locator("#who").fill("Ada")
     page.keyboard.press("Tab")
     slider = page.locator("#actions [data-slide='Slide to start'] input")
-    slider.scroll_into_view_if_needed(timeout=LIMIT_MS)
+    slider.hover(timeout=LIMIT_MS)  # waits, also where the page draws its buttons anew meanwhile
     box = slider.bounding_box()
     y = box["y"] + box["height"] / 2
     page.mouse.move(box["x"] + 12, y)

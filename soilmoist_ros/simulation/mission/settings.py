@@ -543,7 +543,7 @@ class MissionSettings:
         """All settings by name, as cells of a table: numbers, truth values and texts."""
         properties = " ".join(map(str, self.properties)) or "none"
         plain = self.as_dict()
-        missing = {name: "none" for name, one in SETTINGS.items() if one.kind is str and plain[name] is None}
+        missing = {name: "none" for name, one in SETTINGS.items() if one.kind is str and not plain[name]}
         texts = {"graph": self.graph or "default", "person": self.person or "robot", "properties": properties}
         return plain | missing | texts
 
