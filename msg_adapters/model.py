@@ -86,6 +86,7 @@ def _plain(model: Model) -> dict[str, Any]:
         "method": fit.method,
         "converged": bool(fit.converged),
         "message": fit.message,
+        "other_fields": fit.other_fields,
         "n_samples": int(fit.n_samples),
         "stamp_s": model.stamp_s,
         "objective": _number(fit.objective),
@@ -168,6 +169,7 @@ def _model(content: Mapping[str, Any]) -> Model:
         _array(content["edges_m"]),
         _local_rate(stationary, content.get("local_rate")),
         local,
+        other_fields=str(content.get("other_fields", "")),
     )
     return Model(fit, stamp_s, cell_m, _changing(content.get("drift"), stamp_s), content.get("dose_basis"))
 

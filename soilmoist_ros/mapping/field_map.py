@@ -252,7 +252,6 @@ class FieldMap:
         self._paths = DrivenPaths()
         self._rising: tuple[list[float], ...] = ([], [], [], [])  # values of :data:`_MEDIANS`
         self._expected = ExpectedCounts(self.merge_radius_m)
-        self._began_s = 0.0
         self._recent_fit: tuple[int, Variogram] | None = None
         self._recent: deque[Skip | None] = deque(maxlen=RECENT)
         self.state = MapState()
@@ -370,6 +369,7 @@ class FieldMap:
         # Larger samples are as good for this test, and quick for any number of records.
         radius_m = max(self.merge_radius_m, default_merge_radius_m(self.grid, self.settings.margin_m))
         grown = FieldMap(self.grid, replace(self.settings, merge_radius_m=radius_m, drift_model="off"))
+        grown.farm = self.farm
         place = {}
         for index, record in enumerate(records):
             if not record.quarantine:
@@ -505,7 +505,6 @@ class FieldMap:
         """The variogram of a state, ``None`` while its samples are too few."""
         if not len(state.samples):
             return None
-        self._began_s = state.began_s
         state = self._as_seen(state)
         if state.given_fit is not None:
             given = state.given_fit  # with what is known of the field, unless it has that already
@@ -560,7 +559,7 @@ class FieldMap:
         like: VariogramFit | None = None,
     ) -> VariogramFit:
         """The variogram of samples and of other surveys, see :func:`estimate_variogram`."""
-        farm = self.farm and self.farm.besides(self._began_s)
+        farm = self.farm and self.farm.besides(self.state.began_s)
         fit = estimate_variogram(
             samples.xy,
             samples.counts,
@@ -577,7 +576,7 @@ class FieldMap:
             farm=farm,
         )
         if farm is None and self.farm is not None:
-            return replace(fit, message=f"{fit.message}, not used: the only survey is this one")
+            return replace(fit, other_fields="not used: the only survey is this one")
         return fit
 
     @cached_property

@@ -27,13 +27,18 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, Mistake, read_json, read_limited
-from soilmoist_ros.mapping.variogram.model import Variogram, correlation_model
+from soilmoist_ros.mapping.variogram.model import Variogram, correlation_model, mode_of
 
 Array = NDArray[np.float64]
 
+GUESSED_VARIATION: Final = 0.15
+GUESSED_NUGGET: Final = 0.05
+GUESS_LOG_SD: Final = (0.5, 1.0, 1.5)
+"""Usual prior of a field: medians of variation and nugget, and standard deviations of the logarithms of
+:data:`NAMES`."""
 NAMES: Final = ("variation", "range_m", "nugget_share")
 """The parameters, with the units of the file; the file has the factor of one standard error behind each."""
 COLUMNS: Final = ("survey", *(name for one in NAMES for name in (one, f"{one.split('_')[0]}_factor")))
@@ -98,12 +103,13 @@ class FarmPrior:
         others = tuple(one for one in self.surveys if not one.times_s[0] <= began_s <= one.times_s[1])
         return replace(self, surveys=others, left_out=len(self.surveys) - len(others)) if others else None
 
-    def expected(self, usual: Array, usual_sd: Array) -> tuple[Array, Array]:
+    def expected(self, usual: Array, usual_sd: ArrayLike = GUESS_LOG_SD) -> tuple[Array, Array]:
         """Mean and standard deviation of the logarithms of :data:`NAMES` of a field without a survey, shape (3,).
 
-        :param usual: those of the usual prior, shape (3,)
+        :param usual: means of the usual prior, shape (3,)
         :param usual_sd: its standard deviations, shape (3,)
         """
+        usual_sd = np.asarray(usual_sd, float)
         values = np.array([one.log_values for one in self.surveys])
         variances = np.maximum([one.log_sds for one in self.surveys], _MIN_LOG_SD) ** 2
         means, sds = np.empty(3), np.empty(3)
@@ -126,16 +132,16 @@ class FarmPrior:
 
     @property
     def text(self) -> str:
-        """What the surveys expect of another field, in words; the factor is that of one standard deviation."""
-        usual = np.array([math.log(0.15), np.mean([one.log_values[1] for one in self.surveys]), math.log(0.05)])
-        mean, sd = self.expected(usual, np.array([0.5, 1.0, 1.5]))
-        variation, range_m, nugget = (
+        """Variation, range and nugget expected of another field, in words; a factor is one standard deviation."""
+        range_m = float(np.mean([one.log_values[1] for one in self.surveys]))
+        mean, sd = self.expected(np.array([math.log(GUESSED_VARIATION), range_m, math.log(GUESSED_NUGGET)]))
+        variation, extent, nugget = (
             f"{value:{form}} (factor {factor:.1f})"
             for value, factor, form in zip(np.exp(mean), np.exp(sd), (".0%", ".0f", ".0%"), strict=True)
         )
         count = len(self.surveys)
         left_out = f", {self.left_out} left out that is this survey itself" if self.left_out else ""
-        about = f"variation {variation}, range [m] {range_m}, nugget {nugget}"
+        about = f"variation {variation}, range [m] {extent}, nugget {nugget}"
         return f"{count} survey{'s'[: count > 1]}{left_out}: {about}"
 
     def table(self) -> str:
@@ -185,9 +191,9 @@ def _of_summary(path: Path) -> Iterable[FarmSurvey]:
             return []
         names = ("structured_sill", "range", "nugget")
         log_sd, shares = ([float(fit[key][name]) for name in names] for key in ("log_sd", "prior_share"))
-        nugget = float(model["nugget_cps2"]) * math.exp(-0.5 * log_sd[2] ** 2)
-        structured = (float(model["sill_cps2"]) - float(model["nugget_cps2"])) * math.exp(-0.5 * log_sd[0] ** 2)
-        mode = Variogram(model["model"], nugget, float(model["range_m"]), structured + nugget)
+        nugget, range_m, sill = (float(model[key]) for key in ("nugget_cps2", "range_m", "sill_cps2"))
+        means = Variogram(model["model"], nugget, range_m, sill)
+        mode = mode_of(means, (log_sd[0], log_sd[1], log_sd[2]))
         one = FarmSurvey.of(path.parent.name, mode, float(model["mean_rate_cps"]), log_sd, shares)
         times = about.get("first_stamp_s"), about.get("last_stamp_s")
         known = not about.get("simulated") and None not in times

@@ -15,8 +15,8 @@ from soilmoist_ros.mapping.samples import Samples, Surveys, as_samples, merge_ex
 from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.local import LocalFit, LocalRate, fit_amplitude
-from soilmoist_ros.mapping.variogram.model import Box, ModelName, Variogram, correlation_model
-from soilmoist_ros.mapping.variogram.reml import maximise_reml, mode_of
+from soilmoist_ros.mapping.variogram.model import Box, ModelName, Variogram, correlation_model, mode_of
+from soilmoist_ros.mapping.variogram.reml import maximise_reml
 from soilmoist_ros.mapping.variogram.semivariogram import default_edges, fit_soft_l1, semivariogram_of
 
 Array = NDArray[np.float64]
@@ -47,6 +47,7 @@ class VariogramFit:
     :param local_rate: rate in the Poisson noise of each sample of a map; ``None`` for the mean rate
     :param local: whether the rate varies more here than there; ``None`` if this was not tested. The other
         parameters are those of the stationary fit
+    :param other_fields: verdict of the counts on surveys of other fields, and what these expect; empty without any
     """
 
     variogram: Variogram
@@ -65,6 +66,7 @@ class VariogramFit:
     local_rate: LocalRate | None = None
     local: LocalFit | None = None
     prior: FieldPrior | None = None
+    other_fields: str = ""
 
     @property
     def mode(self) -> Variogram:
@@ -75,11 +77,6 @@ class VariogramFit:
     def stationary(self) -> Variogram:
         """The variogram of the stationary fit."""
         return self.variogram if self.local is None else self.local.stationary
-
-    @property
-    def other_fields(self) -> str:
-        """Verdict of the counts on surveys of other fields, and what these expect; empty without any."""
-        return self.message.partition(", ")[2]
 
     @property
     def local_text(self) -> str:
@@ -186,7 +183,10 @@ def estimate_variogram(
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
     found = estimate.log_likelihood, estimate.log_sd, estimate.prior_share, estimate.converged, estimate.message
     mean_rate = places.mean_rate_cps
-    fit = VariogramFit(estimate.variogram, "reml", mean_rate, len(places), *found, *classes, local_rate)
+    fit = VariogramFit(
+        estimate.variogram, "reml", mean_rate, len(places), *found, *classes, local_rate,
+        other_fields=estimate.other_fields,
+    )  # fmt: skip
     if like is not None and like.variogram.amplitude is None:
         stays = None if like.local is None else replace(like.local, stationary=estimate.variogram)
         return replace(fit, local=stays)

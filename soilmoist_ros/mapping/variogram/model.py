@@ -453,3 +453,12 @@ def isotropic_plane(anisotropy: float, angle_deg: float) -> Array:
         plane = np.asarray(axes.T * [along, across] @ axes)
     plane.setflags(write=False)
     return plane
+
+
+def mode_of(means: Variogram, log_sd: tuple[float, float, float] | None) -> Variogram:
+    """The mode of a variogram of posterior means; :mod:`.reml` says why; the same variogram without errors."""
+    if log_sd is None:
+        return means
+    structured, _, nugget = np.exp(-0.5 * np.square(log_sd)).tolist()
+    nugget *= means.nugget
+    return replace(means, nugget=nugget, sill=structured * means.structured_sill + nugget)

@@ -9,7 +9,7 @@ et al. (2014), Journal of Computational and Graphical Statistics 23:295-315, wit
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.samples import Samples, Surveys, noise_rate, spatial_blocks
-from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior
+from soilmoist_ros.mapping.variogram.farm_prior import GUESSED_NUGGET, GUESSED_VARIATION, FarmPrior
 from soilmoist_ros.mapping.variogram.model import ModelName, Variogram, correlation_model, isotropic_plane
 from soilmoist_ros.mapping.variogram.support import correlation_by_range
 
@@ -47,7 +47,7 @@ _DIRECTED_STEP = 1.5
 _LARGEST_STEP = 5.0  # search bounds of the parameters, in prior standard deviations
 _TOLERANCE = 1e-4  # distance from the mode at which the optimiser stops, in posterior standard deviations
 OTHER_FIELDS = ("unlike the other fields: the usual prior", "like the other fields")
-"""Verdict of the counts on surveys of other fields, which the message of a fit ends with."""
+"""Verdict of the counts on surveys of other fields."""
 _ROUGH = 0.3
 """Tolerance of searches from further starts [posterior sd]; misses peaks higher by less than half its square."""
 
@@ -188,9 +188,9 @@ class Prior:
     log_median: Array
     log_sd: Array
 
-    GUESSED_VARIATION = 0.15
+    GUESSED_VARIATION = GUESSED_VARIATION
     RANGES_PER_EXTENT = 3.0
-    GUESSED_NUGGET = 0.05
+    GUESSED_NUGGET = GUESSED_NUGGET
     GUESS_WORTH = 10.0
 
     @classmethod
@@ -221,7 +221,7 @@ class Prior:
             return usual
         practical, square = np.log(correlation_model(model).practical), np.log(m**2)
         means = [np.log(cls.GUESSED_VARIATION), usual.log_median[1] + practical, np.log(cls.GUESSED_NUGGET)]
-        mean, sd = farm.expected(np.array(means), usual.log_sd * [0.5, 1.0, 1.0])
+        mean, sd = farm.expected(np.array(means))
         structured = 2 * mean[0] + square
         return cls(np.array([structured, mean[1] - practical, structured + mean[2]]), sd * [2.0, 1.0, 1.0])
 
@@ -266,15 +266,7 @@ class RemlEstimate:
     prior_share: tuple[float, float, float]
     converged: bool  # whether the optimiser reports convergence
     message: str  # message of the optimiser
-
-
-def mode_of(means: Variogram, log_sd: tuple[float, float, float] | None) -> Variogram:
-    """The mode of a variogram of posterior means, see :class:`RemlEstimate`; the same variogram without errors."""
-    if log_sd is None:
-        return means
-    structured, _, nugget = np.exp(-0.5 * np.square(log_sd)).tolist()
-    nugget *= means.nugget
-    return replace(means, nugget=nugget, sill=structured * means.structured_sill + nugget)
+    other_fields: str = ""  # verdict of the counts on surveys of other fields; empty without any
 
 
 class RestrictedLikelihood:
@@ -435,10 +427,10 @@ def maximise_reml(
         return 0.5 * float(np.linalg.slogdet(covariance)[1]) - peak.cost, prior, peak, np.diag(covariance)
 
     evidence, prior, best, covariance = fitted(None)
-    chosen = ""
+    others = ""
     if farm is not None:
         by_farm = fitted(farm)
-        chosen = f", {OTHER_FIELDS[by_farm[0] > evidence]} ({farm.text})"
+        others = f"{OTHER_FIELDS[by_farm[0] > evidence]} ({farm.text})"
         if by_farm[0] > evidence:
             _, prior, best, covariance = by_farm
     structured, range_m, nugget = np.exp(prior.log_median + prior.log_sd * best.u)
@@ -450,7 +442,8 @@ def maximise_reml(
         _three(prior.log_sd * np.sqrt(covariance)),
         _three(np.clip(covariance, 0, 1)),
         best.converged,
-        f"{'converged' if best.converged else 'the optimiser did not come to rest'}{chosen}",
+        "converged" if best.converged else "the optimiser did not come to rest",
+        others,
     )
 
 
