@@ -26,9 +26,10 @@ from soilmoist_ros.cli.mission_options import (
 )
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation import InputError, install, is_installed
+from soilmoist_ros.mapping import FIT_SETTINGS
 
 DEMO = (
-    *("field", "strategy", "dwell", "hours", "seed", "robots", "model", "fit", "noise", "local", "drift_model"),
+    *("field", "strategy", "dwell", "hours", "seed", "robots", *FIT_SETTINGS),
     *("preset", "until", "until_sd", "until_gain", "certify", "properties", "stop_overhead_s", "turn_s_per_rad"),
     *("stop_cost_s", "metre_cost_s", "min_dwell_s"),
 )

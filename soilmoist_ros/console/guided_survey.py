@@ -58,6 +58,7 @@ from soilmoist_ros.exploration import (
 )
 from soilmoist_ros.foundation import Health, InputError, LatLon, Level
 from soilmoist_ros.mapping import (
+    FIT_SETTINGS,
     Field,
     FieldGrid,
     MappingSettings,
@@ -101,7 +102,6 @@ FAR_M: Final = 5e3
 """Distance from the field at which the field file is doubted, and nothing starts [m]."""
 LIMIT_VWC, LIMIT_SHARE = 0.005, 0.1
 """Distance from the limits of the soil [m^3/m^3] at which a share of the cells makes the whole level doubtful."""
-_MAPPED: Final = ("model", "fit", "noise", "local", "drift_model", "prior")
 
 NO_LOGGER: Final = "the logger does not answer: check its power, its cable and the address"
 _log = logging.getLogger(__name__)
@@ -158,7 +158,7 @@ class GuidedSurvey:
     def __init__(self, settings: GuideSettings, page: GuidePage) -> None:
         self._settings, mission, out = settings, settings.mission, settings.out
         self._page, self.board, devices = page, page.board, settings.devices
-        mapping = {name: getattr(mission, name) for name in _MAPPED} | {"cell_m": mission.cell_m}
+        mapping = {name: getattr(mission, name) for name in (*FIT_SETTINGS, "prior")} | {"cell_m": mission.cell_m}
         earlier = [str(path.expanduser().absolute()) for path in settings.earlier]
         covariates = list(settings.covariates)
         self._survey = survey = open_survey(

@@ -20,6 +20,7 @@ from soilmoist_ros.lab.comparisons import LATTICES, PairedDifference
 from soilmoist_ros.lab.computing import Failure
 from soilmoist_ros.lab.mission_store import code_version
 from soilmoist_ros.lab.table import Finished
+from soilmoist_ros.mapping import FIT_SETTINGS
 from soilmoist_ros.recording import write_whole
 from soilmoist_ros.reporting import dwell_text, length, plain, render_page, strategy_text
 
@@ -88,8 +89,7 @@ def _experiments(data: CampaignData) -> Iterator[Row]:
 def _common_settings(data: CampaignData) -> list[tuple[str, str]]:
     """Common settings of all missions."""
     names = (
-        "model", "fit", "noise", "local", "drift_model", "preset", "travel", "cell_m", "footprint_m",
-        "position_sd_m", "weather",
+        *FIT_SETTINGS, "preset", "travel", "cell_m", "footprint_m", "position_sd_m", "weather",
     )  # fmt: skip
     table = data.missions
     shared = [(name, table[name].iloc[0]) for name in names if table[name].nunique(dropna=False) == 1]

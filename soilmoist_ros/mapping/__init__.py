@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.kriging.system import coincident as coincident, sample_correlation as sample_correlation
     from soilmoist_ros.mapping.kriging.tiled_kriging import Compute as Compute
     from soilmoist_ros.mapping.map_worker import MapWorker as MapWorker, map_health as map_health
-    from soilmoist_ros.mapping.mapping_settings import MappingSettings as MappingSettings
+    from soilmoist_ros.mapping.mapping_settings import FIT_SETTINGS as FIT_SETTINGS, MappingSettings as MappingSettings
     from soilmoist_ros.mapping.placement import Placement as Placement, PositionSource as PositionSource, likely_cause as likely_cause, require_near as require_near
     from soilmoist_ros.mapping.records import Skip as Skip, StampLimits as StampLimits, survey_samples as survey_samples
     from soilmoist_ros.mapping.samples import Samples as Samples, spatial_blocks as spatial_blocks
@@ -56,7 +56,7 @@ __getattr__, __dir__, __all__ = open_door(
         "kriging.system": "coincident sample_correlation",
         "kriging.tiled_kriging": "Compute",
         "map_worker": "MapWorker map_health",
-        "mapping_settings": "MappingSettings",
+        "mapping_settings": "FIT_SETTINGS MappingSettings",
         "placement": "Placement PositionSource likely_cause require_near",
         "records": "Skip StampLimits survey_samples",
         "samples": "Samples spatial_blocks",

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
     from soilmoist_ros.mapping.variogram.model import ModelName
 
+FIT_SETTINGS: Final = ("model", "fit", "noise", "local", "drift_model")
+"""Settings of the fit of a map that missions have by the same names."""
 _UNCHANGED: Final = object()
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from soilmoist_ros.foundation import InputError, SoilmoistError
-from soilmoist_ros.mapping import CovariateSource
+from soilmoist_ros.mapping import FIT_SETTINGS, CovariateSource
 from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
 from soilmoist_ros.pipeline import ReplaySettings
 from soilmoist_ros.recording import CONFIGURATION, write_parameters
@@ -72,7 +72,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
         return {name: value for name in names if (value := getattr(mission, name)) is not None}
 
     simulated = {"use_sim_time": True}
-    fitted = {**of_mission("model", "fit", "noise", "local", "drift_model"), "simulated": True, **simulated}
+    fitted = {**of_mission(*FIT_SETTINGS), "simulated": True, **simulated}
     explained = _given(covariates=[str(one.absolute) for one in settings.covariates])
     known = _given(earlier=[str(path.absolute()) for path in settings.earlier]) | explained
     robots = robot_namespaces(mission.robots)

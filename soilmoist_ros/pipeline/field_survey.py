@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from soilmoist_ros import sensing
-from soilmoist_ros.exploration import OF_DOSE, Thresholds, check_thresholds, parse_thresholds
+from soilmoist_ros.exploration import OF_DOSE, Thresholds, check_target, check_thresholds, parse_thresholds
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, __version__, resource, shown_path
 from soilmoist_ros.mapping import (
     CovariateSource,
@@ -272,9 +272,7 @@ def planning_thresholds(
     :param text: thresholds, or ``dose`` for those of the site file
     :raises InputError: if there are none, or the moisture cannot have them
     """
-    if (target == "decision") != bool(text):
-        what = "target decision and threshold belong together, and only one is given"
-        raise InputError(what, "give both, such as target decision and threshold 0.2")
+    check_target(target, text)
     if not text:
         return None
     if text != OF_DOSE:

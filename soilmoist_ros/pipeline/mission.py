@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
 from soilmoist_ros.exploration import Visit, forecast_from_text
-from soilmoist_ros.mapping import MappingSettings
+from soilmoist_ros.mapping import FIT_SETTINGS, MappingSettings
 from soilmoist_ros.pipeline.bag_lines import STATUS, RunTopics
 from soilmoist_ros.pipeline.properties import ReplayedProperty
 from soilmoist_ros.pipeline.run import track_xy
@@ -278,7 +278,7 @@ def _settings(
         hours=float(had.get("hours", (last.time_used_s + last.time_left_s) / 3600)), seed=int(had.get("seed", 0)),
         target=had.get("target", usual.target), threshold=had.get("threshold") or None,
         preset=had.get("preset", usual.preset),
-        **{name: made[name] for name in ("model", "fit", "noise", "local", "drift_model")},
+        **{name: made[name] for name in FIT_SETTINGS},
         travel="free" if had.get("graph") == "free" else "graph", until_sd=float(had.get("until_sd", 0.0)),
         until_gain=float(had.get("until_gain", 0.0)), certify=int(had.get("certify", 0)),
         until=str(had.get("until", "")),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from soilmoist_ros.exploration import sample_from_text
 from soilmoist_ros.foundation import InputError, read_json
-from soilmoist_ros.mapping import FieldGrid, FieldMapSettings, Knowledge
+from soilmoist_ros.mapping import FIT_SETTINGS, FieldGrid, FieldMapSettings, Knowledge
 from soilmoist_ros.pipeline import REMEDY, Certificate, adds_up, certify, curve_of, run_certificate
 from soilmoist_ros.recording import RECORDS, SUMMARY, read_records
 from soilmoist_ros.reporting.certainty import NO_LEVEL, calibration_of, once_a_run
@@ -20,7 +20,6 @@ from soilmoist_ros.reporting.output_folder import CERTIFICATE_NAME
 if TYPE_CHECKING:
     from soilmoist_ros.pipeline import MapRun
 
-_SETTINGS = ("model", "fit", "noise", "local", "drift_model")
 _STATED = ("rate_cps", "vwc", "drift_corrected")
 _WIDE = 1 / 3  # an interval of the mean whose half is a larger share of it is of little use
 _SAME = 1e-6  # relative difference of two statements that are the same but for rounding in the files
@@ -103,7 +102,7 @@ def certificate_content(run: MapRun) -> dict[str, Any]:
             "cell_m": grid.cell_m, "polygons": [ring.tolist() for ring in grid.polygons],
             "holes": [ring.tolist() for ring in grid.holes], "stops_only": settings.map_from == "stops",
             "knowledge": bool(run.earlier or run.covariates), "calibrated": run.soil_map.curve is not None,
-            **{name: getattr(settings, name) for name in _SETTINGS},
+            **{name: getattr(settings, name) for name in FIT_SETTINGS},
         },
     }  # fmt: skip
 
@@ -124,7 +123,7 @@ def check_certificate(folder: Path) -> tuple[Certificate, str]:
         about = content["map"]
         sample = sample_from_text(json.dumps(content["sample"], separators=(",", ":")))
         grid = FieldGrid.from_polygon(about["polygons"], about["cell_m"], about["holes"])
-        settings = FieldMapSettings(**{name: about[name] for name in _SETTINGS})
+        settings = FieldMapSettings(**{name: about[name] for name in FIT_SETTINGS})
         stops_only, knowledge = bool(about["stops_only"]), bool(about["knowledge"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"cannot be read: {error!s:.200}", REMEDY, path) from None

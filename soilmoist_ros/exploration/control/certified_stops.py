@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.control.team import PendingMeasurement
+from soilmoist_ros.exploration.control.team import PendingMeasurement, with_samples
 from soilmoist_ros.exploration.mission.events import Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.mission.visit import Visit
@@ -226,19 +226,13 @@ def without_visits(field_map: FieldMap, visits: Sequence[Visit]) -> FieldMap:
     """A map for planning without the counts of some visits; the map itself if there are none."""
     if not visits:
         return field_map
-    blind = FieldMap(field_map.grid, field_map.settings)
-    samples = _less(field_map.samples, visits)[0]
-    if not len(samples) or field_map.soil_map is None:
-        if len(samples):
-            blind.set_samples(samples)
-        return blind
-    changing = field_map.changing
+    samples, changing = _less(field_map.samples, visits)[0], field_map.changing
+    if not len(samples):
+        return FieldMap(field_map.grid, field_map.settings)
     if changing is not None:
         fewer, kept = _less(changing.timed.samples, visits, changing.timed.time_s)
         changing = Changing(TimedSamples(fewer, changing.timed.time_s[kept]), changing.change, changing.now_s)
-    blind.set_samples(samples, field_map.soil_map.fit, changing)
-    blind.update()
-    return blind
+    return with_samples(field_map, samples, changing)
 
 
 def _less(

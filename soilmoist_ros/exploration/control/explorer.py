@@ -26,7 +26,7 @@ from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
 from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster, prior_forecast
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
-from soilmoist_ros.exploration.planning.properties import Aim, Goal, Property, slope2, variation
+from soilmoist_ros.exploration.planning.properties import Aim, AimedMap, Property, slope2, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
 from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
@@ -229,13 +229,13 @@ class Explorer:
             goal=lambda: self._goal(maps[0]),
         )
 
-    def _goal(self, of: Property) -> Goal | None:
+    def _goal(self, of: Property) -> AimedMap | None:
         """What the map must reach; ``None`` without a map, or an aim that is planned for."""
         field_map, aim = of.field_map, self.rules.until
         if aim is None or field_map.soil_map is None:
             return None
         rate, variance = field_map.rate[self._mapped], field_map.variance[self._mapped]
-        return Goal(aim, rate, variance, slope2(of, rate))
+        return AimedMap(aim, rate, variance, slope2(of, rate))
 
     def _maps(self, others: Sequence[PendingMeasurement], certified: Sequence[Visit]) -> list[Property]:
         """The properties that matter, as far as there are maps; pending measurements seem counted.

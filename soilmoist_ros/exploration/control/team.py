@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.control.field_access import PAST_M, FieldAccess
 from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, MissionStatus, Phase
-from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS
+from soilmoist_ros.exploration.planning.properties import MIN_RATE_CPS
 from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.foundation import Health, InputError, Level
-from soilmoist_ros.mapping import FieldMap, Samples
+from soilmoist_ros.mapping import Changing, FieldMap, Samples
 
 Array = NDArray[np.float64]
 
@@ -104,14 +104,18 @@ def foreseen(
     counts = [round(max(r, MIN_RATE_CPS) * t) for r, t in zip(rate.tolist(), exposure_s, strict=True)]
     pending_samples = Samples(places(pending), np.array(counts, float), np.array(exposure_s))
     expected, changing = field_map.samples.joined(pending_samples), field_map.changing
-    ahead = FieldMap(field_map.grid, field_map.settings)
+    return with_samples(field_map, expected, None if changing is None else changing.joined(pending_samples))
+
+
+def with_samples(field_map: FieldMap, samples: Samples, changing: Changing | None) -> FieldMap:
+    """The map for planning that other samples would make with the fit so far; without a fit only the samples."""
+    other = FieldMap(field_map.grid, field_map.settings)
     if field_map.soil_map is None:
-        ahead.set_samples(expected)
-        return ahead
-    changing = None if changing is None else changing.joined(pending_samples)
-    ahead.set_samples(expected, field_map.soil_map.fit, changing)
-    ahead.update()
-    return ahead
+        other.set_samples(samples)
+        return other
+    other.set_samples(samples, field_map.soil_map.fit, changing)
+    other.update()
+    return other
 
 
 def taken(stops_xy: Array, pending_measurements: Sequence[PendingMeasurement], cell_m: float) -> NDArray[np.bool_]:

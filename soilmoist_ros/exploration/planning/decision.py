@@ -54,6 +54,16 @@ def parse_thresholds(text: str) -> tuple[float, ...]:
     return tuple(values)
 
 
+def check_target(target: str, threshold: str | None) -> None:
+    """Check that thresholds are given for a decision, and for nothing else.
+
+    :raises InputError: if one is given without the other
+    """
+    if (target == "decision") != bool(threshold):
+        what = "target decision and threshold belong together, and only one is given"
+        raise InputError(what, "give both, such as target decision and threshold 0.2")
+
+
 def check_thresholds(text: str) -> str:
     """Thresholds that a person gives.
 
@@ -123,15 +133,11 @@ class Thresholds:
 
         :param moved: the part of the variance that further counts will have removed
         """
-        from scipy.special import ndtr, ndtri
+        from scipy.special import ndtri
 
         nodes = ndtri((np.arange(_NODES) + 0.5) / _NODES)[:, None]
-        edges = np.array([-math.inf, *sorted(self.rates_cps), math.inf])
         mean = rate + nodes / nodes.std() * np.sqrt(moved) if np.any(moved) else rate[None]
-        sd = np.sqrt(np.maximum(variance - moved, _TINY))
-        zone = np.searchsorted(edges, mean) - 1
-        right = ndtr((edges[zone + 1] - mean) / sd) - ndtr((edges[zone] - mean) / sd)
-        return float(1 - right.mean())
+        return float(1 - probability_of_zone(mean, variance - moved, np.sort(self.rates_cps)).mean())
 
     def outside(self, rate: Array, variance: Array) -> tuple[float, ...]:
         """Thresholds that hardly any place is below, or hardly any is above."""
@@ -146,6 +152,20 @@ class Thresholds:
     @property
     def _each(self) -> zip[tuple[float, float]]:
         return zip(self.rates_cps, self.prices, strict=True)
+
+
+def probability_of_zone(mean: Array, variance: Array, limits: Array) -> Array:
+    """Probability that normal values lie in the zones of their means, in the shape of the means.
+
+    :param variance: in a shape that fits to the means
+    :param limits: rising limits between the zones
+    """
+    from scipy.special import ndtr
+
+    sd = np.sqrt(np.maximum(variance, _TINY))
+    edges = np.concatenate([[-math.inf], limits, [math.inf]])
+    zone = np.searchsorted(limits, mean)
+    return np.asarray(ndtr((edges[zone + 1] - mean) / sd) - ndtr((edges[zone] - mean) / sd))
 
 
 def _density(u: Array) -> Array:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.planning.decision import Thresholds
-from soilmoist_ros.exploration.planning.properties import MIN_RATE_CPS as MIN_RATE_CPS
+from soilmoist_ros.exploration.planning.properties import MIN_RATE_CPS
 from soilmoist_ros.mapping import PoissonKriging, SoilMap
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.planning.decision import Thresholds
+from soilmoist_ros.exploration.planning.decision import Thresholds, probability_of_zone
 from soilmoist_ros.foundation import InputError, did_you_mean, squared_distances
 from soilmoist_ros.mapping import FieldMap, Variogram
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
@@ -208,19 +208,13 @@ def zones_right(rate: Array, variance: Array, later: Array) -> float:
     The rate to be mapped is normal about the present one with the variance that is removed, and the true rate is
     normal about it with the rest.
     """
-    from scipy.special import ndtr
-
     limits = np.quantile(rate, np.arange(1, ZONES) / ZONES)
-    edges = np.concatenate([[-np.inf], limits, [np.inf]])
-    sd = np.sqrt(np.maximum(later, 1e-12))[:, None]
     mapped = rate[:, None] + np.sqrt(np.maximum(variance - later, 0.0))[:, None] * _LEVELS
-    zone = np.searchsorted(limits, mapped)
-    right = ndtr((edges[zone + 1] - mapped) / sd) - ndtr((edges[zone] - mapped) / sd)
-    return float((right @ _LEVEL_WEIGHTS).mean())
+    return float((probability_of_zone(mapped, later[:, None], limits) @ _LEVEL_WEIGHTS).mean())
 
 
 @dataclass(frozen=True, eq=False)
-class Goal:
+class AimedMap:
     """An aim on the map as it is, for planning; arrays are over the cells of a planning model."""
 
     aim: Aim

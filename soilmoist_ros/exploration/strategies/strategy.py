@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.decision import Thresholds
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule
-from soilmoist_ros.exploration.planning.properties import Goal
+from soilmoist_ros.exploration.planning.properties import AimedMap
 from soilmoist_ros.exploration.planning.prospect import Counting, Prospect
 from soilmoist_ros.exploration.strategies.route import ITERATIONS, Route, open_route
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -69,7 +69,7 @@ class Situation:
     legs_s: Callable[[NDArray[np.intp]], Array] | None = None
     map_rate: Array | None = None  # [counts/s], shape (g,); ``None`` while there is no map
     thresholds: Thresholds | None = None  # those of the decision that the map is for, if it is for one
-    goal: Callable[[], Goal | None] | None = None
+    goal: Callable[[], AimedMap | None] | None = None
 
     @cached_property
     def variance(self) -> Array:

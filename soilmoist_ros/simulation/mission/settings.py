@@ -451,7 +451,7 @@ class MissionSettings:
 
         :raises InputError: with every mistake
         """
-        from soilmoist_ros.exploration import check_places
+        from soilmoist_ros.exploration import check_places, check_target
 
         mistakes = []
         for setting in SETTINGS.values():
@@ -466,16 +466,15 @@ class MissionSettings:
             mistakes.append(Mistake("until and until_sd are both given", "give one of them"))
         if self.travel == "lanes" and self.graph is None:
             mistakes.append(Mistake("travel lanes needs a file of lanes", "give it as graph"))
-        try:
-            check_places(self.certify, self.robots)
-        except InputError as error:
-            mistakes += error.mistakes
+        checks = (check_places, (self.certify, self.robots)), (check_target, (self.target, self.threshold))
+        for check, values in checks:
+            try:
+                check(*values)
+            except InputError as error:
+                mistakes += error.mistakes
         if self.drift_hour is not None and self.drift == 0:
             text = "an hour of the drift is given, but the rate does not drift"
             mistakes.append(Mistake(text, "give drift, for rain -0.1"))
-        if (self.target == "decision") != (self.threshold is not None):
-            text = "target decision and threshold belong together, and only one is given"
-            mistakes.append(Mistake(text, "give both, such as target decision and threshold 0.2"))
         if self.target == "decision" and self.strategy in _strategies() and not _kind(self.strategy).decides:
             able = ", ".join(name for name in _strategies() if _kind(name).decides)
             text = f"strategy {self.strategy} does not plan for a decision"
