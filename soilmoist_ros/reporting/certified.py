@@ -101,7 +101,7 @@ def certificate_content(run: MapRun) -> dict[str, Any]:
         "map": {
             "cell_m": grid.cell_m, "polygons": [ring.tolist() for ring in grid.polygons],
             "holes": [ring.tolist() for ring in grid.holes], "stops_only": settings.map_from == "stops",
-            "knowledge": bool(run.earlier or run.covariates), "calibrated": run.soil_map.curve is not None,
+            "knowledge": bool(run.earlier or run.covariates or settings.prior), "calibrated": run.soil_map.curve is not None,
             **{name: getattr(settings, name) for name in FIT_SETTINGS},
         },
     }  # fmt: skip
@@ -139,20 +139,20 @@ def check_certificate(folder: Path) -> tuple[Certificate, str]:
     made = certify(sample, records, run.visits, grid, settings, curve, Knowledge(), stops_only)
     values = made.values
     values |= {name: content.get(name) if knowledge else values.get(name) for name in _STATED}
-    for file, told in ((path, content), (folder / SUMMARY, run.summary.get("certificate") or {})):
+    for file, stated in ((path, content), (folder / SUMMARY, run.summary.get("certificate") or {})):
         for name, value in values.items():
-            if not _same(value, told.get(name)):
+            if not _same(value, stated.get(name)):
                 wrong = f"{name} of the certificate is not what seed, records and visits give"
                 raise InputError(wrong, "do not trust it", file)
     compared = f"the seed draws the sample, and its visits, {RECORDS}, {SUMMARY} and {CERTIFICATE_NAME} agree"
     if knowledge:
-        compared += ", but for the statements: earlier surveys or covariates informed the map, replay to compare"
+        compared += ", but for the statements: other surveys or covariates informed the map, replay to compare"
     return made, f"{compared}; not checked: report.html, map, pictures, and the bag if there is one"
 
 
-def _same(made: object, told: object) -> bool:
+def _same(made: object, stated: object) -> bool:
     if isinstance(made, dict):
-        return isinstance(told, dict) and all(_same(one, told.get(name)) for name, one in made.items())
-    if isinstance(made, float) and isinstance(told, int | float):
-        return math.isclose(made, told, rel_tol=_SAME, abs_tol=_SAME)
-    return made == told
+        return isinstance(stated, dict) and all(_same(one, stated.get(name)) for name, one in made.items())
+    if isinstance(made, float) and isinstance(stated, int | float):
+        return math.isclose(made, stated, rel_tol=_SAME, abs_tol=_SAME)
+    return made == stated

@@ -41,6 +41,13 @@ def test_a_certificate_can_be_made_again_from_its_folder(certified):
     assert "(too few counts for an upper limit); too wide to be of much use" in statement_text(wide, True)
 
 
+def test_a_map_that_other_fields_inform_is_not_taken_for_a_wrong_one(certified, tmp_path):
+    settings = replace(certified[0].mission.settings, prior=str(certified[1]))
+    result = simulate_mission(settings)
+    write_mission(tmp_path, result, run=mission_run(result))
+    assert "other surveys or covariates informed the map" in check_certificate(tmp_path)[1]
+
+
 def away(row):
     return {"x_m": float(row["x_m"]) + 59}
 
