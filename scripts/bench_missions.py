@@ -555,8 +555,8 @@ def aimed(kind: str, name: str, seeds: Sequence[int], surfaces: Path | None) -> 
         last = mine.series[-1]
         first = next(one for one in mine.forecasts if one.time_s >= 0.25 * last.time_s).forecast
         soonest_s, latest_s = first.reaching.times_s[1:]
-        told = (soonest_s or 0.0) <= 0.75 * last.time_s <= (latest_s or limit_s)
-        figures.append((end_s, last.time_s, then.mse, last.mse, then.distance_m, last.distance_m, told))
+        inside = (soonest_s or 0.0) <= 0.75 * last.time_s <= (latest_s or limit_s)
+        figures.append((end_s, last.time_s, then.mse, last.mse, then.distance_m, last.distance_m, inside))
     mean, ratio = np.mean(figures, axis=0), np.array(figures)[:, 1] - np.array(figures)[:, 0]
     return (
         name, str(aim), f"{mean[0] / 60:.0f}", f"{mean[1] / 60:.0f}",
@@ -576,7 +576,7 @@ def until(given: argparse.Namespace) -> None:
     columns = (
         "field", "aim", "planned for 2 h [min]", "for the aim [min]", "÷ planned for 2 h", "true error ÷",
         "driven ÷",
-        "in the band told at a quarter",
+        "in the band of the forecast at a quarter",
     )  # fmt: skip
     results.publish("until", columns, rows, f"gcb, 0.6 m/s, 12 s per stop, {given.seeds} seeds", given.save)
 

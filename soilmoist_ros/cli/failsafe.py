@@ -20,7 +20,7 @@ RESPONSES = ["ignore", "warn", "pause", "hold", "return_home", "abort"]
               help="As if the planner had failsafes: [CAUSE:RESPONSE].")  # fmt: skip
 @answering
 def command(causes: tuple[str, ...], phase: str | None, response: str | None) -> None:
-    """Tell what the guard does about a CAUSE, and why: in each phase of a mission.
+    """Show what the guard does about a CAUSE, and why: in each phase of a mission.
 
     The alarm is given to a small mission, which decides as the robot's does. Without a CAUSE, all are listed.
     """

@@ -30,7 +30,7 @@ COMMANDS = {
     "graph": "Build a travel graph for a FIELD: a topological map, or a graph of Nav2.",
     "list": "List what can be chosen by name: fields, strategies, loggers, sites ...",
     "logger": "Draft a logger format (YAML) from the header and first lines of FILE.",
-    "failsafe": "Tell what the guard does about a CAUSE, and why: in each phase of a mission.",
+    "failsafe": "Show what the guard does about a CAUSE, and why: in each phase of a mission.",
     "check": "Check configuration files and report every mistake in them.",
 }
 """Subcommands with the first sentence of their help."""

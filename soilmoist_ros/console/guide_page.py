@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 
 
 class Asked(Protocol):
-    """What answers the page now: the border, then the survey."""
+    """Receiver of the requests of the page: the border, then the survey."""
 
     def answer(self, request: OperatorRequest) -> Reply:
         """Do what the page asks for, in the thread of the loop."""

@@ -138,7 +138,7 @@ class RasterBands:
         return UNITS_M.get(letters, math.nan), name
 
     def slopes_by_name(self, number: int) -> str:
-        """What a file says from which a band has slopes, not elevations; empty if it says nothing of that."""
+        """Text of a file by which a band has slopes, not elevations; empty if there is none."""
         unit, label = self._source.units[number - 1] or "", self._source.descriptions[number - 1] or ""
         tags = [*self._source.tags(number).values(), self._source.tags().get("TIFFTAG_IMAGEDESCRIPTION", "")]
         units = r"(?<![a-z])(deg|degrees?|per ?cent|pct)(?![a-z])|[%°]|m/m"

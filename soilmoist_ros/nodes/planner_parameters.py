@@ -207,7 +207,7 @@ def make_team(parameters: Parameters) -> Team:
 
 
 def wanted(parameters: Parameters) -> Aim | None:
-    """How good the map must be; ``None`` if the time decides."""
+    """Quality that the map must have; ``None`` if the time decides."""
     aim = Aim.parse(parameters.text("until")) if parameters.text("until") else None
     if aim is not None and parameters.number("until_sd") > 0:
         raise InputError("until and until_sd are both given", "give one of them")

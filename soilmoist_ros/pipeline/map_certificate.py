@@ -110,7 +110,7 @@ def certify(
     knowledge: Knowledge,
     stops_only: bool = False,
 ) -> Certificate:
-    """What a sealed sample states about the map of a mission.
+    """Statements of a sealed sample about the map of a mission.
 
     :param stops_only: whether the map is of the counts at stops
     """
@@ -173,7 +173,7 @@ def error_bound(square: Array, variance: Array, kurtosis: float = KURTOSIS) -> f
     mean is compared with a gamma distribution of the mean and the variance that it has for a mean squared error
     B, errors of this kurtosis, and normal noise: ``B + V`` and ``((kurtosis - 1) B^2 + 4 B V + 2 mean(V^2)) /
     k``. The limit is the B for which so small a mean has the probability of 5 %. A mean below the noise counts
-    as the noise. Infinite if a few places can tell nothing of errors of this kurtosis.
+    as the noise. Infinite if a few places show nothing of errors of this kurtosis.
 
     :param square: squared differences of counts and map, shape (k,); ``variance`` is that of their noise V
     """
@@ -214,9 +214,9 @@ def adds_up(visit: Visit, records: Sequence[CountRecord]) -> bool:
     there = [one for one in records if begin_s <= one.stamp_s - one.exposure_s and one.stamp_s <= end_s]
     there = [one for one in there if math.dist((one.x_m, one.y_m), place) <= REACH_M and not one.quarantine]
     counted = [(one.raw_counts, one.exposure_s, one.effective_exposure_s) for one in there]
-    told = visit.raw_counts, visit.exposure_s, visit.effective_exposure_s
+    stated = visit.raw_counts, visit.exposure_s, visit.effective_exposure_s
     tried = islice(combinations(counted, visit.records), _CHOICES)
-    return any(np.allclose(np.sum(one, axis=0), told, rtol=1e-6) for one in tried)
+    return any(np.allclose(np.sum(one, axis=0), stated, rtol=1e-6) for one in tried)
 
 
 def _without_sample(

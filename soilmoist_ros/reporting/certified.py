@@ -62,7 +62,7 @@ def _figure(value: float, like: float | None = None) -> str:
 
 
 def certificate_text(run: MapRun) -> list[str]:
-    """What the certificate of a run states, of what, and what it leaves out; empty without one."""
+    """Sentences on the statements of a run's certificate, and on what these leave out; empty without one."""
     found = certificate_of(run)
     if found is None:
         return []
@@ -101,7 +101,8 @@ def certificate_content(run: MapRun) -> dict[str, Any]:
         "map": {
             "cell_m": grid.cell_m, "polygons": [ring.tolist() for ring in grid.polygons],
             "holes": [ring.tolist() for ring in grid.holes], "stops_only": settings.map_from == "stops",
-            "knowledge": bool(run.earlier or run.covariates or settings.prior), "calibrated": run.soil_map.curve is not None,
+            "knowledge": bool(run.earlier or run.covariates or settings.prior),
+            "calibrated": run.soil_map.curve is not None,
             **{name: getattr(settings, name) for name in FIT_SETTINGS},
         },
     }  # fmt: skip

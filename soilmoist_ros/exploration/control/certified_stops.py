@@ -62,7 +62,7 @@ class Plans(Protocol):
     nominal_rate_cps: float
 
     def choose(self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement]) -> Planned:
-        """What the strategy chooses."""
+        """Choose a stop by the strategy."""
 
     def fits(self, stop: Stop, position_xy: Place, request: RequestPlan) -> bool:
         """True if a trip to a stop fits into the time."""
@@ -137,14 +137,14 @@ class CertifiedStops:
         each_s = TIME_SHARE * request.time_left_s / self._count - overhead_s
         dwell_s = cadence_s * max(MIN_RECORDS, round(each_s / cadence_s))
         reached = np.isfinite(explorer.travel.travel_s(place, explorer.stops))
-        least_s = max(dwell_s, explorer.rules.min_dwell_s)
-        return draw_sample(explorer.grid, explorer.stops, reached, self._count, least_s, self._seal())
+        min_s = max(dwell_s, explorer.rules.min_dwell_s)
+        return draw_sample(explorer.grid, explorer.stops, reached, self._count, min_s, self._seal())
 
     def _chosen(
         self, explorer: Plans, request: RequestPlan, place: Place, others: Sequence[PendingMeasurement],
         sample: SealedSample, kept_s: float,
     ) -> Planned:  # fmt: skip
-        """What the strategy chooses in the time that the certified stops leave; its stop before, if it waits."""
+        """Choice of the strategy in the time that the certified stops leave; its last one, if that waits."""
         waiting, self._next = self._next, None
         hidden = replace(request, blacklisted=(*request.blacklisted, *sorted(sample.names)))
         if waiting is not None and waiting.choice is not None:

@@ -149,7 +149,7 @@ class Explorer:
     def choose(
         self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()
     ) -> Planned:
-        """What the strategy chooses, without a forecast."""
+        """Choose a stop by the strategy; the plan has no forecast."""
         situation = self.situation(request, position_xy, others)
         strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
         choice = self._checked(strategy.choose(situation, self.rng), strategy)
@@ -230,7 +230,7 @@ class Explorer:
         )
 
     def _goal(self, of: Property) -> AimedMap | None:
-        """What the map must reach; ``None`` without a map, or an aim that is planned for."""
+        """Aim on the map as it is; ``None`` without a map, or an aim that is planned for."""
         field_map, aim = of.field_map, self.rules.until
         if aim is None or field_map.soil_map is None:
             return None
@@ -416,7 +416,7 @@ class ExplorerSettings:
 
     @property
     def target(self) -> str:
-        """What the map is to be good for, as an operator names it."""
+        """Target of the map, as an operator names it."""
         if self.thresholds is not None:
             return "decision"
         return "rate" if self.curve is None else "vwc"

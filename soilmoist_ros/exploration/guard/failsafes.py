@@ -359,7 +359,7 @@ _WAY_TO: Final[Mapping[Phase, tuple[events.Event, ...]]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Consequence:
-    """What a mission does at an alarm."""
+    """Consequence of an alarm for a mission."""
 
     does: str
     says: str  # reason in its status, right after the alarm; empty if that does not change
@@ -377,7 +377,7 @@ def _mission_in(phase: Phase) -> Mission:
 
 
 def consequence(response: Response, phase: Phase, cause: str = "cause", reason: str = "REASON") -> Consequence:
-    """Give an alarm to a mission in a phase, and tell what it does other than without the alarm.
+    """Give an alarm to a mission in a phase, and compare it with one without the alarm.
 
     The mission is the pure state machine of the planner, so this is what a robot does.
     """

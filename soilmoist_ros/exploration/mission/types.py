@@ -183,7 +183,7 @@ class MissionRules:
 
     @property
     def aim(self) -> Aim | None:
-        """How good the map must be for the mission to end early; ``None`` if the time decides."""
+        """Quality of the map at which the mission ends early; ``None`` if the time decides."""
         return self.until or (Aim("sd", self.until_sd) if self.until_sd > 0 else None)
 
     @property

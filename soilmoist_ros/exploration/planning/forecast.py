@@ -385,7 +385,7 @@ def prior_forecast(
     made = replace(found.forecast(left_s, rate_cps, slope is not None), is_guess=True)
     if aim is None:
         return made
-    if aim.kind == "zone":  # which places are dry and wet, only a map can tell
+    if aim.kind == "zone":  # which places are dry and wet, only a map can show
         return replace(made, reaching=Reaching(str(aim), slope is not None, 0.0, (0.0, 0.0, 0.0), ()))
     return replace(made, reaching=found.reaching(aim, rate, left_s, slope is not None))
 

@@ -119,7 +119,7 @@ _EXAMPLES = "write for example 'p95-sd=0.02', 'sd=2%', 'sd=0.02 m3/m3', 'sd=5% r
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """How good a map must be.
+    """Quality that a map must have.
 
     :param kind: ``sd``: root of the mean variance; ``p95-sd``: standard deviation that 95 % of the field do not
         exceed; ``zone``: mean probability that a place is in the third of the field, from dry to wet, to which the

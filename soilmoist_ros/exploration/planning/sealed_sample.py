@@ -28,7 +28,7 @@ from soilmoist_ros.mapping import FieldGrid
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MIN_PLACES = 5  # fewer places tell too little of their own scatter
+MIN_PLACES = 5  # the scatter of fewer places is too uncertain
 NEAR_CELLS = 0.75  # a cell this near to a stop can be visited [cells]
 
 
@@ -72,7 +72,7 @@ class SealedSample:
 
     @cached_property
     def digest(self) -> str:
-        """First 16 digits of the SHA-256 of the text: whoever knows them beforehand can tell a changed sample."""
+        """First 16 digits of the SHA-256 of the text: whoever knows them beforehand sees a changed sample."""
         return hashlib.sha256(self.text.encode()).hexdigest()[:16]
 
     @cached_property

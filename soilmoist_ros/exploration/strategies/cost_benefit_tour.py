@@ -128,10 +128,10 @@ class Ground:
         between_s = self.between_s(rows).diagonal(1) if legs_s is None else legs_s(self._index[rows])
         return whole_records(np.concatenate([self.travel_s[rows[:1]], between_s]), self.cadence_s)
 
-    def needed_s(self, rows: Indices, longest_s: float, share: float = 1.0, slack: float = 0.0) -> float | None:
+    def needed_s(self, rows: Indices, max_s: float, share: float = 1.0, slack: float = 0.0) -> float | None:
         """Shortest dwell at each stop of a tour after which the aim is expected to be met [s].
 
-        :param longest_s: longest dwell for which there is time [s]
+        :param max_s: longest dwell for which there is time [s]
         :param slack: share by which the figure may miss the aim
         :param share: length of the tour as it will be driven, relative to that of these legs
         :returns: ``None`` if the tour cannot meet the aim
@@ -144,7 +144,7 @@ class Ground:
             counted = prospect.counted_on_tour(rows, dwell_s, share * legs_s)
             return goal.is_met_after(prospect.model.cell_fall(*counted), slack)
 
-        low_s, high_s = self.min_dwell_s, self.fixed_dwell_s or longest_s
+        low_s, high_s = self.min_dwell_s, self.fixed_dwell_s or max_s
         if high_s < low_s or not meets(high_s):
             return None
         if self.fixed_dwell_s or meets(low_s):
@@ -249,15 +249,15 @@ def shortest(ground: Ground, time_s: float, rng: np.random.Generator, slack: flo
     """The shortest tour after which the aim is expected to be met; ``None`` if none meets it in a time."""
     clusters = KMeans(ground.cells_xy, np.random.default_rng(int(rng.integers(2**31))), ground.mass)
     most = _of_dwell(ground, time_s, ground.fixed_dwell_s or ground.min_dwell_s, clusters)
-    count, least_s, best, worse = 0 if most is None else len(most.stops), math.inf, None, 0
+    count, shortest_s, best, worse = 0 if most is None else len(most.stops), math.inf, None, 0
     while count and worse < 3:
         rows = np.unique(ground.nearest(clusters.centres(count)))
         between = ground.between_s(rows)
         rows = rows[nearest_neighbour(ground.travel_s[rows], between)]
         fixed_s = SHORTEST * float(ground.legs_s(rows).sum()) + 0.5 * ground.cadence_s * len(rows)
-        dwell_s = ground.needed_s(rows, (min(time_s, least_s) - fixed_s) / len(rows), SHORTEST, slack)
+        dwell_s = ground.needed_s(rows, (min(time_s, shortest_s) - fixed_s) / len(rows), SHORTEST, slack)
         if dwell_s is not None:
-            least_s, best, worse = fixed_s + len(rows) * dwell_s, (rows, dwell_s), 0
+            shortest_s, best, worse = fixed_s + len(rows) * dwell_s, (rows, dwell_s), 0
         elif best is not None:
             worse += 1
         count = min(int(FEWER * count), count - 1)
@@ -265,9 +265,9 @@ def shortest(ground: Ground, time_s: float, rng: np.random.Generator, slack: flo
         return None
     rows = _ordered(ground, best[0], rng)
     travel_s = float(ground.legs_s(rows).sum())
-    longest_s = (time_s - travel_s) / len(rows)
-    dwell_s = ground.needed_s(rows, longest_s, slack=slack)
-    dwell_s = min(best[1], longest_s) if dwell_s is None else dwell_s
+    max_s = (time_s - travel_s) / len(rows)
+    dwell_s = ground.needed_s(rows, max_s, slack=slack)
+    dwell_s = min(best[1], max_s) if dwell_s is None else dwell_s
     return Tour(rows, dwell_s, travel_s + len(rows) * dwell_s, dwell_s)
 
 

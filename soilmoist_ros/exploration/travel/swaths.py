@@ -124,7 +124,7 @@ def _of_content(content: Any, path: Path) -> SwathFile:
 
 
 def _in_degrees(frame: str) -> bool:
-    """Whether the name of a frame is that of a reference system with longitude and latitude."""
+    """True if the name of a frame is that of a reference system with longitude and latitude."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 

@@ -287,7 +287,7 @@ def _of_yaml(text: str, path: Path | None) -> TopologicalMap:
 
 
 def _configuration(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """What a map file does not say itself, but the file of actions that it names."""
+    """Parts of a map that are in the file of actions that it names."""
     given = document.get("navigation_config_file")
     if not given:
         return {}

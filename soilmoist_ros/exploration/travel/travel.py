@@ -113,7 +113,7 @@ class TravelModel(ABC):
         """Lengths of the routes from a place, shape (k,) [m]; inf if unreachable."""
 
     def slower_m(self, way: Array, speed_mps: float = 0.0) -> float:
-        """How much longer a way would be that takes as long without limits of the speed [m].
+        """Length that limits of the speed add to a way: a longer one would take as long without them [m].
 
         :param speed_mps: speed without limits; by default that of the motion
         """

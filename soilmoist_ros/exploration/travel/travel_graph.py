@@ -181,7 +181,7 @@ class TravelGraph:
         return TravelGraph(self.names, self.xy, self.edges[kept], self.length_m[kept], None, limits)
 
     def slower_m(self, way: Array, speed_mps: float) -> float:
-        """How much longer a way would be that takes as long at a speed without the limits of its edges [m].
+        """Length that limits of its edges add to a way: a longer one would take as long without them [m].
 
         :param way: corners, shape (p, 2) [m]; a part between two nodes is on their edge
         """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What surveys of other fields say of the variogram of this one: empirical Bayes.
+"""Variogram of a field as surveys of other fields expect it: empirical Bayes.
 
 Each survey is six numbers: the logarithms of variation (standard deviation of the structured rate as a share of
 the mean rate), practical range and nugget (share of the structured variance), and their standard errors. They are

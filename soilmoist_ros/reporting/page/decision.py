@@ -49,7 +49,7 @@ class DecisionMap:
 
     @property
     def level(self) -> str:
-        """What is decided, as sentences."""
+        """Quality of the decision, as sentences."""
         truly = "" if self.true_wrong is None else f"; by the simulated truth it is {percent(self.true_wrong)}"
         text = f"Expected in the wrong zone: {percent(self.wrong)} of the field{truly}."
         if self.outside:

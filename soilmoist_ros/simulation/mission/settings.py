@@ -492,7 +492,7 @@ class MissionSettings:
 
     @property
     def aim(self) -> Aim | None:
-        """How good the map must be, by :attr:`until`."""
+        """Quality that the map must have, by :attr:`until`."""
         from soilmoist_ros.exploration import Aim
 
         return Aim.parse(self.until) if self.until else None
