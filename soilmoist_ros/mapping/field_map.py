@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping.drift import (
     NO_CHANGE,
     WINDOW_S,
@@ -224,9 +225,9 @@ class FieldMap:
     ) -> None:
         if not (math.isfinite(settings.margin_m) and settings.margin_m >= 0):
             raise ValueError(f"margin_m must be >= 0 and finite, got {settings.margin_m}")
-        self.grid = grid
-        self.settings = settings
-        self.knowledge = knowledge
+        self.grid, self.settings, self.knowledge = grid, settings, knowledge
+        if settings.fit == "soft_l1" and self.farm is not None:
+            raise InputError("a fit by soft_l1 has no prior", "leave the prior out, or fit by reml")
         chosen_m = settings.merge_radius_m
         # records closer together than this become one sample [m]
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
@@ -413,9 +414,7 @@ class FieldMap:
     def trouble(self) -> Skip | None:
         """Reason why most of the last records were left out, ``None`` if most were not."""
         skipped = [reason for reason in self._recent if reason is not None]
-        if 2 * len(skipped) <= len(self._recent):
-            return None
-        return max(skipped, key=skipped.count)
+        return max(skipped, key=skipped.count) if 2 * len(skipped) > len(self._recent) else None
 
     @property
     def samples(self) -> Samples:

@@ -11,7 +11,8 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.mapping import FarmPrior, FarmSurvey, Samples, Variogram, estimate_variogram
+from soilmoist_ros.mapping import FarmPrior, FarmSurvey, FieldMap, Samples, Variogram, estimate_variogram
+from soilmoist_ros.mapping.field_map import FieldMapSettings
 
 USUAL, USUAL_SD = np.log([0.15, 40.0, 0.05]), np.array([0.5, 1.0, 1.5])
 
@@ -53,9 +54,8 @@ def test_intervals_hold_fields_drawn_from_a_farm(count):
 
 
 def test_surveys_that_say_nothing_leave_the_usual_prior():
-    expected, sd = FarmPrior((FarmSurvey("", (0.0, 0.0, 0.0), (math.inf,) * 3),)).expected(USUAL, USUAL_SD)
-    np.testing.assert_allclose(expected, USUAL)
-    np.testing.assert_allclose(sd, USUAL_SD)
+    nothing = FarmPrior((FarmSurvey("", (0.0, 0.0, 0.0), (math.inf,) * 3),))
+    np.testing.assert_allclose(nothing.expected(USUAL, USUAL_SD), (USUAL, USUAL_SD))
 
 
 def test_like_fields_sharpen_the_range_and_unlike_ones_change_nothing():
@@ -89,14 +89,15 @@ def test_a_table_and_runs_are_read_as_they_were_written(tmp_path):
     (tmp_path / "runs" / "other.csv").write_text("name,what\na,b\n")
     (of_run,) = FarmPrior.read(tmp_path / "runs").surveys
     assert of_run.name == "home"
-    np.testing.assert_allclose(of_run.log_values, survey.log_values)
-    np.testing.assert_allclose(of_run.log_sds, survey.log_sds)
+    np.testing.assert_allclose((of_run.log_values, of_run.log_sds), (survey.log_values, survey.log_sds))
     assert FarmPrior.read(tmp_path / "runs" / "home").surveys == (of_run,)
     table = tmp_path / "runs" / "farm.csv"
     table.write_text(FarmPrior((survey, *farm(30.0).surveys)).table())
     (of_table, neighbour) = FarmPrior.read(table).surveys  # one of four that are equal
     np.testing.assert_allclose(of_table.log_values, survey.log_values, rtol=1e-4)
     assert neighbour.log_sds[2] == math.inf
+    with pytest.raises(InputError, match="soft_l1 has no prior"):
+        FieldMap(None, FieldMapSettings(fit="soft_l1", prior=str(table)))
     head, first, *_ = table.read_text().splitlines()
     turned = [";".join([*reversed(line.split(","))]).replace(".", ",") for line in (head, first)]
     table.write_text("\ufeff" + "\n".join(turned))  # as a German spreadsheet saves it
@@ -126,9 +127,8 @@ def test_the_survey_itself_is_no_other_field():
     ],
 )
 def test_other_tables_are_refused(text, why, tmp_path):
-    head = FarmPrior(()).table()
     path = tmp_path / "farm.csv"
-    path.write_text(text.replace("HEAD", head))
+    path.write_text(text.replace("HEAD", FarmPrior(()).table()))
     with pytest.raises(InputError, match=why):
         FarmPrior.read(path)
 
