@@ -53,7 +53,6 @@ PARAMETERS = {
     "navigator": "how goals are sent: goto_node, navigate_to_pose or follow_route (Nav2), goal_pose or person",
     "action_name": "name of the navigation's action, such as /robot/navigate_to_pose",
     "map_topic": "topic of the navigation's topological map",
-    "intensity_topic": "topic of the incoming cosmic-ray intensity (std_msgs/Float64)",
     "save_dir": "folder that the mapper's service save writes",
     "out": "folder for recordings",
     "name": "name of the recording; the time if empty",

@@ -49,7 +49,6 @@ from soilmoist_ros.recording import (
     SAMPLE_SPREAD,
     count_points,
     count_records,
-    line_bytes,
     line_text,
     sample_points,
 )
@@ -134,14 +133,9 @@ def samples_from_message(message: PointCloud2) -> Samples:
     return Samples(xy, points["raw_counts"], points["effective_exposure_s"], spread)
 
 
-# Lines of the devices <-> std_msgs/String, so that a replay can start from the bytes ----------------------------
+# Lines of the devices as std_msgs/String, so that a replay can start from the bytes ----------------------------
 
 
 def line_to_message(line: bytes) -> String:
     """Message of a line: each byte is one character."""
     return String(data=line_text(line))
-
-
-def line_from_message(message: String) -> bytes:
-    """Line of a message of :func:`line_to_message`; others are refused."""
-    return line_bytes(str(message.data))

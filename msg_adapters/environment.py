@@ -56,7 +56,7 @@ def weather_to_messages(record: LoggerRecord, frame_id: str) -> dict[str, Any]:
     }
 
 
-# State of the battery <-> sensor_msgs/BatteryState --------------------------------------------------------------
+# State of the battery, of sensor_msgs/BatteryState --------------------------------------------------------------
 
 
 def battery_from_message(message: BatteryState) -> tuple[float, float] | None:
@@ -70,16 +70,6 @@ def battery_from_message(message: BatteryState) -> tuple[float, float] | None:
     charge = charge if 0 <= charge <= _PERCENT else math.nan
     voltage_v = voltage_v if voltage_v > 0 else math.nan
     return (charge / _PERCENT if charge > 1 else charge), voltage_v
-
-
-def battery_to_message(charge: float, voltage_v: float, stamp_s: float) -> BatteryState:
-    """Message of a battery in use: charge [0..1] and voltage [V], NaN if unknown."""
-    message = BatteryState(present=True, percentage=float(charge), voltage=float(voltage_v))
-    message.header.stamp = to_time(stamp_s)
-    message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
-    for name in ("temperature", "current", "charge", "capacity", "design_capacity"):
-        setattr(message, name, math.nan)
-    return message
 
 
 # States of health <-> diagnostic_msgs ---------------------------------------------------------------------------

@@ -32,7 +32,6 @@ from soilmoist_ros.exploration import (
     Reply,
     ReplyCode,
     Response,
-    Stop,
     Visit,
     status_level,
 )
@@ -219,34 +218,6 @@ def mission_state_to_message(
     )
 
 
-def mission_state_from_message(message: MissionMessage) -> MissionStatus:
-    """Status of a message, without its forecast; ``ValueError`` for an unknown code."""
-    place = float(message.stop_position.x), float(message.stop_position.y)
-    end_s = float(message.estimated_end_s)
-    return MissionStatus(
-        **_numbers(message),
-        now_s=float(message.mission_time_s),
-        phase=_member(_PHASES, message.phase, "phase"),
-        reason=foreign_text(message.reason),
-        target=None if math.isnan(place[0]) else Stop(foreign_text(message.stop), *place),
-        blacklisted=tuple(map(foreign_text, message.ruled_out)),
-        estimated_end_s=None if math.isnan(end_s) else end_s,
-        needs_operator=bool(message.needs_operator),
-        silent=bool(message.silent),
-        ended=None if message.ended == MissionMessage.END_NONE else _member(_ENDS, message.ended, "end"),
-        alarms=tuple(_alarm_from_message(alarm) for alarm in message.alarms),
-        emergency=bool(message.emergency_stop),
-        queue=tuple(map(foreign_text, message.queue)),
-        strategy=foreign_text(message.strategy),
-        field=foreign_text(message.field),
-        earlier=choice_from_message(message.earlier),
-        covariates=choice_from_message(message.covariates),
-        ruled_out=tuple(
-            tuple((float(corner.x), float(corner.y)) for corner in area.points) for area in message.ruled_out_areas
-        ),
-    )
-
-
 def _numbers(of: Any) -> dict[str, Any]:
     """Numbers that status and message have under one name."""
     return {name: float(getattr(of, name)) for name in _FLOATS} | {
@@ -271,15 +242,3 @@ def _corner(x_m: float, y_m: float) -> Point32:
 def _alarm_to_message(alarm: Alarm) -> AlarmMessage:
     response = _RESPONSES[alarm.response]
     return AlarmMessage(cause=str(alarm.cause), response=response, reason=alarm.reason, since_s=float(alarm.now_s))
-
-
-def _alarm_from_message(message: AlarmMessage) -> Alarm:
-    response = _member(_RESPONSES, message.response, "response")
-    return Alarm(float(message.since_s), foreign_text(message.cause), response, foreign_text(message.reason))
-
-
-def _member(codes: dict[Code, int], code: int, what: str) -> Code:
-    for member, known in codes.items():
-        if known == code:
-            return member
-    raise ValueError(f"{what} {code} is not known: it was published by another version")

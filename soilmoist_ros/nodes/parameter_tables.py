@@ -197,8 +197,6 @@ SENSOR_DRIVER: Final = (
         "record periods if these are longer", "s", 0.1, 86400.0),
     row("fix_wait_s", 2.0, "longest wait of a record for a fix from after the middle of its interval", "s", 0.0,
         60.0),
-    row("intensity_topic", "", "topic of the incoming cosmic-ray intensity (std_msgs/Float64), in the unit of "
-        "the site's reference; empty to use only the site file"),
     row("record_dir", "", "folder where records are stored before they are published, for mappers with the same "
         "folder, and the logger's last header, for a driver that is started again; empty to store none"),
     row("frame_id", "map", "frame of the records: east, north, up about the datum"),

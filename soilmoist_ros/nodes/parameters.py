@@ -47,6 +47,7 @@ REMOVED: Final = {
     "frame_limit_m": "the places by TF and by fixes may be 2 m apart",
     "goal_time_factor": "a trip may take 3 times the expected time, and 60 s more",
     "goal_time_margin_s": "a trip may take 3 times the expected time, and 60 s more",
+    "intensity_topic": "the incoming neutrons are those of the site file ('intensity' under 'corrections')",
     "keep_apart_m": "robots keep 2 m apart, or 1 m more than twice robot_radius_m",
     "keepout_resolution_m": "a cell is 0.2 m, or half of robot_radius_m if that is less; more in fields of 16 ha",
     "learn_travel": "travel times are learned from the legs driven",

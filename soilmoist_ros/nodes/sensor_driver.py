@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import logging
-import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -16,7 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
-from std_msgs.msg import Float64, String
+from std_msgs.msg import String
 
 from msg_adapters import (
     counts_from_message,
@@ -33,7 +32,7 @@ from soilmoist_ros.nodes.node_process import Soon, run
 from soilmoist_ros.nodes.parameter_tables import DRIVER_SETTINGS
 from soilmoist_ros.nodes.parameter_tables import SENSOR_DRIVER as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, SENSOR, VISITS, every, other_type, ros_now_s
+from soilmoist_ros.nodes.topics import DEFAULT, RECORDS, SENSOR, VISITS, every, other_type, ros_now_s
 from soilmoist_ros.recording import DRIVER, QUARANTINED, RecordLog, write_whole
 from soilmoist_ros.sensing import (
     DOUBTS,
@@ -43,7 +42,6 @@ from soilmoist_ros.sensing import (
     Doubt,
     Driver,
     DriverSettings,
-    LatestIntensity,
     LeverArms,
     LogHeader,
     Site,
@@ -71,11 +69,6 @@ class SensorDriver(LifecycleNode):
         self.create_subscription(String, DOUBTS, self._on_doubt, VISITS)
         self._outputs = DriverOutputs(self, self._given)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
-        self._intensity = LatestIntensity()
-        if topic := text("intensity_topic"):
-            # A latched subscription has the value from before this start, but of latched publishers only.
-            for profile in (DEFAULT, LATCHED):
-                self.create_subscription(Float64, topic, self._on_intensity, profile)
         self._arrived = Soon(self, self._step)
         every(self, _RELEASE_S, self._step)
         every(self, _DIAGNOSTICS_S, self._report)
@@ -128,16 +121,9 @@ class SensorDriver(LifecycleNode):
         self._outputs.datum = field.frame.latitude_deg, field.frame.longitude_deg
         site = self._given.text("site")
         sensor = load_site(site) if site else Site()
-        if self._given.text("intensity_topic") and sensor.corrections.intensity is None:
-            raise InputError(
-                "intensity_topic is given, but the site file has no reference for the intensity",
-                "write 'intensity: {reference: 150.0, constant: 150.0}' under 'corrections' in the site file",
-            )
         settings: dict[str, Any] = {name: options[name] for name in DRIVER_SETTINGS}
         settings["arms"] = LeverArms.of(options)
         self._driver = Driver(DriverSettings(**settings), sensor, field.frame)
-        if self._given.text("intensity_topic"):
-            self._driver.stream.survey.latest_intensity = self._intensity
 
     def _activate(self) -> None:
         assert self._driver is not None  # on_configure made it
@@ -166,10 +152,6 @@ class SensorDriver(LifecycleNode):
             return
         if self._driver is not None:
             self._driver.doubts.take(doubt)
-
-    def _on_intensity(self, message: Float64) -> None:
-        if not self._intensity.take(float(message.data), time.monotonic()):
-            self.get_logger().warning(f"an intensity of {message.data:g} is ignored")
 
     def _report(self) -> None:
         now_s = ros_now_s(self)

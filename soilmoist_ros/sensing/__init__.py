@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.sensing.checks.record_checks import unlikely_weather as unlikely_weather
     from soilmoist_ros.sensing.corrections.factors import Corrections as Corrections, standard_pressure_hpa as standard_pressure_hpa
-    from soilmoist_ros.sensing.corrections.intensity import LatestIntensity as LatestIntensity, NeutronMonitor as NeutronMonitor
+    from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor as NeutronMonitor
     from soilmoist_ros.sensing.corrections.reference import Reference as Reference, fit_reference as fit_reference
     from soilmoist_ros.sensing.corrections.settings import CorrectionSettings as CorrectionSettings, IntensityCorrection as IntensityCorrection
     from soilmoist_ros.sensing.formats.draft import draft_format as draft_format
@@ -63,7 +63,7 @@ __getattr__, __dir__, __all__ = open_door(
     {
         "checks.record_checks": "unlikely_weather",
         "corrections.factors": "Corrections standard_pressure_hpa",
-        "corrections.intensity": "LatestIntensity NeutronMonitor",
+        "corrections.intensity": "NeutronMonitor",
         "corrections.reference": "Reference fit_reference",
         "corrections.settings": "CorrectionSettings IntensityCorrection",
         "formats.draft": "draft_format",

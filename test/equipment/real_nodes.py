@@ -41,7 +41,7 @@ from soilmoist_msgs.srv import Command
 from std_msgs.msg import Bool
 
 from msg_adapters.counts import counts_from_message, samples_from_message
-from msg_adapters.environment import battery_to_message, diagnostics_from_message
+from msg_adapters.environment import diagnostics_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.point_cloud import to_seconds
 from msg_adapters.soilmoist_types import reply_from_message, request_to_message, visit_from_message
@@ -156,7 +156,7 @@ class Operator:
 
     def charge(self, share: float) -> None:
         """Publish the charge of the battery [0..1]."""
-        self._battery.publish(battery_to_message(share, math.nan, self._start_s + self.now_s))
+        self._battery.publish(BatteryState(present=True, percentage=share))
 
     def _on_clock(self, message: Clock) -> None:
         self.now_s = to_seconds(message.clock) - self._start_s

@@ -17,7 +17,6 @@ from std_msgs.msg import String
 from msg_adapters.counts import (
     counts_from_message,
     counts_to_message,
-    line_from_message,
     line_to_message,
     quarantined_to_message,
     samples_from_message,
@@ -26,6 +25,7 @@ from msg_adapters.counts import (
 from msg_adapters.point_cloud import OtherFrameError, points_to_message, require_frame, to_seconds
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.mapping.samples import path_spread
+from soilmoist_ros.recording import line_bytes
 from soilmoist_ros.recording.bag.messages import NUMBERS, UNKNOWN_REASON
 from soilmoist_ros.sensing import CountRecord, Kind
 
@@ -172,9 +172,4 @@ def test_samples_without_spreads_are_points():
 @given(st.binary())
 def test_every_byte_comes_back(line):
     message = deserialize_message(serialize_message(line_to_message(line)), String)
-    assert line_from_message(message) == line
-
-
-def test_another_text_is_refused():
-    with pytest.raises(ValueError, match="latin-1"):
-        line_from_message(String(data="\N{SNOWMAN}"))
+    assert line_bytes(message.data) == line

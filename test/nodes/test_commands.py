@@ -26,7 +26,6 @@ from test_planner import Planning
 from virtual_navigation import FIELD, START_S, STOPS, VirtualNavigation, World
 
 from msg_adapters import counts_to_message, request_from_message, request_to_message, soil_map_from_message
-from msg_adapters.soilmoist_types import mission_state_from_message
 from soilmoist_ros.exploration import OperatorRequest, Phase, Verb
 from soilmoist_ros.mapping.soil_map import CELL
 from soilmoist_ros.nodes.planner import PARAMETERS
@@ -50,7 +49,7 @@ class Commanded(Planning):
 
     @property
     def state(self):
-        return mission_state_from_message(self.states[-1]) if self.states else None
+        return self.states[-1] if self.states else None
 
     def ask(self, verb, who="Ada", **values):
         message = request_to_message(OperatorRequest(verb, who, **values))
@@ -75,7 +74,7 @@ class Commanded(Planning):
         def heard():
             publisher.publish(Bool(data=data))
             time.sleep(0.1)
-            return self.state is not None and self.state.emergency is data
+            return self.state is not None and self.state.emergency_stop is data
 
         self.ros.wait_for(heard, message=f"emergency stop {data}")
 
@@ -102,7 +101,7 @@ def test_every_verb(ros, tmp_path):
         planning.refused("refused", "measure", stops=("n11",))
         planning.refused("unknown_verb", "go")
         planning.accepted("start")
-        planning.wait_state(lambda state: state.phase is Phase.TRAVELLING, "travelling")
+        planning.wait_state(lambda state: state.phase == Mission.PHASE_TRAVELLING, "travelling")
         assert planning.state.time_left_s > 7000.0
 
         for wrong in ({"place": (float("nan"), 1.0)}, {"place": (90.0, 1.0)}, {"place": (10.0, 10.0)}, {}):
@@ -113,20 +112,22 @@ def test_every_verb(ros, tmp_path):
         planning.accepted("measure", stops=("n12",))
         planning.accepted("measure", stops=("n02",))
         planning.accepted("order", stops=("n12", "n11"))
-        planning.wait_state(lambda state: state.queue == ("n12", "n11"), "the queue in its new order")
+        planning.wait_state(lambda state: state.queue == ["n12", "n11"], "the queue in its new order")
 
         planning.accepted("change", hours=1.5, dwell="fmi:20", strategy="random", home="n00")
         assert [planning.parameter(name) for name in ("hours", "dwell", "strategy", "home")] == [
             1.5, "fmi:20", "random", "n00",
         ]  # fmt: skip
         planning.accepted("rule_out", polygon=((30.0, 0.0), (40.0, 0.0), (40.0, 30.0), (30.0, 30.0)))
-        planning.wait_state(lambda state: len(state.ruled_out) == 1, "the area that is ruled out")
+        planning.wait_state(lambda state: len(state.ruled_out_areas) == 1, "the area that is ruled out")
 
         planning.accepted("pause")
-        planning.wait_state(lambda state: state.phase is Phase.PAUSED, "paused")
+        planning.wait_state(lambda state: state.phase == Mission.PHASE_PAUSED, "paused")
         assert "Ada" in planning.state.reason
         planning.accepted("resume", who="Bo")
-        planning.wait_state(lambda state: state.phase in (Phase.TRAVELLING, Phase.COUNTING), "resumed")
+        planning.wait_state(
+            lambda state: state.phase in (Mission.PHASE_TRAVELLING, Mission.PHASE_COUNTING), "resumed"
+        )
         ros.wait_for(lambda: planning.ask("skip").accepted, message="a stop to skip")
         planning.wait_state(lambda state: "n11" not in state.queue and state.samples > 0, "the queued stops")
         # A goal that was interrupted is sent again.
@@ -135,12 +136,12 @@ def test_every_verb(ros, tmp_path):
         assert queued() == ["n12", "n11"]
 
         planning.accepted("return_home")
-        planning.wait_state(lambda state: state.phase is Phase.FINISHED, "home")
+        planning.wait_state(lambda state: state.phase == Mission.PHASE_FINISHED, "home")
         assert "sent home by Ada" in planning.state.reason
         assert world.place == (5.0, 5.0)
-        assert planning.state.ended.value == "returned"
+        assert planning.state.ended == Mission.END_RETURNED
         planning.accepted("abort")
-        planning.wait_state(lambda state: state.phase is Phase.IDLE, "idle")
+        planning.wait_state(lambda state: state.phase == Mission.PHASE_IDLE, "idle")
     assert planning.process.stop() == 0
     assert [command for command, _ in groupby(planning.journalled())] == [
         ("measure", "Ada"), ("start", "Ada"), ("measure", "Ada"), ("order", "Ada"), ("change", "Ada"),
@@ -155,7 +156,7 @@ def test_parameters_are_set_while_it_runs(ros, tmp_path):
         planning.wait(lambda status: status.reason == "waiting for start")
         assert planning.set_parameter("dwell", "fmi:300") == ""
         assert planning.call("start").success
-        planning.wait_state(lambda state: state.phase is Phase.TRAVELLING, "travelling")
+        planning.wait_state(lambda state: state.phase == Mission.PHASE_TRAVELLING, "travelling")
         for name, value, word in [
             ("hours", 1e-4, "hours"), ("dwell", "often", "fmi"), ("home", "n99", "n99"),
             ("home", "", "empty"), ("strategy", "gredy", "greedy"), ("target", "vwc", "calibration"),
@@ -224,7 +225,7 @@ def test_another_field_is_chosen_between_missions_and_the_mapper_follows(ros, tm
         ros.wait_for(lambda: len(navigation.goals) > 0, message="a goal")
         planning.process.kill()
         again = Commanded(ros, tmp_path)
-        again.wait_state(lambda state: state.phase is Phase.PAUSED, "paused")
+        again.wait_state(lambda state: state.phase == Mission.PHASE_PAUSED, "paused")
         assert again.state.field == str(tmp_path / "west.yaml"), "a restart keeps the field of the mission"
         again.accepted("abort")
         again.accepted("abort")
@@ -240,24 +241,26 @@ def test_an_emergency_stop_is_heard_from_any_publisher_and_lasts(ros, tmp_path):
     latched.publish(Bool(data=True))
     with World(ros, rate=5.0) as world, VirtualNavigation(ros, world) as navigation:
         planning = Commanded(ros, tmp_path, autostart=True)
-        planning.wait_state(lambda state: state.emergency, "the press of before the start")
+        planning.wait_state(lambda state: state.emergency_stop, "the press of before the start")
         planning.wait(lambda status: "waiting for start" in status.reason)
         assert "emergency stop" in planning.ask("start").message
         planning.press(latched, False)
         planning.accepted("start")
-        planning.wait_state(lambda state: state.phase is Phase.TRAVELLING and state.distance_m > 0, "driving")
+        planning.wait_state(
+            lambda state: state.phase == Mission.PHASE_TRAVELLING and state.distance_m > 0, "driving"
+        )
 
         plain = ros.node.create_publisher(Bool, "emergency_stop", 10)
         planning.press(plain, True)
-        planning.wait_state(lambda state: state.emergency and state.phase is Phase.PAUSED, "the stop")
+        planning.wait_state(lambda state: state.emergency_stop and state.phase == Mission.PHASE_PAUSED, "the stop")
         ros.wait_for(lambda: world.goal is None, message="the robot to be stopped")
         goals = len(navigation.goals)
         assert "release it first" in planning.ask("resume").message
         planning.press(plain, False)
-        assert planning.state.phase is Phase.PAUSED
+        assert planning.state.phase == Mission.PHASE_PAUSED
         assert (world.goal, len(navigation.goals)) == (None, goals), "a release moves nothing"
         planning.accepted("resume")
-        planning.wait_state(lambda state: state.phase is not Phase.PAUSED, "resumed")
+        planning.wait_state(lambda state: state.phase != Mission.PHASE_PAUSED, "resumed")
 
 
 PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "robot.md"

@@ -20,14 +20,13 @@ from playwright.sync_api import expect
 from rcl_interfaces.msg import Log
 from ros_system import NodeProcess
 from sensor_msgs.msg import BatteryState, PointCloud2
+from soilmoist_msgs.msg import Mission
 from std_msgs.msg import String
 from test_commands import Commanded
-from virtual_navigation import START_S, STOPS, VirtualNavigation, World
+from virtual_navigation import STOPS, VirtualNavigation, World
 
 from console.test_map_layers import SITE, meadow
 from msg_adapters.counts import counts_to_messages
-from msg_adapters.environment import battery_to_message
-from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS, SENSOR
 from soilmoist_ros.nodes.topics import VISITS as ROSOUT
@@ -81,7 +80,7 @@ def test_an_imported_field_is_explored_and_a_stop_without_an_answer_is_said_loud
         expect(page.locator("#plan-dwell-by")).to_have_value("600", timeout=LIMIT_MS)
 
         def charged():
-            batteries.publish(battery_to_message(0.8, 48.0, START_S))
+            batteries.publish(BatteryState(present=True, percentage=0.8, voltage=48.0))
             page.wait_for_timeout(100)
             return "80 %, 48.0 V" in page.locator("#checks").inner_text()
 
@@ -92,7 +91,7 @@ def test_an_imported_field_is_explored_and_a_stop_without_an_answer_is_said_loud
         seen.shows("draft-about", "Drawn: a boundary with 0 no-go areas, 0.06 ha")
         page.locator("#plan-strategy").select_option("random")
         slide(page, "Slide to start with this plan")
-        planning.wait_state(lambda state: state.phase is Phase.TRAVELLING, "driving")
+        planning.wait_state(lambda state: state.phase == Mission.PHASE_TRAVELLING, "driving")
         assert Path(planning.state.field).parent == tmp_path / "fields"
         assert planning.state.strategy == "random"
         seen.shows("field", "drawn field")

@@ -26,7 +26,6 @@ from topological_navigation_msgs.action import GotoNode
 from virtual_navigation import FIELD, STOPS, VirtualNavigation, World, make_map
 
 from msg_adapters import diagnostics_from_message, mission_from_message, quarantined_to_message
-from msg_adapters.environment import battery_to_message
 from soilmoist_ros.exploration import Cause, MissionEnd, Phase
 from soilmoist_ros.nodes.topics import RECORDS, SENSOR, VISITS
 from soilmoist_ros.sensing.records import CountRecord
@@ -54,7 +53,7 @@ class FaultyWorld(World):
         self.use = 0.0 if self.used_until() else self.use
         self.charge = max(0.0, self.charge - self.use)
         if self.has_battery:
-            self.batteries.publish(battery_to_message(self.charge, math.nan, self.now_s))
+            self.batteries.publish(BatteryState(present=True, percentage=self.charge))
         true = self.place
         noise_m = self.noise.normal(0.0, 0.02, 2)  # without noise, a robot that stands has a frozen receiver
         self.place = (true[0] - self.shift_m + float(noise_m[0]), true[1] + float(noise_m[1]))

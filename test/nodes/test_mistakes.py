@@ -59,7 +59,6 @@ POSES = {"navigator": "goal_pose", "graph": "free"}
         ("sensor_driver", {"logger_uri": "tpc://host:1"}, "write it like tcp://"),
         ("sensor_driver", {"logger_uri": "file:///no/such.log"}, "is of a file, not of a device"),
         ("sensor_driver", {"gnss_uri": "tcp://host"}, "lacks the port"),
-        ("sensor_driver", {"intensity_topic": "monitor"}, "no reference for the intensity"),
         ("recorder", {"include": "*"}, "not a regular expression"),
         ("recorder", {"name": "../x"}, "not a valid name"),
         ("field_simulator", {"field": "synthetic-hihg"}, "did you mean 'synthetic-high'"),

@@ -159,7 +159,7 @@ def test_only_the_operator_reads_stops_and_commands(secured, tmp_path, who):
 def test_a_topic_without_permission_is_named(secured):
     ros = secured()
     devices = {"logger_uri": "tcp://127.0.0.1:9", "gnss_uri": "tcp://127.0.0.1:9"}
-    driver = ros.start("sensor_driver", params={"field": "smooth", "intensity_topic": "monitor", **devices})
+    driver = ros.start("sensor_driver", params={"field": "smooth", **devices}, remaps=["counts:=monitor"])
     assert driver.wait() == 2
     assert "rt/monitor topic not found in allow rule" in driver.output()
     assert "the permissions of this node's enclave lack it" in driver.output()

@@ -17,13 +17,13 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
-from std_msgs.msg import Float64, String
+from std_msgs.msg import String
 
 from msg_adapters import counts_from_message, diagnostics_from_message, fix_to_message, to_seconds, to_time
-from msg_adapters.counts import line_from_message
 from soilmoist_ros.foundation import Level, LocalFrame
 from soilmoist_ros.nodes.sensor_driver import NAME, StoredHeader
-from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS, SENSOR, VISITS
+from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, RECORDS, SENSOR, VISITS
+from soilmoist_ros.recording import line_bytes
 from soilmoist_ros.recording.map_sources import DRIVER, RecordTail
 from soilmoist_ros.sensing import Fix, FixStatus, LogHeader, fix_from_message, format_header, format_record
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, DoubtOutcome
@@ -157,7 +157,7 @@ def start(ros, field, logger, outputs):
                 ros, lambda: receiver.send(*no_fix(next(seconds))), lambda: outputs.fix and outputs.raw_gnss
             )
             receiver.send(*no_fix(-1))
-            ros.wait_for(lambda: outputs.raw_gnss and line_from_message(outputs.raw_gnss[-1]) == no_fix(-1)[-1])
+            ros.wait_for(lambda: outputs.raw_gnss and line_bytes(outputs.raw_gnss[-1].data) == no_fix(-1)[-1])
         for received in (outputs.raw_logger, outputs.raw_gnss, outputs.fix):
             received.clear()
         return process
@@ -233,9 +233,9 @@ def test_records_go_out_and_to_the_disk_with_all_that_belongs_to_them(
     assert outputs.counts[0].header.frame_id == "map"
     ros.wait_for(lambda: outputs.fix and outputs.humidity and outputs.pressure and outputs.temperature)
     ros.wait_for(lambda: len(outputs.raw_logger) >= 2 + len(HEADER))
-    received = [line_from_message(message) for message in outputs.raw_logger]
+    received = [line_bytes(message.data) for message in outputs.raw_logger]
     assert [text for text in received if text != b"# hello"] == [*HEADER, line(1), line(2)]
-    ros.wait_for(lambda: sum(b"GST" in line_from_message(message) for message in outputs.raw_gnss) == 23)
+    ros.wait_for(lambda: sum(b"GST" in line_bytes(message.data) for message in outputs.raw_gnss) == 23)
     assert outputs.pressure[-1].fluid_pressure == pytest.approx(100_000.0)
     assert outputs.temperature[-1].temperature == pytest.approx(20.0)
     assert outputs.humidity[-1].relative_humidity == pytest.approx(0.5)
@@ -336,27 +336,6 @@ def test_records_of_a_place_that_the_planner_doubts_are_quarantined(ros, start, 
     assert [(round(record.stamp_s - T0), record.quarantine) for record in bad] == [
         (30, "place_doubt"), (40, "place_doubt"), (50, "place_doubt"),
     ]  # fmt: skip
-
-
-def test_intensity_comes_by_topic_also_from_before_the_start(ros, start, outputs, logger, tmp_path):
-    site = tmp_path / "site.yaml"
-    site.write_text("corrections: {pressure: null, humidity: null, intensity: {reference: 150, constant: 150}}\n")
-    publisher = ros.node.create_publisher(Float64, "monitor", LATCHED)
-    publisher.publish(Float64(data=100.0))
-    process = start(fix_wait_s=0.0, site=str(site), intensity_topic="monitor")
-    numbers = itertools.count(1)
-
-    def count():
-        number = next(numbers)
-        logger.send(line(number, tube_counts=tuple(float(5 + (number * tube) % 7) for tube in range(1, 13))))
-
-    for rate, factor in ((None, 1.5), (math.nan, 1.5), (75.0, 2.0)):
-        if rate is not None:
-            publisher.publish(Float64(data=rate))
-        repeat_until(
-            ros, count, lambda wanted=factor: outputs.records and outputs.records[-1].f_intensity == wanted
-        )
-    assert "an intensity of nan is ignored" in process.output()
 
 
 def test_it_uses_simulated_time_and_names_another_type_on_the_topic_of_fixes(ros, start, outputs, logger):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Incoming cosmic-ray intensity: from a file of neutron monitors or from outside, and its scaling to the site.
+"""Incoming cosmic-ray intensity: from a file of neutron monitors, and its scaling to the site.
 
 A monitor and a probe respond differently to a change of the cosmic rays, depending on cutoff rigidity and
 atmospheric depth. With the rate C of the monitor and its reference C0 the correction factor is
@@ -136,36 +136,6 @@ def _table() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float
     header, *rows = TABLE.read_text(encoding="ascii").splitlines()
     values = np.array([[float(cell) for cell in row.split(",")] for row in rows])[::-1]
     return values[:, 0], np.array([float(cell) for cell in header.split(",")[1:]]), values[:, 1:]
-
-
-# The latest incoming intensity that came from outside, with its age ---------------------------------------------
-
-
-class LatestIntensity:
-    """The latest rate of a neutron monitor that publishes its values.
-
-    >>> latest = LatestIntensity()
-    >>> latest.take(151.2, now_s=100.0)
-    True
-    >>> latest.rate, latest.age_s(160.0)
-    (151.2, 60.0)
-    """
-
-    def __init__(self) -> None:
-        self.rate = math.nan
-        """The rate, in the unit of the site's reference; NaN if none has come."""
-        self._since_s = -math.inf
-
-    def take(self, rate: float, now_s: float) -> bool:
-        """Store a rate that has just come [monotonic s]; returns whether it is one: positive and finite."""
-        if not (math.isfinite(rate) and rate > 0):
-            return False
-        self.rate, self._since_s = rate, now_s
-        return True
-
-    def age_s(self, now_s: float) -> float:
-        """Time since the rate came [s], infinite if none has come."""
-        return now_s - self._since_s
 
 
 # Incoming cosmic-ray intensity from a file of neutron monitors, such as an export of the database NMDB ----------

@@ -31,8 +31,6 @@ STALE_FIX_S = 5.0  # maximum age of the last fix without a warning [s]
 NO_RECORD_S = 30.0
 """Time from the first byte of a logger to its first record after which faulty lines are an error [s]."""
 MAX_LOSSES = 1  # maximum number of recently lost records without a warning
-OLD_INTENSITY = 0.5
-"""Age of the incoming intensity without a warning, as a share of the age from which it is not used."""
 MIN_JUDGED = 3  # number of records from which more than half in quarantine are an error
 _LINK_LEVELS = {
     LinkState.CONNECTED: Level.OK, LinkState.CONNECTING: Level.ERROR,
@@ -223,9 +221,6 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         **_by_kind("noted", problems.noted),
         **{f"quarantined: {reason_text(code)}": str(count) for code, count in sorted(stream.quarantined.items())},
     }  # fmt: skip
-    if (latest := stream.survey.latest_intensity) is not None:
-        values["incoming intensity"] = "none yet" if math.isnan(latest.rate) else f"{latest.rate:g}"
-        values["age of the intensity [s]"] = f"{stream.survey.intensity_age_s:.0f}"
     if problems.last_loss is not None:
         values["last loss"] = str(problems.last_loss)
     if problems.last_quarantined is not None:
@@ -251,7 +246,7 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
             level = Level.WARN
         elif doubt is not None:
             level, message = doubt
-        elif fault := _header_fault(stream) or _intensity_fault(stream):
+        elif fault := _header_fault(stream):
             level, message = Level.WARN, fault
         elif abs(offset_s) > CLOCK_TOLERANCE_S:
             level, message = Level.WARN, f"the logger's clock differs by {offset_s:+.0f} s from ours: set it"
@@ -299,21 +294,6 @@ def _header_fault(stream: SensorStream) -> str:
         f"the columns are those of a stored header{date}: if the logger or its program was changed since then, "
         "switch the logger off and on, or delete header.json in record_dir and start again"
     )
-
-
-def _intensity_fault(stream: SensorStream) -> str:
-    """Fault of an incoming intensity and its remedy; empty without a fault."""
-    age_s, limit_s = stream.survey.intensity_age_s, stream.survey.max_intensity_age_s
-    if stream.survey.latest_intensity is None or age_s <= OLD_INTENSITY * limit_s:
-        return stream.survey.intensity_doubt
-    remedy = "check the publisher of intensity_topic"
-    if math.isinf(age_s):
-        return f"no incoming intensity has come: that of the site file is used; {remedy}"
-    if stream.survey.keeps_old_intensity:
-        return f"the incoming intensity is {age_s / 3600:.1f} h old, and used: the site file has none; {remedy}"
-    if age_s > limit_s:
-        return f"the incoming intensity is {age_s / 3600:.1f} h old: that of the site file is used; {remedy}"
-    return f"the incoming intensity is {age_s / 3600:.1f} h old, of at most {limit_s / 3600:.1f} h; {remedy}"
 
 
 def _faults(stream: SensorStream) -> str:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import LocalFrame, Mistake
 from soilmoist_ros.sensing.checks.record_checks import N0_KEY, RecordChecks
 from soilmoist_ros.sensing.checks.tubes import tube_shares
-from soilmoist_ros.sensing.corrections.intensity import LatestIntensity, NeutronMonitor
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, Heard
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import EDGE_TOLERANCE_S, NO_ARMS, CheckedTrack, LeverArms, Track
@@ -33,14 +32,11 @@ from soilmoist_ros.sensing.survey.correction import (
     position_gap_s,
     site_shares,
     uncorrected_record,
-    unusual_factors,
 )
 
 MAX_WEATHER_VALUES = 1000
 MAX_TYPICAL = 500  # maximum number of records for the typical rate of a log
 LINE_DELAY_S = 0.25  # maximum delay of the receiver's lines after their record [s]
-MIN_INTENSITY_AGE_S = 3600.0
-"""Least age from which an intensity from outside is not used [s]: monitors publish hourly values."""
 MAX_FIXES = 20_000  # fixes kept during a survey: 5 h at 1 Hz, because a receiver may be far ahead of the logger
 MAX_EDGE_TOLERANCE_S = 5.0
 """Maximum time between the middle of a counting interval and a single fix used as its position [s]."""
@@ -100,13 +96,7 @@ class Survey:
         self.frame = frame
         self._site, self._fix_wait_s = site, fix_wait_s
         self._keep_unplaced, self._on_problem = keep_unplaced, on_problem
-        self._site_intensity = self._intensity = intensity_source(site.corrections)
-        self.latest_intensity: LatestIntensity | None = None
-        """Incoming intensity from outside, used while it is not too old; ``None`` to use that of the site only."""
-        self.intensity_age_s = math.inf
-        """Age of the latest intensity at the last record [s], infinite without one."""
-        self.keeps_old_intensity = False
-        """True if the latest intensity was too old for the last record, but the site had none."""
+        self._intensity = intensity_source(site.corrections)
         self._grows = ahead is None
         self.places = SurveyPlaces(site, track, arms, self._grows)
         """Places at which the records were counted."""
@@ -165,7 +155,6 @@ class Survey:
             self.places.add(record)
         interval_s = counting_interval_s(record, self._last)
         self._last = record
-        self._intensity = self._intensity_at(record.stamp_s, now_s)
         findings = checked.findings
         shares = self.checks.shares if self.tube_share is None else self.tube_share
         try:
@@ -199,36 +188,6 @@ class Survey:
 
     def _correct(self, record: LoggerRecord, shares: NDArray[np.float64]) -> CountRecord:
         return correct_record(self._weather.filled(record), self._site, self._intensity, shares)
-
-    @property
-    def max_intensity_age_s(self) -> float:
-        """Age from which an intensity from outside is not used [s]."""
-        intensity = self._site.corrections.intensity
-        return 0.0 if intensity is None else max(3600 * intensity.max_gap_hours, MIN_INTENSITY_AGE_S)
-
-    def _intensity_at(self, stamp_s: float, now_s: float) -> NeutronMonitor | float | None:
-        """The intensity from outside, or that of the site if there is none or it is too old.
-
-        An old one is better than a lost record: the site's file may end before the survey.
-        """
-        if self.latest_intensity is None:
-            return self._site_intensity
-        self.intensity_age_s = self.latest_intensity.age_s(now_s)
-        fresh, site = self.intensity_age_s <= self.max_intensity_age_s, self._site_intensity
-        lacks = isinstance(site, NeutronMonitor) and site.at(stamp_s) is None
-        self.keeps_old_intensity = not fresh and lacks and math.isfinite(self.intensity_age_s)
-        return self.latest_intensity.rate if fresh or self.keeps_old_intensity else site
-
-    @property
-    def intensity_doubt(self) -> str:
-        """Doubt about the latest intensity from outside against the site's reference; empty if they fit."""
-        if self.latest_intensity is None or not math.isfinite(self.latest_intensity.rate):
-            return ""
-        try:
-            factor = self._site.corrections_parameters.f_intensity(self.latest_intensity.rate)
-        except ValueError as error:
-            return str(error)
-        return "".join(unusual_factors({"f_intensity": (factor, factor)}))
 
     def _may_go(self, waiting: _Waiting, now_s: float) -> bool:
         track = self.places.track

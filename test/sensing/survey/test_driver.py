@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation import InputError, Level, LocalFrame
-from soilmoist_ros.sensing import PHONE, LatestIntensity, LogHeader, PhoneReceiver, Site, format_record, load_site
+from soilmoist_ros.sensing import PHONE, LogHeader, PhoneReceiver, Site, format_record, load_site
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, utc_text
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings, fix_health, records_health
@@ -146,29 +146,6 @@ def count(survey, number, late_s=0.0):
     record = LoggerRecord(T0 + 10 * number, counted(number), (10.0,) * 12, record_number=number)
     survey.take_logger_line(format_record(record).encode(), 0.0)
     survey.compare_clocks(record.stamp_s, record.stamp_s + late_s)
-
-
-def test_an_intensity_that_does_not_come_or_is_old_is_a_warning_with_its_age():
-    corrections = {"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 150}}
-    survey = SensorStream(Site(corrections=corrections), LocalFrame(50.0, 10.0), "thorvald_crs")
-    latest, said = LatestIntensity(), []
-    for number, now_h in enumerate((0.0, 0.0, 2.0, 4.0, 7.0), 1):
-        record = LoggerRecord(T0 + 10 * number, counted(number), (10.0,) * 12, record_number=number)
-        survey.take_logger_line(format_record(record).encode(), 3600 * now_h)
-        if number == 1:
-            assert records_health(survey, record.stamp_s).level is Level.OK, "no topic"
-            survey.survey.latest_intensity = latest
-        else:
-            part = records_health(survey, record.stamp_s)
-            said.append((part.level, part.message.partition(";")[0], part.values["age of the intensity [s]"]))
-        if number == 2:
-            latest.take(160.0, 0.0)
-    assert said == [
-        (Level.WARN, "no incoming intensity has come: that of the site file is used", "inf"),
-        (Level.OK, "counting", "7200"),
-        (Level.WARN, "the incoming intensity is 4.0 h old, of at most 6.0 h", "14400"),
-        (Level.WARN, "the incoming intensity is 7.0 h old: that of the site file is used", "25200"),
-    ]
 
 
 @pytest.mark.parametrize(("stored_s", "date"), [(T0 - 86400, " of 2026-05-27 20:26 UTC"), (NAN, "")])

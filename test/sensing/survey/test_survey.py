@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing import Fix, FixStatus, LatestIntensity, LoggerRecord, Position, Site, Track, read_log
+from soilmoist_ros.sensing import Fix, FixStatus, LoggerRecord, Position, Site, Track, read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.sensing.survey.survey import MAX_EDGE_TOLERANCE_S, Survey
@@ -106,28 +106,3 @@ def test_own_positions_from_before_the_clock_was_set_back_are_not_used(back_s):
         survey.take_record(record(10.0 * number + ahead_s, position=place, record_number=number), 10.0 * number)
         x_m += [one.x_m for one in survey.take_ready(10.0 * number + 5.0)]
     assert np.abs(np.array(x_m) - (10.0 * np.arange(1, 121) - 5.0)).max() < 10.0
-
-
-def intensities(ages_s, **intensity):
-    """The factors of a record at each age of the one intensity that came, and the last survey."""
-    site = Site(corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, **intensity}})
-    survey = Survey(site, FRAME, fix_wait_s=0.0)
-    survey.latest_intensity = LatestIntensity()
-    survey.latest_intensity.take(100.0, 0.0)
-    found = []
-    for age_s in ages_s:
-        survey.take_record(record(10.0 + age_s), age_s)
-        found.append(([one.f_intensity for one in survey.take_ready()], survey.keeps_old_intensity))
-    return found
-
-
-def test_an_old_intensity_from_outside_is_better_than_a_file_that_ends_before_the_survey(tmp_path):
-    path = tmp_path / "monitor.csv"
-    path.write_text("2024-04-30 00:00:00;75\n2024-04-30 01:00:00;75\n")
-    hours = 3600.0 * np.array([0.0, 5.9, 6.1])
-    assert intensities(hours, file=str(path)) == [([1.5], False), ([1.5], False), ([1.5], True)]
-    path.write_text("2024-05-01 09:00:00;75\n2024-05-01 17:00:00;75\n")
-    wanted = [([1.5], False), ([1.5], False), ([2.0], False)]
-    assert intensities(hours, file=str(path), max_gap_hours=8) == wanted[:2] + wanted[:1]
-    path.write_text("".join(f"2024-05-01 {hour:02}:00:00;75\n" for hour in range(9, 18)))
-    assert intensities(hours, file=str(path)) == wanted
