@@ -29,7 +29,7 @@ from soilmoist_ros.foundation import InputError, install, is_installed
 from soilmoist_ros.mapping import FIT_SETTINGS
 
 DEMO = (
-    *("field", "strategy", "dwell", "hours", "seed", "robots", *FIT_SETTINGS),
+    *("field", "strategy", "dwell", "target", "threshold", "hours", "seed", "robots", *FIT_SETTINGS),
     *("preset", "until", "until_sd", "until_gain", "certify", "properties", "stop_overhead_s", "turn_s_per_rad"),
     *("stop_cost_s", "metre_cost_s", "min_dwell_s"),
 )
@@ -87,7 +87,8 @@ def command(
     package = _TYPES.get(navigator, "rclpy")
     if importlib.util.find_spec(package) is None:
         raise InputError(f"{package} is not installed, and {navigator} needs it", "run scripts/build_interfaces")
-    mission = chosen_settings(choices)
+    irrigation = irrigation_of(site)
+    mission = chosen_settings(choices, irrigation)
     _prepare(out, overwrite)
     from soilmoist_ros.console import PORT, free_port
     from soilmoist_ros.mapping import CovariateSource, read_covariates
@@ -105,9 +106,8 @@ def command(
         warn(f"console: not served, aiohttp is not installed -> {install('console')}")
     port = free_port(PORT) if console else 0
     settings = DemoSettings(
-        out, mission, time_factor, navigator, scenario, autostart, True, earlier, sources, port,
-        irrigation_of(site),
-    )  # fmt: skip
+        out, mission, time_factor, navigator, scenario, autostart, True, earlier, sources, port, irrigation
+    )
     address = f"console    http://127.0.0.1:{port}/"
     replay = None
     try:

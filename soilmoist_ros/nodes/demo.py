@@ -78,9 +78,8 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     robots = robot_namespaces(mission.robots)
     several = [f"/{robot}" for robot in robots] if len(robots) > 1 else []
     trips = of_mission("stop_overhead_s", "turn_s_per_rad")
-    # The recorder starts first and ends last, so that it records everything.
     nodes: dict[str, dict[str, object]] = {
-        "recorder": {"out": str(out), "name": "bag"},
+        "recorder": {"out": str(out), "name": "bag"},  # starts first and ends last, to record everything
         "mapper": {**files, "save_dir": str(out / "map"), **_given(others=several), **known, **fitted},
     }
     for one in mission.properties:
@@ -92,8 +91,9 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
         nodes[node_name(robot, "planner")] = {
             "field": files["field"],
             **of_mission("strategy", "dwell", "hours", "until", "until_sd", "until_gain", "certify", "preset"),
-            "seed": mission.seed + number, **trips, **of_mission("stop_cost_s", "metre_cost_s", "min_dwell_s"),
-            **known, "navigator": settings.navigator, "autostart": settings.autostart,
+            **of_mission("target", "threshold", "stop_cost_s", "metre_cost_s", "min_dwell_s"), **trips, **known,
+            **({"site": files["site"]} if mission.until or mission.target != "rate" else {}),
+            "seed": mission.seed + number, "navigator": settings.navigator, "autostart": settings.autostart,
             "exit_when_finished": settings.exit_when_finished,
             **_given(others=several, properties=[f"{one.name}:{one.weight}" for one in mission.properties]),
             **simulated,

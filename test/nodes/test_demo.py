@@ -131,7 +131,7 @@ def test_two_robots_share_maps_of_two_properties_and_keep_apart(tmp_path):
 def test_all_mappers_and_planners_know_the_covariates_and_those_of_the_field_the_earlier_runs(tmp_path):
     settings = DemoSettings(
         tmp_path,
-        MissionSettings(field="smooth", properties=(PropertySettings("rough"),)),
+        MissionSettings("smooth", target="decision", threshold="0.2", properties=(PropertySettings("rough"),)),
         covariates=(CovariateSource(tmp_path / "relief.tif", "slope"),),
         earlier=(tmp_path / "may", tmp_path / "june"),
     )
@@ -143,5 +143,5 @@ def test_all_mappers_and_planners_know_the_covariates_and_those_of_the_field_the
         had = read_parameters(tmp_path / CONFIGURATION, node)
         assert had["covariates"] == [f"{tmp_path / 'relief.tif'}:slope"]
         assert load_field(Path(had["field"])).covariates == (of_field,)
-        earlier = None if "/" in node else [str(tmp_path / "may"), str(tmp_path / "june")]
-        assert had.get("earlier") == earlier
+        assert had.get("earlier") == (None if "/" in node else [str(tmp_path / "may"), str(tmp_path / "june")])
+        assert had.get("threshold") == ("0.2" if node == "planner" else None)
