@@ -58,7 +58,7 @@ def command(
         echo(f"failed: {failure}", err=True)
     with progress_bar() as progress_of:
         progress_of("writing the report", 1.0)
-        report = write_campaign_report(plan, out, outcome.failures, outcome.rows)
+        report = write_campaign_report(plan, out, outcome.runs, outcome.failures)
     wrote((*outcome.written, *filter(None, [report])))
     if not outcome.complete:
         sys.exit(1)

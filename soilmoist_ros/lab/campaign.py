@@ -12,17 +12,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from soilmoist_ros.foundation import InputError, SoilmoistError, cores, duration, optional_module
-from soilmoist_ros.lab.campaign_file import Campaign, CampaignMission, load_campaign, mission_key, missions
+from soilmoist_ros.lab.campaign_file import Campaign, CampaignMission, missions
 from soilmoist_ros.lab.computing import Failure, Flow, Simulate, WorkersLostError, in_processes, in_this_process
-from soilmoist_ros.lab.mission_store import DamagedMissionError, MissionStore, StaleMissionError
-from soilmoist_ros.lab.table import MissionRow, mission_row, write_tables
+from soilmoist_ros.lab.mission_store import CampaignRun, DamagedMissionError, MissionStore, StaleMissionError
+from soilmoist_ros.lab.table import write_tables
 from soilmoist_ros.mapping import require_covariates
 from soilmoist_ros.simulation import surrogate_field
-
-__all__ = [
-    "Campaign", "CampaignInterrupted", "CampaignMission", "CampaignOutcome", "CampaignProgress", "Failure",
-    "load_campaign", "mission_key", "missions", "run_campaign", "stored_rows",
-]  # fmt: skip
 
 RUNS = "runs"
 """Folder of the finished missions inside the output folder."""
@@ -39,7 +34,7 @@ class CampaignOutcome:
     failures: tuple[Failure, ...]  # in the order of the campaign; the tables contain all other missions
     remarks: tuple[str, ...]  # notes for the user, such as damaged files whose missions were computed again
     written: tuple[Path, ...]  # paths of the tables
-    rows: tuple[tuple[CampaignMission, MissionRow], ...]  # finished missions, in the order of the campaign
+    runs: tuple[tuple[CampaignMission, CampaignRun], ...]  # finished missions, in the order of the campaign
 
     @property
     def complete(self) -> bool:
@@ -84,21 +79,25 @@ def run_campaign(
     for needed in ("pandas", "pyarrow"):  # pandas imports pyarrow only when it writes
         optional_module(needed, "campaign")
     wanted = missions(campaign)
-    fields = map(surrogate_field, dict.fromkeys(mission.settings.field_name for mission in wanted))
+    every = [mission.settings for mission in wanted]
+    names = (name for one in every for name in (one.field_name, *(its.field_name for its in one.properties)))
+    fields = map(surrogate_field, dict.fromkeys(names))
     require_covariates(source for field in fields for source in field.field.covariates)
+    for settings in {str(replace(one, seed=0)): one for one in every}.values():
+        settings.check()
     store = MissionStore(out / RUNS)
     with store.alone():
-        rows, remarks = _already_done(wanted, store, campaign.table_every_s)
-        reused = len(rows)
+        runs, remarks = _already_done(wanted, store)
+        reused = len(runs)
         todo = sorted(
-            (mission for mission in wanted if mission.key not in rows),
+            (mission for mission in wanted if mission.key not in runs),
             key=lambda mission: campaign.runs.index(mission.settings.seed),
         )
         failures: dict[str, Failure] = {}
         pace = Pace(len(wanted), len(todo), progress)
 
         def stored_text() -> str:
-            return f"{len(rows)} of {len(wanted)} missions are stored in {store.folder}; {_RESUME}"
+            return f"{len(runs)} of {len(wanted)} missions are stored in {store.folder}; {_RESUME}"
 
         with closing(_computed(todo, simulate, workers, scheduler, pace)) as computed:
             try:
@@ -106,8 +105,7 @@ def run_campaign(
                     mission, content = finished.mission, finished.content
                     if isinstance(content, bytes):
                         try:
-                            stored = store.write(mission, content)
-                            rows[mission.key] = mission_row(stored, campaign.table_every_s)
+                            runs[mission.key] = store.write(mission, content)
                         except DamagedMissionError as error:
                             content = Failure(mission, f"its result {error}")
                     if isinstance(content, Failure):
@@ -118,26 +116,17 @@ def run_campaign(
                 raise CampaignInterrupted(f"stopped: {stored_text()}") from None
             except WorkersLostError as error:
                 raise CampaignStoppedError(f"{error}: {stored_text()}") from None
-        in_order = tuple((mission, rows[mission.key]) for mission in wanted if mission.key in rows)
+        in_order = tuple((mission, runs[mission.key]) for mission in wanted if mission.key in runs)
         return CampaignOutcome(
-            total=len(wanted), computed=len(rows) - reused, reused=reused,
+            total=len(wanted), computed=len(runs) - reused, reused=reused,
             failures=tuple(failures[m.key] for m in wanted if m.key in failures), remarks=tuple(remarks),
-            written=tuple(write_tables(out, in_order)), rows=in_order,
+            written=tuple(write_tables(out, in_order, campaign.table_every_s)), runs=in_order,
         )  # fmt: skip
 
 
-def stored_rows(campaign: Campaign, out: Path) -> tuple[tuple[CampaignMission, MissionRow], ...]:
-    """The finished missions of a campaign in its output folder, in the order of the campaign."""
-    wanted = missions(campaign)
-    rows, _ = _already_done(wanted, MissionStore(out / RUNS), campaign.table_every_s)
-    return tuple((mission, rows[mission.key]) for mission in wanted if mission.key in rows)
-
-
-def _already_done(
-    wanted: list[CampaignMission], store: MissionStore, every_s: float
-) -> tuple[dict[str, MissionRow], list[str]]:
+def _already_done(wanted: list[CampaignMission], store: MissionStore) -> tuple[dict[str, CampaignRun], list[str]]:
     """Finished missions by key, and remarks on files that cannot be used."""
-    rows: dict[str, MissionRow] = {}
+    runs: dict[str, CampaignRun] = {}
     remarks, stale = [], 0
     for mission in wanted:
         try:
@@ -149,10 +138,10 @@ def _already_done(
             remarks.append(f"{error}: computed again")
             continue
         if stored is not None:
-            rows[mission.key] = mission_row(stored, every_s)
+            runs[mission.key] = stored
     if stale:
         remarks.append(f"{stale} stored missions were computed by another version of the code: computed again")
-    return rows, remarks
+    return runs, remarks
 
 
 def _computed(

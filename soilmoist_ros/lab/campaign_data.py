@@ -11,24 +11,12 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.exploration import STRATEGIES
 from soilmoist_ros.lab.campaign_file import Campaign, missions
 from soilmoist_ros.lab.comparisons import PairedDifference, hindsight_table, paired_differences
-from soilmoist_ros.lab.table import CASE, Finished, missions_table, results_table
+from soilmoist_ros.lab.mission_store import Stored
+from soilmoist_ros.lab.table import CASE, missions_table, results_table
+from soilmoist_ros.reporting import plain
 
 if TYPE_CHECKING:
     import pandas as pd
-
-NAMES = {
-    "hours": "{} h", "model": "{} variogram", "fit": "fit {}", "noise": "{} noise", "local": "local variance: {}",
-    "drift_model": "drift model {}", "preset": "constants: {}", "map_from": "map from {}", "travel": "travel {}",
-    "graph": "graph {}", "speed_mps": "{} m/s", "stop_overhead_s": "{} s lost at each stop",
-    "turn_s_per_rad": "{} s/rad for turning", "learn_travel": "travel times learned: {}", "person": "person: {}",
-    "prior": "prior {}",
-    "real_speed_mps": "{} m/s in truth", "stop_cost_s": "a stop avoided for {} s",
-    "metre_cost_s": "a metre avoided for {} s", "min_dwell_s": "at least {} s at a stop",
-    "cadence_s": "records of {} s", "cell_m": "cells of {} m", "footprint_m": "footprint {} m",
-    "position_sd_m": "GNSS ± {} m", "weather": "weather: {}", "drift": "true rate changes by the share {}",
-    "drift_hour": "at {} h", "robots": "robots: {}", "random_field": "a field per seed: {}",
-    "properties": "further properties: {}",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -42,18 +30,15 @@ class Case:
 
 
 class CampaignData:
-    """All finished missions of a campaign.
+    """All finished missions of a campaign."""
 
-    :param finished: its finished missions, in the campaign's order
-    """
-
-    def __init__(self, campaign: Campaign, finished: Finished) -> None:
+    def __init__(self, campaign: Campaign, stored: Stored) -> None:
         self.campaign = campaign
         planned = missions(campaign)
         self.expected = len(planned)
         self._dwells = list(dict.fromkeys(mission.settings.dwell for mission in planned))
-        self.missions = missions_table(finished)
-        self.results = results_table(finished)
+        self.missions = missions_table(stored)
+        self.results = results_table(stored, campaign.table_every_s)
         number = self.missions.groupby(list(CASE), sort=False, dropna=False).ngroup()
         by_key = dict(zip(self.missions["key"], number.astype(int).tolist(), strict=True))
         self.missions["case"] = self.missions["key"].map(by_key)
@@ -68,7 +53,7 @@ class CampaignData:
             siblings = first[first["field"] == row["field"]]
             differing = [name for name in CASE if siblings[name].nunique(dropna=False) > 1]
             given = [name for name in differing if row[name] == row[name]]  # defaults are NaN, and need no words
-            extra = [NAMES.get(name, name + ": {}").format(_plain(row[name])) for name in given]
+            extra = [f"{name} {plain(row[name])}" for name in given]
             namesakes = first[first["field_title"] == row["field_title"]]["field"].nunique() > 1
             name = f"{row['field_title']} ({row['field']})" if namesakes else str(row["field_title"])
             found.append(Case(int(row["case"]), str(row["field"]), ", ".join([name, *extra]), float(row["hours"])))
@@ -131,11 +116,3 @@ def strategy_order(strategy: str) -> int:
     """Position of a strategy in lists and legends."""
     known = STRATEGIES.names()
     return known.index(strategy) if strategy in known else len(known)
-
-
-def _plain(value: object) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:g}"
-    return str(value)

@@ -7,37 +7,24 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-import logging
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BeforeValidator, create_model, model_validator
+from pydantic import AfterValidator, BeforeValidator, create_model
 from pydantic import Field as Setting
 
-from soilmoist_ros.foundation import (
-    InputError,
-    Mistake,
-    Section,
-    line_of,
-    load_model,
-    read_limited,
-    read_yaml,
-    resource,
-    resource_names,
-)
+from soilmoist_ros.foundation import Section, load_model, read_limited, read_yaml, resource, resource_names
 from soilmoist_ros.lab.comparisons import LATTICE_DWELLS
-from soilmoist_ros.simulation import SETTINGS, MissionSettings, PropertySettings
+from soilmoist_ros.simulation import SETTINGS, MissionSettings
 from soilmoist_ros.simulation import Setting as MissionSetting
 
 KEY_DIGITS = 16
 MAX_RUNS = 1_000_000  # runs with different seeds, given by their number
-_RENAMED = {"variogram": "model", "also": "properties", "also_weight": "properties"}  # in 0.2.0
-_log = logging.getLogger(__name__)
 
 
 def _many(value: Any) -> Any:
@@ -104,6 +91,13 @@ class Experiment(Choices):
     """Run lattices with fixed dwells of 10, 20, 30 and 60 s too; the report compares all with the best of them."""
 
 
+def _named_once(experiments: tuple[Experiment, ...]) -> tuple[Experiment, ...]:
+    names = [one.name for one in experiments]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueError(f"two experiments are named {twice[0]!r}: give one another name")
+    return experiments
+
+
 class Campaign(Section):
     """A set of simulated missions that are run and reported together."""
 
@@ -120,16 +114,7 @@ class Campaign(Section):
     """Time between the rows of the results table [s]."""
     defaults: Choices = Choices()
     """Default values for experiments."""
-    experiments: Annotated[tuple[Experiment, ...], Setting(min_length=1)]
-
-    @model_validator(mode="before")
-    @classmethod
-    def _leave_verdicts_out(cls, content: Any) -> Any:
-        """Ignore a key of earlier releases with a word."""
-        if not isinstance(content, Mapping) or "published" not in content:
-            return content
-        _log.warning("'published' is not read any more: the report shows differences, without verdicts")
-        return {name: value for name, value in content.items() if name != "published"}
+    experiments: Annotated[tuple[Experiment, ...], AfterValidator(_named_once), Setting(min_length=1)]
 
 
 @dataclass(frozen=True)
@@ -145,16 +130,10 @@ def load_campaign(name: str) -> Campaign:
     """Read a campaign file.
 
     :param name: path of a file, or name of a shipped campaign
-    :raises InputError: with every mistake in the file, including unknown fields
+    :raises InputError: with every mistake in the file
     """
     path = resource("campaigns", name)
-    mistakes = list(_beyond_keys(read_yaml(path), path))
-    try:
-        campaign = load_model(path, Campaign)
-    except InputError as error:
-        raise InputError([*error.mistakes, *mistakes]) from None
-    if mistakes:
-        raise InputError(mistakes)
+    campaign = load_model(path, Campaign)
     choices = [_with_whole_paths(experiment, path.parent) for experiment in campaign.experiments]
     defaults = _with_whole_paths(campaign.defaults, path.parent)
     return campaign.model_copy(update={"experiments": tuple(choices), "defaults": defaults})
@@ -265,70 +244,3 @@ def _texts(node: Any) -> Iterator[str]:
     elif isinstance(node, (list, tuple)):
         for value in node:
             yield from _texts(value)
-
-
-def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
-    """Mistakes in fields, graphs and names; reads the raw file, because wrong keys would hide them."""
-    root = _mapping(content)
-    defaults, listed = _mapping(root.get("defaults")), root.get("experiments")
-    experiments = [_mapping(item) for item in listed] if isinstance(listed, list) else []
-    names: list[str] = []
-    for number, part in enumerate([defaults, *experiments], -1):
-        mistake = partial(_mistake, content, path, ("defaults",) if number < 0 else ("experiments", number))
-        for old in _RENAMED:
-            if old in part:
-                remedy = "rename it; a property is FIELD:WEIGHT"
-                yield mistake(old, f"the key {old!r} is {_RENAMED[old]!r} now", remedy)
-        yield from _field_mistakes(partial(mistake, "field"), _texts(part.get("field")), path.parent)
-        properties = map(_property_field, _texts(part.get("properties")))
-        yield from _field_mistakes(partial(mistake, "properties"), properties, path.parent)
-        for graph in _texts(part.get("graph")):
-            if not (path.parent / graph).is_file():
-                remedy = "give a path that starts at the campaign file; `soilmoist graph` makes one"
-                yield mistake("graph", f"there is no topological map {graph!r}", remedy)
-        if number >= 0:
-            given = {**defaults, **part}
-            travel = set(_texts(given.get("travel"))) or {"free"}
-            if given.get("graph") is not None and not travel <= {"graph", "lanes"}:
-                remedy = "add 'travel: graph', or leave the graph out"
-                yield mistake("graph", "a graph is given, but the robot travels freely", remedy)
-            if (name := str(part.get("name"))) in names:
-                yield mistake("name", f"a second experiment is named {name!r}", "give it another name")
-            names.append(name)
-
-
-def _mistake(content: Any, path: Path, part: tuple[Any, ...], key: str, message: str, remedy: str) -> Mistake:
-    place = (*part, key)
-    return Mistake(message, remedy, path, line_of(content, place), ".".join(map(str, place)))
-
-
-def _property_field(text: str) -> str:
-    """The field of a property; the whole text if it is invalid, which another check reports."""
-    with suppress(InputError):
-        return PropertySettings.parse(text).field_name
-    return text
-
-
-def _field_mistakes(make: Callable[[str, str], Mistake], names: Iterable[str], folder: Path) -> Iterator[Mistake]:
-    """Mistakes in names of fields, made from message and remedy, and in the files of fields."""
-    from soilmoist_ros.simulation import has_truth, surrogate_field_names
-
-    usable = surrogate_field_names()
-    remedy = f"give one of: {', '.join(usable)}; or a path that starts at the campaign file"
-    for name in names:
-        if name in usable:
-            continue
-        file = Path(_whole_path(name, folder)) if _is_path(name) else _field_file(name)
-        if file is None or not file.is_file():
-            yield make(f"there is no field {'file ' if _is_path(name) else ''}{name!r}", remedy)
-            continue
-        try:
-            if not has_truth(file):
-                add = f"add a section 'truth' to its file, or {remedy}"
-                yield make(f"the field {name!r} has no truth: it cannot be simulated", add)
-        except InputError as error:
-            yield from error.mistakes
-
-
-def _mapping(content: Any) -> Mapping[str, Any]:
-    return content if isinstance(content, Mapping) else {}

@@ -12,11 +12,9 @@ import logging
 import queue
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
-from typing import Any, Final
-
-from distributed import WorkerPlugin
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from typing import Any
 
 from soilmoist_ros.foundation import InputError, connect
 from soilmoist_ros.lab.campaign_file import CampaignMission
@@ -26,8 +24,6 @@ from soilmoist_ros.lab.mission_store import code_version
 IN_FLIGHT = 3
 """Missions in flight for each thread of the cluster: one runs, the others bridge the way to the scheduler."""
 LOOK_S = 2.0  # time between two looks at the number of workers [s]
-NAME: Final = "soilmoist_ros-campaign"
-_log = logging.getLogger("distributed.worker")  # which Dask shows in the terminal of the worker
 REMEDY = "install the same version of soilmoist_ros there, start its worker again, and run the same command again"
 
 
@@ -39,13 +35,15 @@ def on_cluster(
 ) -> Flow:
     """Compute on the workers of a Dask cluster, which must have the same version of this package.
 
-    Dask repeats missions of a worker that dies. Workers may come and go; with none left, the campaign waits.
+    Dask repeats missions of a worker that dies. Workers may come and go; with none left, the campaign waits. The
+    results of a worker that comes with another version are not stored.
 
     :raises InputError: if Dask is not installed, the scheduler or a worker does not answer in time, or a worker
         has another version of this package
     :raises WorkersLostError: if the scheduler does not answer any more
     """
-    with connect(scheduler) as client, _same_version(client, simulate):
+    with connect(scheduler) as client:
+        _check_versions(client)
         arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
         waiting, running = deque(todo), dict[Any, CampaignMission]()
         threads, looked_s = 0, -LOOK_S
@@ -57,7 +55,7 @@ def on_cluster(
             while waiting and len(running) < IN_FLIGHT * threads:
                 mission = waiting.popleft()
                 key = f"mission-{mission.key}"
-                future = client.submit(_compute, mission, simulate, code_version(), key=key, pure=False)
+                future = client.submit(compute, mission, simulate, key=key, pure=False)
                 running[future] = mission
                 future.add_done_callback(arrived.put)
             with suppress(queue.Empty):
@@ -65,22 +63,14 @@ def on_cluster(
                 mission = running.pop(future)
                 finished = _finished(future, mission, scheduler)
                 future.release()
-                if finished is None:
-                    waiting.appendleft(mission)
-                else:
-                    yield finished
+                yield finished
 
 
-def _compute(mission: CampaignMission, simulate: Simulate, version: str) -> Finished | None:
-    """A mission; ``None`` by a worker of another version, which leaves the cluster, so that another one will."""
-    return compute(mission, simulate) if code_version() == version else None
-
-
-def _finished(future: Any, mission: CampaignMission, scheduler: str) -> Finished | None:
+def _finished(future: Any, mission: CampaignMission, scheduler: str) -> Finished:
     """Result of a future, or the failure by which it was lost; ``WorkersLostError`` if the scheduler is lost."""
     try:
         if future.status != "cancelled":
-            found: Finished | None = future.result()
+            found: Finished = future.result()
             return found
     except Exception as error:
         if future.status != "cancelled":
@@ -106,9 +96,8 @@ def _threads(client: Any, scheduler: str) -> int:
         raise _lost(scheduler) from None
 
 
-@contextmanager
-def _same_version(client: Any, simulate: Simulate) -> Iterator[None]:
-    """Refuse workers with another version of this package, also later ones in this context (``InputError``)."""
+def _check_versions(client: Any) -> None:
+    """Refuse workers with another version of this package (``InputError``)."""
     versions = client.run(code_version, on_error="return")
     if wrong := {address: found for address, found in versions.items() if found != code_version()}:
         address, found = min(wrong.items())
@@ -116,25 +105,3 @@ def _same_version(client: Any, simulate: Simulate) -> Iterator[None]:
         others = f", and {len(wrong) - 1} more differ" if len(wrong) > 1 else ""
         message = f"this is soilmoist_ros {code_version()}, but the Dask worker {address} {has}{others}"
         raise InputError(message, REMEDY)
-    client.register_plugin(Gate(code_version(), simulate), name=NAME)
-    try:
-        yield
-    finally:
-        if client.status == "running":
-            with suppress(OSError):  # of a scheduler that has gone, which the client does not know yet
-                client.unregister_worker_plugin(NAME)
-
-
-class Gate(WorkerPlugin):
-    """Close a worker with another version of this package; load the simulator, by reading this, in all others."""
-
-    def __init__(self, version: str, simulate: Simulate) -> None:
-        self._version = version
-        self._simulate = simulate
-
-    def setup(self, worker: Any) -> None:
-        """Check the version of a worker that joins."""
-        if code_version() != self._version:
-            reason = f"this worker has soilmoist_ros {code_version()}, the campaign {self._version}"
-            _log.error("%s; install the same version", reason)
-            worker.loop.add_callback(worker.close, reason=reason)

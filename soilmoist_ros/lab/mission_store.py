@@ -9,32 +9,22 @@ import hashlib
 import io
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
-from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration import Visit, VisitEnd
 from soilmoist_ros.foundation import InputError, SoilmoistError, __version__
 from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.recording import write_whole
-from soilmoist_ros.simulation import (
-    MapErrors,
-    MissionResult,
-    MissionSettings,
-    PropertySettings,
-    SeriesRow,
-    mission_efficiency,
-)
+from soilmoist_ros.simulation import MapErrors, MissionResult, SeriesRow, mission_efficiency, series_columns
 
 Array = NDArray[np.float64]
-SCHEMA = 4
+SCHEMA = 5
 SUFFIX = ".npz"
 COMPUTING = ("sensing", "mapping", "exploration", "simulation")  # sub-packages whose code determines a mission
 
@@ -49,23 +39,17 @@ class StaleMissionError(DamagedMissionError):
 
 @dataclass(frozen=True, eq=False)
 class CampaignRun:
-    """Stored content of a mission; maps have single precision and are NaN outside the field."""
+    """Stored content of a mission: how it went and ended. Its settings and seed make it, with its maps, again."""
 
-    settings: MissionSettings
-    key: str
+    key: str  # digest of its settings
     version: str
     field_title: str  # name of the field for reports
-    ended: str
+    ended: str  # reason for the end
     efficiency: float  # efficiency of its plan, see :class:`Efficiency`; NaN if it has none
-    series: tuple[SeriesRow, ...]
-    visits: tuple[Visit, ...]
-    tracks: tuple[Array, ...]  # corner points of each robot's path, shape (p, 2) [m]
-    x_m: Array  # centres of the map's columns, shape (nx,) [m]; this and all later arrays are empty without a map
-    y_m: Array
-    rate: Array  # final map of the rate, shape (ny, nx) [counts/s]
-    rate_sd: Array
-    truth_rate: Array
-    outlines: tuple[Array, ...]  # boundaries of the field, each of shape (k, 2) [m]
+    columns: Mapping[str, Array]  # series from the start on, see :func:`series_columns`; each of shape (n,)
+
+
+Stored = Sequence[tuple[CampaignMission, CampaignRun]]  # finished missions, in the order of the campaign
 
 
 @cache
@@ -80,29 +64,16 @@ def code_version() -> str:
 
 def pack(result: MissionResult, key: str) -> bytes:
     """Serialise a finished mission."""
-    soil_map, plan = result.soil_map, mission_efficiency(result)
+    plan, names = mission_efficiency(result), ["", *(wanted.name for wanted in result.settings.properties)]
+    start = SeriesRow(0.0, 0.0, 0, 0.0, (MapErrors(),) * len(names))
+    columns = series_columns([start, *result.series], names)
     about = {
-        "schema": SCHEMA, "key": key, "version": code_version(), "settings": result.settings.as_dict(),
-        "field_title": result.field_title, "ended": result.ended,
-        "efficiency": None if plan is None else plan.reached, "visits": [asdict(visit) for visit in result.visits],
+        "schema": SCHEMA, "key": key, "version": code_version(),
+        "field_title": result.field_title or result.settings.field_name, "ended": result.ended,
+        "efficiency": None if plan is None else plan.reached, "columns": list(columns),
     }  # fmt: skip
-    empty: Array = np.empty(0)
-    shown: Sequence[Array] = (
-        (empty, empty, empty, empty, empty)
-        if soil_map is None
-        else (soil_map.grid.x_m, soil_map.grid.y_m, soil_map.rate, soil_map.rate_sd, result.truth_rate)
-    )
-    x_m, y_m, rate, rate_sd, truth = shown
-    rings = [] if soil_map is None else [*soil_map.grid.polygons, *soil_map.grid.holes]
     stream = io.BytesIO()
-    np.savez_compressed(
-        stream, about=np.array(json.dumps(about)), series=_packed_series(result),
-        tracks=np.concatenate([np.empty((0, 2)), *result.tracks]),
-        track_lengths=np.array([len(track) for track in result.tracks], int), x_m=x_m, y_m=y_m,
-        rate=np.asarray(rate, np.float32), rate_sd=np.asarray(rate_sd, np.float32),
-        truth_rate=np.asarray(truth, np.float32), rings=np.concatenate([np.empty((0, 2)), *rings]),
-        ring_lengths=np.array([len(ring) for ring in rings], int),
-    )  # fmt: skip
+    np.savez_compressed(stream, about=np.array(json.dumps(about)), series=np.array([*columns.values()], float))
     return stream.getvalue()
 
 
@@ -110,53 +81,18 @@ def unpack(content: bytes) -> CampaignRun:
     """Read a mission from the bytes of its file; ``DamagedMissionError`` if the file is damaged or incomplete."""
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        about = json.loads(str(arrays["about"]))
+            about, series = json.loads(str(archive["about"])), archive["series"].astype(float)
         if about["schema"] != SCHEMA:
             raise StaleMissionError(f"has format {about['schema']}, not {SCHEMA}")
-        visits = tuple(Visit(**{**visit, "ended": VisitEnd(visit["ended"])}) for visit in about["visits"])
         return CampaignRun(
-            settings=_settings(about["settings"]), key=about["key"], version=about["version"],
-            field_title=about["field_title"], ended=about["ended"],
-            efficiency=math.nan if about.get("efficiency") is None else float(about["efficiency"]),
-            series=tuple(map(_row, arrays["series"].astype(float).tolist())), visits=visits,
-            tracks=_pieces(arrays["tracks"], arrays["track_lengths"]),
-            outlines=_pieces(arrays["rings"], arrays["ring_lengths"]),
-            **{name: np.asarray(arrays[name], float) for name in ("x_m", "y_m", "rate", "rate_sd", "truth_rate")},
+            about["key"], about["version"], about["field_title"], about["ended"],
+            math.nan if about["efficiency"] is None else float(about["efficiency"]),
+            dict(zip(about["columns"], series, strict=True)),
         )  # fmt: skip
     except StaleMissionError:
         raise
     except Exception as error:  # numpy, zipfile and tokenize have many errors for damaged bytes
         raise DamagedMissionError(f"cannot be read ({type(error).__name__}: {error})") from None
-
-
-def _settings(values: dict[str, Any]) -> MissionSettings:
-    properties = tuple(PropertySettings(**one) for one in values["properties"])
-    earlier = {"noise": "mean", "local": "off", "drift_model": "off"}  # in files without these keys
-    return MissionSettings(**{**earlier, **values, "properties": properties})
-
-
-_STATE = ("time_s", "distance_m", "samples", "counting_s")
-
-
-def _packed_series(result: MissionResult) -> Array:
-    """Series as a table of numbers: the state, then the errors of each property."""
-    width = len(_STATE) + len(MapErrors._fields) * len(result.properties)
-    rows = [[*(getattr(row, name) for name in _STATE), *chain.from_iterable(row.errors)] for row in result.series]
-    return np.array(rows, float).reshape(-1, width)
-
-
-def _row(values: list[float]) -> SeriesRow:
-    """A series entry from a row of numbers."""
-    time_s, distance_m, samples, counting_s, *errors = values
-    size = len(MapErrors._fields)
-    found = tuple(MapErrors(*errors[start : start + size]) for start in range(0, len(errors), size))
-    return SeriesRow(time_s, distance_m, int(samples), counting_s, found)
-
-
-def _pieces(joined: Array, lengths: NDArray[np.int_]) -> tuple[Array, ...]:
-    """Split concatenated arrays by their lengths."""
-    return tuple(np.split(joined, np.cumsum(lengths)[:-1])) if len(lengths) else ()
 
 
 class MissionStore:

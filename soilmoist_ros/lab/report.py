@@ -13,13 +13,11 @@ import numpy as np
 
 from soilmoist_ros.foundation import InputError, number
 from soilmoist_ros.lab import figures
-from soilmoist_ros.lab.campaign import stored_rows
 from soilmoist_ros.lab.campaign_data import CampaignData, Case
 from soilmoist_ros.lab.campaign_file import Campaign, missions
 from soilmoist_ros.lab.comparisons import LATTICES, PairedDifference
 from soilmoist_ros.lab.computing import Failure
-from soilmoist_ros.lab.mission_store import code_version
-from soilmoist_ros.lab.table import Finished
+from soilmoist_ros.lab.mission_store import Stored, code_version
 from soilmoist_ros.mapping import FIT_SETTINGS
 from soilmoist_ros.recording import write_whole
 from soilmoist_ros.reporting import dwell_text, length, plain, render_page, strategy_text
@@ -31,18 +29,16 @@ NAME = "report.html"
 
 
 def write_campaign_report(
-    campaign: Campaign, out: Path, failures: Sequence[Failure] = (), finished: Finished | None = None
+    campaign: Campaign, out: Path, runs: Stored, failures: Sequence[Failure] = ()
 ) -> Path | None:
     """Write ``report.html`` about the stored missions of a campaign; return its path.
 
     Without a finished mission, return ``None`` and remove an older report, which would not match the tables.
 
-    :param finished: its stored missions; read from the folder if ``None``
     :raises InputError: if the page cannot be written
     """
     path = out / NAME
-    finished = stored_rows(campaign, out) if finished is None else finished
-    data = CampaignData(campaign, finished)
+    data = CampaignData(campaign, runs)
     try:
         if data.missions.empty:
             path.unlink(missing_ok=True)

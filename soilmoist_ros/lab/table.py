@@ -4,9 +4,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, csv_text, optional_module
-from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.lab.comparisons import QUARTER, hindsight_table, paired_table
-from soilmoist_ros.lab.mission_store import CampaignRun
+from soilmoist_ros.lab.mission_store import CampaignRun, Stored
 from soilmoist_ros.recording import write_whole
-from soilmoist_ros.simulation import SETTINGS, MapErrors, SeriesRow, series_columns
+from soilmoist_ros.simulation import SETTINGS, MissionSettings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,94 +33,61 @@ _NUMBERS = {name: "float64" for name, setting in SETTINGS.items() if setting.kin
 """Types of columns that would not be numbers where a setting is left to the field or the robot."""
 
 
-@dataclass(frozen=True, eq=False)
-class MissionRow:
-    """Values of a mission that the tables need; few, because a campaign keeps them of every mission."""
-
-    key: str  # digest of its settings
-    field_title: str  # name of the field for reports
-    ended: str  # reason for the end
-    efficiency: float  # efficiency of its plan; NaN if it has none
-    end_s: float  # time at which it ended [s]; NaN if unknown
-    mse_quarter: float  # mean squared error at a quarter of the mission time [(counts/s)^2]
-    border_share: float  # see :func:`border_share`
-    final: Mapping[str, float]  # final metrics
-    times_s: Array  # time grid [s], shape (n,)
-    names: tuple[str, ...]  # names of the metrics
-    values: Array  # metrics on the time grid, shape (m, n)
-
-    @property
-    def metrics(self) -> dict[str, Array]:
-        """Metrics on the time grid by their names."""
-        return dict(zip(self.names, self.values, strict=True))
-
-
-Finished = Sequence[tuple[CampaignMission, MissionRow]]
-
-
-def mission_row(stored: CampaignRun, every_s: float) -> MissionRow:
-    """The rows of a mission; ``every_s``: time between two rows of the time grid [s]."""
-    times_s = time_grid(stored.settings.hours, every_s)
-    metrics = metrics_at(stored, times_s)
-    quarter_s = np.array([QUARTER * 3600 * stored.settings.hours])
-    return MissionRow(
-        key=stored.key, field_title=stored.field_title or stored.settings.field_name, ended=stored.ended,
-        efficiency=stored.efficiency, end_s=stored.series[-1].time_s if stored.series else float("nan"),
-        mse_quarter=float(metrics_at(stored, quarter_s)["mse"][0]), border_share=border_share(stored),
-        final={name: values[0].item() for name, values in metrics_at(stored, np.array([np.inf])).items()},
-        times_s=times_s, names=tuple(map(sys.intern, metrics)), values=np.array([*metrics.values()], float),
-    )  # fmt: skip
-
-
-def results_table(finished: Finished) -> pd.DataFrame:
+def results_table(stored: Stored, every_s: float) -> pd.DataFrame:
     """One row per mission and time: settings, ``time_s`` and the metrics (see :class:`SeriesRow`).
 
     The time grid of a mission reaches from 0 to its planned end. A row has the last entered state; after an early
     end, it has the final state. ``counting_share`` is the share of the elapsed time spent counting at stops.
+
+    :param every_s: time between two rows of the time grid [s]
     """
     pandas = optional_module("pandas", "campaign")
-    rows = [row for _, row in finished]
-    heads = [{"key": mission.key, **mission.settings.as_texts()} for mission, _ in finished]
+    grids = [time_grid(mission.settings.hours, every_s) for mission, _ in stored]
+    found = [metrics_at(*one, times_s) for one, times_s in zip(_runs(stored), grids, strict=True)]
+    heads = [{"key": mission.key, **mission.settings.as_texts()} for mission, _ in stored]
     head = pandas.DataFrame(heads, columns=["key", *SETTINGS]).astype(_NUMBERS)
-    table = head.loc[head.index.repeat([len(row.times_s) for row in rows])].reset_index(drop=True)
-    table["time_s"] = np.concatenate([np.empty(0), *(row.times_s for row in rows)])
-    for name in _metric_names(row.metrics for row in rows):
-        kind = int if name == "samples" else float
-        columns = [row.metrics.get(name, np.full(len(row.times_s), np.nan)) for row in rows]
-        table[name] = np.concatenate([np.empty(0), *columns]).astype(kind)
+    table = head.loc[head.index.repeat([len(times_s) for times_s in grids])].reset_index(drop=True)
+    table["time_s"] = np.concatenate([np.empty(0), *grids])
+    for name in _metric_names(found):
+        columns = [
+            metrics.get(name, np.full(len(times_s), np.nan)) for metrics, times_s in zip(found, grids, strict=True)
+        ]
+        table[name] = np.concatenate([np.empty(0), *columns]).astype(int if name == "samples" else float)
     return table
 
 
-def missions_table(finished: Finished) -> pd.DataFrame:
+def missions_table(stored: Stored) -> pd.DataFrame:
     """One row per mission: settings, final metrics, and the reason for the end.
 
-    ``border_share`` is the share of stops in the strip along the boundary that contains half of the field's
-    area (0.5 for uniformly distributed stops). ``mse_quarter`` is the mean squared error at a quarter of the
-    mission time, ``end_s`` the time at which the mission ended, and ``efficiency`` is that of its plan
-    (:class:`Efficiency`).
+    ``mse_quarter`` is the mean squared error at a quarter of the mission time, ``end_s`` the time at which the
+    mission ended, and ``efficiency`` is that of its plan (:class:`Efficiency`).
     """
+    found = [
+        metrics_at(settings, run, np.array([QUARTER * 3600 * settings.hours, np.inf]))
+        for settings, run in _runs(stored)
+    ]
     rows = [
         {
             "key": mission.key, "experiments": " ".join(mission.experiments), **mission.settings.as_texts(),
-            "field_title": row.field_title, "end_s": row.end_s, **row.final, "mse_quarter": row.mse_quarter,
-            "border_share": row.border_share, "ended": row.ended, "efficiency": row.efficiency,
+            "field_title": run.field_title, "end_s": run.columns["time_s"][-1],
+            **{name: values[1] for name, values in metrics.items()}, "mse_quarter": metrics["mse"][0],
+            "ended": run.ended, "efficiency": run.efficiency,
         }
-        for mission, row in finished
+        for (mission, run), metrics in zip(stored, found, strict=True)
     ]  # fmt: skip
-    columns = ["key", "experiments", *SETTINGS, "field_title", "end_s"]
-    columns += [*_metric_names(row.final for _, row in finished)]
-    columns += ["mse_quarter", "border_share", "ended", "efficiency"]
+    columns = ["key", "experiments", *SETTINGS, "field_title", "end_s", *_metric_names(found), "mse_quarter"]
+    columns += ["ended", "efficiency"]
     return optional_module("pandas", "campaign").DataFrame(rows, columns=columns).astype(_NUMBERS)
 
 
-def write_tables(out: Path, finished: Finished) -> list[Path]:
+def write_tables(out: Path, stored: Stored, every_s: float) -> list[Path]:
     """Write ``results`` and ``missions`` as Parquet and CSV.
 
     Also ``differences`` if combinations share seeds, and ``hindsight`` if an experiment has its lattices.
 
     :raises InputError: if they cannot be written
     """
-    tables = {"results": results_table(finished), "missions": missions_table(finished)}
+    tables = {"results": results_table(stored, every_s), "missions": missions_table(stored)}
     if not (differences := paired_table(tables["missions"], CASE)).empty:
         tables["differences"] = differences
     if not (hindsight := hindsight_table(tables["missions"], CASE)).empty:
@@ -150,33 +114,20 @@ def time_grid(hours: float, every_s: float) -> Array:
     return grid if end_s - grid[-1] < 1e-6 * every_s else np.append(grid, end_s)
 
 
-def metrics_at(stored: CampaignRun, times_s: Array) -> dict[str, NDArray[Any]]:
+def metrics_at(settings: MissionSettings, run: CampaignRun, times_s: Array) -> dict[str, NDArray[Any]]:
     """Last entered metrics of a mission at given times: :data:`METRICS`, then those of additional properties."""
-    names = ["", *(wanted.name for wanted in stored.settings.properties)]
-    start = SeriesRow(0.0, 0.0, 0, 0.0, (MapErrors(),) * len(names))
-    entered = series_columns([start, *stored.series], names)
-    last = np.searchsorted(entered["time_s"][1:], times_s + 1e-6, side="right")
-    state = {name: column[last] for name, column in entered.items()}
+    last = np.searchsorted(run.columns["time_s"][1:], times_s + 1e-6, side="right")
+    state: dict[str, NDArray[Any]] = {name: column[last] for name, column in run.columns.items()}
     time_s, counting_s = state.pop("time_s"), state.pop("counting_s")
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.where(time_s > 0, counting_s / (time_s * stored.settings.robots), np.nan)
-    return {**state, "counting_share": share}
+        share = np.where(time_s > 0, counting_s / (time_s * settings.robots), np.nan)
+    return {**state, "samples": state["samples"].astype(int), "counting_share": share}
+
+
+def _runs(stored: Stored) -> list[tuple[MissionSettings, CampaignRun]]:
+    return [(mission.settings, run) for mission, run in stored]
 
 
 def _metric_names(values: Iterable[Mapping[str, Any]]) -> list[str]:
     """Columns of all missions: :data:`METRICS`, then those of additional properties."""
     return list(dict.fromkeys((*METRICS, *chain.from_iterable(values))))
-
-
-def border_share(stored: CampaignRun) -> float:
-    """Share of stops in the boundary strip that contains half of the area; NaN without map or stops."""
-    import shapely
-
-    if not stored.outlines or not stored.visits:
-        return float("nan")
-    boundary = shapely.MultiLineString([np.vstack([ring, ring[:1]]) for ring in stored.outlines])
-    row, column = np.nonzero(np.isfinite(stored.truth_rate))
-    cells = np.column_stack([stored.x_m[column], stored.y_m[row]])
-    stops = np.array([(visit.x_m, visit.y_m) for visit in stored.visits])
-    width = np.median(shapely.distance(shapely.points(cells), boundary))
-    return float(np.mean(shapely.distance(shapely.points(stops), boundary) < width))

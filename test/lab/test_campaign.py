@@ -11,7 +11,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,8 @@ import pytest
 
 from soilmoist_ros.foundation import InputError, resource, resource_names
 from soilmoist_ros.lab import CampaignInterrupted, mission_store, run_campaign
-from soilmoist_ros.lab.campaign import Pace, load_campaign, mission_key, missions
+from soilmoist_ros.lab.campaign import Pace
+from soilmoist_ros.lab.campaign_file import load_campaign, mission_key, missions
 from soilmoist_ros.lab.mission_store import pack, unpack
 from soilmoist_ros.lab.table import METRICS
 from soilmoist_ros.simulation import SETTINGS, MissionSettings, simulate_mission
@@ -123,25 +123,24 @@ experiments:
 
 
 @pytest.mark.slow
-def test_mistakes_of_all_kinds_are_named_at_once(tmp_path):
+@pytest.mark.parametrize(
+    ("experiments", "said"),
+    [
+        ("{name: a, field: example}", "truth"),
+        ("{name: a, properties: [[gravel]]}", "no surrogate field or field file 'gravel'"),
+        ("{name: a, graph: ./no.yaml, travel: graph}", "no.yaml: cannot be read"),
+        ("{name: a, graph: ./bare.yaml, travel: [graph, free]}", "robot travels freely"),
+        ("{name: a}, {name: a}", "two experiments are named 'a'"),
+        ("{name: a, variogram: gaussian}", "unknown key 'variogram'"),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused_before_the_first_mission(tmp_path, fake, experiments, said):
     (tmp_path / "bare.yaml").write_text("name: bare\n")
-    (tmp_path / "g.yaml").write_text("[]")
-    text = """title: t
-runs: 1
-defaults: {graph: ./g.yaml}
-experiments:
-  - {name: a, field: [example, ./bare.yaml, patches], travel: graph}
-  - {name: b, strategy: gredy}
-  - {name: c, travel: [graph, free]}
-"""
-    with pytest.raises(InputError) as caught:
-        written(tmp_path / "c.yaml", text)
-    said = [(mistake.line, mistake.message) for mistake in caught.value.mistakes]
-    assert [line for line, _ in said] == [6, 5, 5, 6, 7]
-    assert "'gredy'" in said[0][1]
-    assert "'example' has no truth" in said[1][1]
-    assert "'./bare.yaml' has no truth" in said[2][1]
-    assert "robot travels freely" in said[3][1] == said[4][1]
+    counted = Counted(fake)
+    text = f"title: t\nruns: 1\nexperiments: [{experiments}]\n"
+    with pytest.raises(InputError, match=said):
+        run_campaign(written(tmp_path / "c.yaml", text), tmp_path / "out", counted, workers=0)
+    assert not counted.calls
 
 
 @pytest.mark.slow
@@ -158,35 +157,27 @@ def test_tables(campaign, whole):
     mission = missions(campaign)[0]
     one = mission_store.MissionStore(folder / "runs").read(mission)
     mine = table[table["key"] == mission.key].set_index("time_s")
-    row = next(row for row in one.series if row.time_s == 1800)
-    assert mine.loc[1800, ["distance_m", "samples", "mse"]].tolist() == [row.distance_m, row.samples, row.mse]
-    assert mine.loc[1800, "counting_share"] == pytest.approx(row.counting_s / 1800)
+    row = {name: column[one.columns["time_s"] == 1800][0] for name, column in one.columns.items()}
+    names = ["distance_m", "samples", "mse"]
+    assert mine.loc[1800, names].tolist() == [row[name] for name in names]
+    assert mine.loc[1800, "counting_share"] == pytest.approx(row["counting_s"] / 1800)
     assert mine.loc[0, "samples"] == 0
     assert np.isnan(mine.loc[0, "mse"])
     final = pd.read_parquet(folder / "missions.parquet").set_index("key")
-    assert final.loc[mission.key, "mse"] == one.series[-1].mse
+    assert final.loc[mission.key, "mse"] == one.columns["mse"][-1]
     assert final.loc[mission.key, "experiments"] == "first second"
-    assert final["border_share"].between(0, 1).all()
-    assert final[final["strategy"] == "greedy"]["border_share"].mean() > 0.7
 
 
 @pytest.mark.slow
 def test_a_mission_survives_its_file(fake):
-    settings = MissionSettings(seed=7, preset="paper")
-    result = fake(settings)
-    stored = unpack(pack(result, "k"))
-    assert stored.settings == settings
-    assert repr(stored.series) == repr(tuple(result.series)), "not even NaN differs"
-    np.testing.assert_equal([asdict(visit) for visit in stored.visits], [asdict(visit) for visit in result.visits])
-    np.testing.assert_array_equal(stored.tracks, result.tracks)
-    np.testing.assert_allclose(stored.rate, result.soil_map.rate, rtol=1e-6)
-    assert len(stored.outlines) == 1
-    assert pack(result, "k") == pack(fake(settings), "k")
-    tracks = (np.zeros((2, 2)), np.ones((3, 2)))
-    visits = [result.visits[0], replace(result.visits[1], robot=2)]
-    team = unpack(pack(replace(result, tracks=tracks, visits=visits), "k"))
-    assert [track.tolist() for track in team.tracks] == [track.tolist() for track in tracks]
-    assert [visit.robot for visit in team.visits] == [1, 2]
+    result = fake(MissionSettings(seed=7, preset="paper"))
+    content = pack(result, "k")
+    stored = unpack(content)
+    assert (stored.key, stored.field_title, stored.ended) == ("k", result.field_title, result.ended)
+    for name in ("time_s", "distance_m", "samples", "mse", "counting_s"):
+        expected = [0.0, *(getattr(row, name) for row in result.series)]
+        np.testing.assert_array_equal(stored.columns[name][1:], expected[1:], name)
+    assert content == pack(fake(result.settings), "k")
 
 
 @pytest.mark.slow
@@ -309,7 +300,7 @@ def test_ctrl_c_stops_the_processes(tmp_path):
         "        time.sleep(0.02); progress(0.5)\n"
         "if __name__ == '__main__':\n"
         "    import slow\n"
-        "    from soilmoist_ros.lab.campaign import load_campaign, run_campaign\n"
+        "    from soilmoist_ros.lab import load_campaign, run_campaign\n"
         "    run_campaign(load_campaign(sys.argv[1]), Path(sys.argv[2]), slow.simulate, workers=1)\n"
     )
     path = tmp_path / "c.yaml"
@@ -349,8 +340,6 @@ def test_what_is_missing_is_said_before_anything_is_computed(campaign, tmp_path,
 def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path):
     path = tmp_path / "c.yaml"
     path.write_text("title: t\nruns: 1\nexperiments: [{name: a, travel: graph, graph: g.yaml}]\n")
-    with pytest.raises(InputError, match=r"no topological map 'g\.yaml'"):
-        load_campaign(str(path))
     keys = set()
     for content in ("[]", "[1]"):
         (tmp_path / "g.yaml").write_text(content)
@@ -376,15 +365,6 @@ PROPERTIES = "title: t\nruns: 1\nexperiments: [{name: a, properties: %s}]\n"
 def test_properties_are_a_list_and_lists_make_a_grid(tmp_path, given, expected):
     found = missions(written(tmp_path / "c.yaml", PROPERTIES % given))
     assert [" ".join(map(str, mission.settings.properties)) for mission in found] == expected
-
-
-@pytest.mark.slow
-def test_old_keys_are_refused_with_their_new_names_and_verdicts_are_named(tmp_path, caplog):
-    for key, today in (("also", "properties"), ("also_weight", "properties"), ("variogram", "model")):
-        with pytest.raises(InputError, match=f"yaml:4 .*experiments.0.{key}.*{key}.* is '{today}' now"):
-            written(tmp_path / "old.yaml", f"title: t\nruns: 1\nexperiments:\n- {{name: a, {key}: x}}\n")
-    written(tmp_path / "c.yaml", "title: t\nruns: 1\nexperiments: [{name: a}]\npublished: {high_gradient: b}\n")
-    assert "'published' is not read any more" in caplog.text
 
 
 @pytest.mark.slow

@@ -12,18 +12,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.lab.campaign import Failure, missions, run_campaign
+from soilmoist_ros.lab.campaign import run_campaign
 from soilmoist_ros.lab.campaign_data import CampaignData
-from soilmoist_ros.lab.campaign_file import Campaign
+from soilmoist_ros.lab.campaign_file import Campaign, missions
+from soilmoist_ros.lab.computing import Failure
 from soilmoist_ros.lab.figures import LOOKS, intervals_charts, strategies_charts
 from soilmoist_ros.lab.mission_store import CampaignRun
 from soilmoist_ros.lab.report import mean_sd_text, render_campaign_report, write_campaign_report
-from soilmoist_ros.lab.table import mission_row
 from soilmoist_ros.reporting.page.charts import Line
 from soilmoist_ros.reporting.page.frame import dwell_text, strategy_text
-from soilmoist_ros.simulation.mission.mission_result import MapErrors, SeriesRow
 
 FAKE = Path(__file__).resolve().parents[1] / "simulation"
 CAMPAIGN = Campaign.model_validate(
@@ -43,35 +41,24 @@ CAMPAIGN = Campaign.model_validate(
         ],
     }
 )
-NOTHING = np.empty((0, 0))
 
 
-def crafted(mission, mse=None, distance=None, border=None):
-    """A stored mission whose error, distance and stops are given as functions of its settings."""
+def crafted(mission, mse=None, distance=None):
+    """A stored mission whose error and distance are given as functions of its settings."""
     s = mission.settings
-    error = 0.1 * (1 + 0.01 * s.seed) * (mse(s) if mse else 1.0)
+    time_s = np.arange(0.0, 3601, 300)
+    error = np.full(13, 0.1 * (1 + 0.01 * s.seed) * (mse(s) if mse else 1.0))
+    error[0] = np.nan
     driven = (distance(s) if distance else 500.0) + s.seed
-    series = tuple(
-        SeriesRow(t, driven * t / 3600, int(t // 300), t / 2, (MapErrors(error if t else np.nan, 0.02, 0.9),))
-        for t in np.arange(0.0, 3601, 300)
-    )
-    axis = np.arange(0.5, 20)
-    inner, outer = (10.0, 10.0), (1.0, 1.0)
-    outside = round(20 * (border(s) if border else 0.5)) + s.seed % 2
-    places = [outer] * outside + [inner] * (20 - outside)
-    return CampaignRun(
-        settings=s, key=mission.key, version="v", field_title=f"The {s.field} field", ended="time is up",
-        efficiency=0.7, series=series, visits=tuple(Visit("P", x, y, 0.0, 100.0, 300, "") for x, y in places),
-        tracks=(np.array([(0.0, 0.0), (5.0, 5.0)]),), x_m=axis, y_m=axis, rate=np.ones((20, 20)),
-        rate_sd=np.ones((20, 20)), truth_rate=np.ones((20, 20)),
-        outlines=(np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)]),),
-    )  # fmt: skip
+    columns = {
+        "time_s": time_s, "distance_m": driven * time_s / 3600, "samples": time_s // 300, "counting_s": time_s / 2,
+        "mse": error, "mse_10s": 100 * error, "vwc_rmse": np.full(13, 0.02), "coverage95": np.full(13, 0.9),
+    }  # fmt: skip
+    return CampaignRun(mission.key, "v", f"The {s.field} field", "time is up", 0.7, columns)
 
 
 def data(campaign=CAMPAIGN, keep=lambda settings: True, **how):
-    stored = {m.key: crafted(m, **how) for m in missions(campaign) if keep(m.settings)}
-    rows = [(m, mission_row(stored[m.key], 300.0)) for m in missions(campaign) if m.key in stored]
-    return CampaignData(campaign, rows)
+    return CampaignData(campaign, [(m, crafted(m, **how)) for m in missions(campaign) if keep(m.settings)])
 
 
 @pytest.mark.slow
@@ -83,7 +70,7 @@ def test_cases_are_told_apart():
     )
     titles = [case.title for case in data(twice).cases]
     assert len(set(titles)) == 8
-    assert "The high field, constants: authors, cells of 2 m" in titles
+    assert "The high field, preset authors, cell_m 2" in titles
     assert data().main_dwell(data().cases[0]) == "ami:0.03"
 
 
@@ -120,8 +107,8 @@ def test_page_of_a_campaign(tmp_path, fake):
     experiments = [{"name": "a", "field": "synthetic-high", "strategy": ["greedy", "adaptive_sampling", "lattice"],
                     "dwell": ["fmi:300", "ami:0.03"]}]  # fmt: skip
     campaign = Campaign.model_validate({"title": "A <b>", "runs": 3, "experiments": experiments})
-    run_campaign(campaign, tmp_path, fake, workers=0)
-    html = write_campaign_report(campaign, tmp_path).read_text(encoding="utf-8")
+    outcome = run_campaign(campaign, tmp_path, fake, workers=0)
+    html = write_campaign_report(campaign, tmp_path, outcome.runs).read_text(encoding="utf-8")
     page = Page(html)
     for _, attributes in page.tags:
         for name in ("src", "href"):
