@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -16,11 +16,9 @@ from std_msgs.msg import String
 
 from soilmoist_ros.foundation import read_json
 from soilmoist_ros.mapping import (
-    Amplitude,
     Change,
     Changing,
     Drift,
-    LocalFit,
     LocalRate,
     Samples,
     TimedSamples,
@@ -97,7 +95,6 @@ def _plain(model: Model) -> dict[str, Any]:
         "angle_deg": fit.variogram.angle_deg,
         "cell_m": model.cell_m,
         "local_rate": None if fit.local_rate is None else _plain_rate(fit.local_rate),
-        "local": None if fit.local is None else _plain_local(fit, fit.local),
         **_plain_drift(model.changing),
         **({} if model.dose_basis is None else {"dose_basis": model.dose_basis}),
     }
@@ -114,19 +111,8 @@ def _plain_drift(changing: Changing | None) -> dict[str, Any]:
     return {"drift": {**asdict(changing.change.drift), "samples": table}}
 
 
-def _plain_local(fit: VariogramFit, local: LocalFit) -> dict[str, Any]:
-    names = ("nugget", "range_m", "sill")
-    amplitude = fit.variogram.amplitude
-    return {
-        "text": fit.local_text,
-        "evidence": local.evidence,
-        "stationary": {name: getattr(local.stationary, name) for name in names},
-        "amplitude": None if amplitude is None else asdict(amplitude),
-    }
-
-
 def _plain_rate(rate: LocalRate) -> dict[str, Any]:
-    """A local rate without its variogram, which is that of the stationary fit."""
+    """A local rate without its variogram, which is that of the fit."""
     x, y = rate.pools_xy.T
     columns = {"x": x.tolist(), "y": y.tolist(), "coefficients": rate.coefficients.tolist()}
     return {"mean": rate.mean, "least": rate.least, **columns}
@@ -143,16 +129,16 @@ def _model(content: Mapping[str, Any]) -> Model:
         return Model(None, stamp_s, cell_m)
     if content["method"] not in ("reml", "soft_l1"):
         raise ValueError(f"unknown method {content['method']!r}; known are reml, soft_l1")
+    # In models of earlier versions, the variance could differ from place to place, about that of one variogram.
+    same = content["local"]["stationary"] if content.get("local") else content
     variogram = Variogram(
         content["model"],
-        content["nugget"],
-        content["range_m"],
-        content["sill"],
+        same["nugget"],
+        same["range_m"],
+        same["sill"],
         content.get("anisotropy", 1.0),  # models of earlier versions have no direction
         content.get("angle_deg", 0.0),
     )
-    variogram, local = _local(variogram, content.get("local"))
-    stationary = variogram if local is None else local.stationary
     fit = VariogramFit(
         variogram,
         content["method"],
@@ -167,8 +153,7 @@ def _model(content: Mapping[str, Any]) -> Model:
         _array(content["gamma"]),
         _array(content["weight"]),
         _array(content["edges_m"]),
-        _local_rate(stationary, content.get("local_rate")),
-        local,
+        _local_rate(variogram, content.get("local_rate")),
         other_fields=str(content.get("other_fields", "")),
     )
     return Model(fit, stamp_s, cell_m, _changing(content.get("drift"), stamp_s), content.get("dose_basis"))
@@ -195,18 +180,6 @@ def _changing(content: Mapping[str, Any] | None, stamp_s: float) -> Changing | N
         raise ValueError("drift must have finite numbers, rising times_s, and columns of equal length")
     samples = Samples(np.column_stack([x, y]), counts, exposure_s, np.column_stack([xx, xy, yy, radius_m]))
     return Changing(TimedSamples(samples, time_s), Change(drift), stamp_s)
-
-
-def _local(variogram: Variogram, content: Mapping[str, Any] | None) -> tuple[Variogram, LocalFit | None]:
-    """The variogram with its amplitude, and the evidence; models of earlier versions are stationary."""
-    if content is None:
-        return variogram, None
-    known, amplitude = content["stationary"], content["amplitude"]
-    stationary = replace(variogram, nugget=known["nugget"], range_m=known["range_m"], sill=known["sill"])
-    if amplitude is not None:
-        table = Amplitude(amplitude["low"], amplitude["high"], amplitude["log_values"])
-        variogram = replace(variogram, amplitude=table)
-    return variogram, LocalFit(stationary, float(content["evidence"]))
 
 
 def _local_rate(variogram: Variogram, content: Mapping[str, Any] | None) -> LocalRate | None:

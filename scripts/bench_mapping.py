@@ -417,7 +417,6 @@ def fits(sizes: Sequence[int], repeats: int, save: bool) -> None:
     kinds: dict[str, dict[str, object]] = {
         "one range": {"anisotropy": False, "extent_m": 280.0},
         "directions": {"extent_m": 280.0},
-        "local": {"extent_m": 280.0, "box": ((0.0, 0.0), (280.0, 280.0))},
         "soft_l1": {"method": "soft_l1"},
     }
     rows = []

@@ -130,7 +130,6 @@ COMPARISONS = {
     "drift": Comparison("drift model, no drift", {}, STILL, fired="drifts"),
     "drying": Comparison("drift model, drying by 10 %", DRYING, {**DRYING, **STILL}, True, "drifts"),
     "rain": Comparison("drift model, rain of 10 %", RAIN, {**RAIN, **STILL}, True, "drifts"),
-    "local": Comparison("local variance", STILL, {**STILL, "local": "off"}, fired="local"),
     "anisotropy": Comparison("anisotropy", STILL, {**STILL, "change": "isotropic"}, fired="anisotropic"),
     "tests": Comparison("tests of counts", STILL, {**STILL, "change": "no tests of counts"}, fired="held"),
     "earlier-unrelated": Comparison("3 earlier surveys, unrelated", {**SERIES, "persistence": 0.0}, STILL),
@@ -143,7 +142,7 @@ COMPARISONS = {
     ),
     "footprint-wrong": Comparison("de-convolution, point sensor", {**STILL, "change": "de-convolved"}, STILL),
 }
-KEY, FIRED = ("field", "mission", "seed", "arm"), ("drifts", "jumps", "local", "anisotropic", "held")
+KEY, FIRED = ("field", "mission", "seed", "arm"), ("drifts", "jumps", "anisotropic", "held")
 REDRAWN = ("mean covered", "bound of error held", "of map with sample", "half width", "bound", "rmse", "kurtosis")
 """Certificate of a mission, its sample and counts drawn 200 times over the same map, which knows none of them:
 shares of the draws, rates as shares of the mean, and kurtosis of the errors of the map."""
@@ -207,7 +206,6 @@ class Job:
         fired = (
             found.drift is not None,
             found.jump is not None and found.jump.is_certain,
-            fit.local is not None and fit.local.is_local,
             fit.variogram.anisotropy > 1,
             sum(bool(record.quarantine) for record in result.records),
         )

@@ -28,7 +28,7 @@ def missions(zoo):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["drift", "local", "anisotropy"])
+@pytest.mark.parametrize("name", ["drift", "anisotropy"])
 def test_a_default_is_harmless_where_it_does_not_apply(zoo, missions, name):
     comparison = zoo.COMPARISONS[name]
     arms = [zoo.arm(settings) for settings in (comparison.on, comparison.off)]

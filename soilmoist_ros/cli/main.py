@@ -40,7 +40,7 @@ RENAMED = {
     "--also-weight": "use --property FIELD:WEIGHT", "--overhead": "use --stop-overhead",
     "--also-truth": "use --truth PROPERTY=FIELD", "--speed": f"use --time-factor, or {_PLAY}",
     **dict.fromkeys(("--live", "--topics", "--start"), _PLAY),
-    "--figures": "print report.html, or draw map.tif",
+    "--figures": "print report.html, or draw map.tif", "--local": "the variance is alike everywhere",
     "--formats": "soilmoist list exports shows the formats",
     "--scheduler": "give --workers; a cluster runs campaigns",
 }  # fmt: skip

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.soil_map import CELL as CELL, Bands as Bands, SoilMap as SoilMap, common_rate_sd as common_rate_sd, level_of as level_of, make_bands as make_bands, make_soil_map as make_soil_map, map_cells as map_cells, moisture_terms as moisture_terms, placed_cells as placed_cells, possible_moisture as possible_moisture
     from soilmoist_ros.mapping.variogram.field_prior import Effect as Effect, FieldPrior as FieldPrior
     from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior as FarmPrior, FarmSurvey as FarmSurvey
-    from soilmoist_ros.mapping.variogram.fit import FitMethod as FitMethod, LocalModel as LocalModel, NoiseModel as NoiseModel, VariogramFit as VariogramFit, estimate_variogram as estimate_variogram, fit_variogram as fit_variogram
-    from soilmoist_ros.mapping.variogram.local import LocalFit as LocalFit, LocalRate as LocalRate
-    from soilmoist_ros.mapping.variogram.model import VARIOGRAM_MODELS as VARIOGRAM_MODELS, Amplitude as Amplitude, CorrelationModel as CorrelationModel, ModelName as ModelName, Variogram as Variogram, correlation_model as correlation_model
+    from soilmoist_ros.mapping.variogram.fit import FitMethod as FitMethod, NoiseModel as NoiseModel, VariogramFit as VariogramFit, estimate_variogram as estimate_variogram, fit_variogram as fit_variogram
+    from soilmoist_ros.mapping.variogram.local_rate import LocalRate as LocalRate
+    from soilmoist_ros.mapping.variogram.model import VARIOGRAM_MODELS as VARIOGRAM_MODELS, CorrelationModel as CorrelationModel, ModelName as ModelName, Variogram as Variogram, correlation_model as correlation_model
     from soilmoist_ros.mapping.variogram.reml import Prior as Prior, RestrictedLikelihood as RestrictedLikelihood
     from soilmoist_ros.mapping.variogram.semivariogram import default_edges as default_edges, empirical_semivariogram as empirical_semivariogram
     from soilmoist_ros.mapping.variogram.support import Supports as Supports
@@ -64,9 +64,9 @@ __getattr__, __dir__, __all__ = open_door(
         "soil_map": "Bands CELL SoilMap common_rate_sd level_of make_bands make_soil_map map_cells moisture_terms placed_cells possible_moisture",
         "variogram.field_prior": "Effect FieldPrior",
         "variogram.farm_prior": "FarmPrior FarmSurvey",
-        "variogram.fit": "FitMethod LocalModel NoiseModel VariogramFit estimate_variogram fit_variogram",
-        "variogram.local": "LocalFit LocalRate",
-        "variogram.model": "Amplitude CorrelationModel ModelName VARIOGRAM_MODELS Variogram correlation_model",
+        "variogram.fit": "FitMethod NoiseModel VariogramFit estimate_variogram fit_variogram",
+        "variogram.local_rate": "LocalRate",
+        "variogram.model": "CorrelationModel ModelName VARIOGRAM_MODELS Variogram correlation_model",
         "variogram.reml": "Prior RestrictedLikelihood",
         "variogram.semivariogram": "default_edges empirical_semivariogram",
         "variogram.support": "Supports",

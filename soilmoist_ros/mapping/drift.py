@@ -30,7 +30,7 @@ from soilmoist_ros.foundation import IllConditionedError
 from soilmoist_ros.mapping.kriging.system import KrigingSystem, sample_correlation
 from soilmoist_ros.mapping.samples import Samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
@@ -308,7 +308,6 @@ def _unmerged(
     from scipy.linalg.lapack import dpotrf
 
     xy, n = samples.xy, len(samples)
-    amplitude = variogram.amplitude_at(xy)
     matrix = sample_correlation(variogram, xy, samples.spread) * variogram.structured_sill
     same = place[:, None] == place
     matrix += variogram.nugget * same
@@ -318,7 +317,7 @@ def _unmerged(
         features = prior.at(xy, samples.spread)
         matrix += prior.covariance(features, features)
         matrix += np.broadcast_to(prior.own_variance(places.xy), len(places))[place] * same
-    matrix[np.diag_indices(n)] += noise if amplitude is None else noise / amplitude**2
+    matrix[np.diag_indices(n)] += noise
     factor, info = dpotrf(matrix, lower=1, clean=1)
     if info:
         raise IllConditionedError("the covariance of the samples by place and time is not positive definite")
@@ -332,10 +331,8 @@ def _whitened(system: KrigingSystem, values: Array) -> Array:
     xy = system.places.xy
     x, y = ((xy - xy.mean(axis=0)) / np.ptp(xy, axis=0).max()).T
     both = np.column_stack([values, np.ones(len(x)), x, y, x * x, x * y, y * y])
-    amplitude = system.variogram.amplitude_at(xy)
-    in_units = both if amplitude is None else both / amplitude[:, None]
     solved, surface = np.split(
-        solve_triangular(system.factor, in_units, lower=True, check_finite=False), [values.shape[1]], axis=1
+        solve_triangular(system.factor, both, lower=True, check_finite=False), [values.shape[1]], axis=1
     )
     surface = orth(surface, rcond=_SURFACE_RCOND)
     return np.asarray(solved - surface @ (surface.T @ solved))

@@ -49,7 +49,7 @@ from soilmoist_ros.mapping.records import (
 from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples, as_samples
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
 from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior
-from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel, VariogramFit, estimate_variogram
+from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel, VariogramFit, estimate_variogram
 from soilmoist_ros.mapping.variogram.model import ModelName, Variogram
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
 
@@ -67,7 +67,7 @@ REFIT_GROWTH = 0.1
 LATER_REFIT_GROWTH, MANY_SAMPLES = 0.2, 40
 """Relative growth after which the variogram is refitted, from this number of samples on."""
 SEARCH_GROWTH = 0.5
-"""Relative growth after which direction, start values and local variance of the variogram are searched again."""
+"""Relative growth after which direction and start values of the variogram are searched again."""
 CHANGE_GROWTH = 0.05
 """Relative growth after which the drift of the mean rate, and with it the time of the map, is refitted."""
 RECENT_GROWTH = 1.3
@@ -103,7 +103,6 @@ class FieldMapSettings:
     max_exact_samples: int = MAX_EXACT_SAMPLES
     for_planning: bool = False
     noise: NoiseModel = "local"
-    local: LocalModel = "auto"
     drift_model: DriftModel = "auto"
     deconvolve: bool | None = None
     prior: str | None = None
@@ -129,8 +128,8 @@ class MapState:
 
     :param stamp_s: end of the last record [s since 1970-01-01 UTC], 0 before the first
     :param fit_samples: the samples that the variogram is fitted to: as they were when it was last due
-    :param search_samples: the samples by which its direction was found, and whether the variance differs from
-        place to place: as they were when that was last due; ``None`` for ``fit_samples``
+    :param search_samples: the samples by which its direction was found: as they were when that was last due;
+        ``None`` for ``fit_samples``
     :param timed: the samples by place and time; ``None`` if no drift is looked for
     :param fit_timed: these and the samples, as they were when a drift was last due, and the time then [s]
     :param model_samples: with knowledge, the samples to which what earlier surveys determine too is fitted:
@@ -209,8 +208,7 @@ class FieldMap:
     :meth:`add` is quick. :meth:`compute` may run in other threads; the map of a state is the same, bit for bit,
     whether or not those of earlier states were computed.
 
-    :param knowledge: what is known of the field besides the counts of this survey; with earlier surveys or useful
-        covariates, the variance does not differ from place to place, whatever ``local`` is
+    :param knowledge: what is known of the field besides the counts of this survey
 
     >>> grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 40), (0, 40)], cell_m=10.0)
     >>> field_map = FieldMap(grid)
@@ -568,7 +566,6 @@ class FieldMap:
             extent_m=self.grid.extent_m,
             spread=samples.spread,
             local_noise=self.settings.noise == "local",
-            box=self.grid.box if self.settings.local == "auto" and not others and effects is None else None,
             others=others,
             effects=effects,
             like=like,

@@ -38,7 +38,7 @@ from soilmoist_ros.mapping.kriging.system import sample_correlation
 from soilmoist_ros.mapping.samples import Samples, merge_exactly, noise_rate, pooled
 from soilmoist_ros.mapping.variogram.field_prior import Effect, FieldPrior, Relation
 from soilmoist_ros.mapping.variogram.fit import NoiseModel, VariogramFit
-from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.support import Supports
 
@@ -396,7 +396,7 @@ class JointModel:
         if not past:
             return None
         first, *others = _fitted(past)
-        fit = _stationary(self._estimate(first, others, None))
+        fit = self._estimate(first, others, None)
         features = self._features(fit)
         unit = features.unit(np.zeros(len(self._covariates or ())))
         state = self._conditioned(features, unit, 0.0)
@@ -410,7 +410,7 @@ class JointModel:
     ) -> _Model:
         past, others = self._history.past, _fitted(self._history.past)
         alone = given or alone or self._estimate(places, others, None)
-        fit, variances = _stationary(alone), np.zeros(len(self._covariates or ()))
+        fit, variances = alone, np.zeros(len(self._covariates or ()))
         features = self._features(fit)
         wide = WIDE * math.sqrt(fit.variogram.structured_sill)
         for _ in range(_ROUNDS if self._covariates else 0):
@@ -423,11 +423,11 @@ class JointModel:
             if not variances.any():
                 if not past:
                     return _Model(alone, features, np.empty(0), state)
-                fit = _stationary(alone)
+                fit = alone
                 features = self._features(fit)
                 break
             effects = [self._at(one) * (wide * np.sqrt(variances)) for one in (places, *others)]
-            fit = _stationary(given or self._estimate(places, others, effects))
+            fit = given or self._estimate(places, others, effects)
             features = self._features(fit)
         unit = features.unit(wide * np.sqrt(variances))
         return _Model(fit, features, unit, self._conditioned(features, unit, stamp_s))
@@ -494,11 +494,6 @@ class JointModel:
             decayed *= self._history.decayed(one.days)
         left_out = [Relation(one.name, 0.0) for one in self._all[: len(self._all) - len(past)]]
         return (*left_out, *reversed(found))
-
-
-def _stationary(fit: VariogramFit) -> VariogramFit:
-    """The fit without an amplitude, which cannot be used together with a prior."""
-    return replace(fit, variogram=fit.stationary.stationary, local=None)
 
 
 def _passed(

@@ -90,7 +90,6 @@ def map_health(field_map: FieldMap, worker: MapWorker, now_s: float) -> Health:
             "range [m]": f"{variogram.range_m:.3g}",
             "anisotropy": f"{variogram.anisotropy:.3g} along {variogram.angle_deg:.3g} deg",
             "sill [(counts/s)^2]": f"{variogram.sill:.3g}",
-            "standard deviation of the rate": fit.local_text,
             "mean rate [counts/s]": f"{fit.mean_rate:.4g}",
         }
     rain = "" if soil_map is None else soil_map.change.rain(max(now_s, mapped.stamp_s))

@@ -15,10 +15,10 @@ from soilmoist_ros.foundation import InputError
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping.drift import DriftModel
-    from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
+    from soilmoist_ros.mapping.variogram.fit import FitMethod, NoiseModel
     from soilmoist_ros.mapping.variogram.model import ModelName
 
-FIT_SETTINGS: Final = ("model", "fit", "noise", "local", "drift_model")
+FIT_SETTINGS: Final = ("model", "fit", "noise", "drift_model")
 """Settings of the fit of a map that missions have by the same names."""
 _UNCHANGED: Final = object()
 
@@ -33,7 +33,7 @@ def _choice(help: str, default: Any, *choices: str, before: Any = _UNCHANGED) ->
 class MappingSettings:
     """Settings of a map; ``None`` for the default, or in a replay for that of the robot.
 
-    With ``soft_l1`` neither the variance nor the mean rate differs, whatever ``local`` and ``drift_model`` are.
+    With ``soft_l1`` the mean rate does not change, whatever ``drift_model`` is.
     """
 
     model: ModelName | None = _choice(
@@ -47,9 +47,6 @@ class MappingSettings:
         "Rate in the Poisson noise of a sample: local to its place or the mean rate.",
         "local", "local", "mean", before="mean",
     )  # fmt: skip
-    local: LocalModel | None = _choice(
-        "Whether the variance may differ from place to place.", "auto", "auto", "off", before="off"
-    )
     drift_model: DriftModel | None = _choice(
         "Whether the mean rate may change during the survey.", "auto", "auto", "off", before="off"
     )

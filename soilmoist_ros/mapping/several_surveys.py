@@ -26,7 +26,7 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.system import Points, cholesky_with_jitter, sample_correlation
 from soilmoist_ros.mapping.samples import Samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.soil_map import possible_moisture
-from soilmoist_ros.mapping.variogram.local import LocalRate
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing import MoistureCurve
 
@@ -74,7 +74,7 @@ class Persistence:
                 break
             chosen.append(index)
         times = np.array([stamps_s[index] for index in chosen])
-        stack = _Stack.of(variogram.stationary, [surveys[index] for index in chosen])
+        stack = _Stack.of(variogram, [surveys[index] for index in chosen])
         span_days = float(np.ptp(times)) / DAY_S
         decays_days = [decay * span_days for decay in DECAYS] if len(chosen) > 2 and span_days > 0 else [math.inf]
         shares = np.array(PERSISTENCES)
@@ -152,14 +152,14 @@ class _Stack(NamedTuple):
 
 
 class JointKriging:
-    """The rates of several surveys, given the counts of all of them; an amplitude of the variogram is left out.
+    """The rates of several surveys, given the counts of all of them.
 
     :param correlation: T, shape (s, s)
     :raises IllConditionedError: if the matrix cannot be factored
     """
 
     def __init__(self, variogram: Variogram, surveys: Sequence[Samples], correlation: Array) -> None:
-        self.variogram = variogram.stationary
+        self.variogram = variogram
         self.correlation = np.asarray(correlation, float)
         self._stack = _Stack.of(self.variogram, surveys)
         self._solved = self._stack.solved(self.correlation)

@@ -28,7 +28,7 @@ from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
 from soilmoist_ros.mapping.samples import Samples, noise_rate, pooled
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
-from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing import MoistureCurve, SoilLimits, soil_limits
 
@@ -349,7 +349,6 @@ def make_soil_map(
         if len(samples) <= max_exact_samples:
             kriging = PoissonKriging(model, keep_nugget, known_rate, prior)
         else:
-            model = model if fit is None else fit.stationary
             kriging = TiledKriging(model, keep_nugget, compute=compute, mean_rate=known_rate)
         fitted = _fit(kriging, kriged, changing)
         samples = samples if fitted is kriged else fitted

@@ -141,7 +141,6 @@ MAPPER: Final = (
     of_setting("model", description="variogram model"),
     of_setting("fit"),
     of_setting("noise"),
-    of_setting("local"),
     of_setting("drift_model"),
     of_setting("prior", default=""),
     row("keep_nugget", True, "whether the map includes the micro-scale variation (the nugget)"),

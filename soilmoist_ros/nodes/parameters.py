@@ -52,6 +52,7 @@ REMOVED: Final = {
     "keepout_resolution_m": "a cell is 0.2 m, or half of robot_radius_m if that is less; more in fields of 16 ha",
     "learn_travel": "travel times are learned from the legs driven",
     "keep_days": "keep_gb limits the recordings by their size; delete old ones by hand",
+    "local": "the variance of the rate is alike everywhere (docs/benchmarks.md says what it gained otherwise)",
     "longest_dwell_s": "the longest time at a stop is 3600 s; fmi:SECONDS sets the time itself",
     "map_wait_s": "the planner waits for the mapper for 20 s",
     "max_stamp_age_s": "records stamped up to a day in the past are used",

@@ -164,7 +164,7 @@ def settings_of(field_map: FieldMap, soil_map: SoilMap, merge_radius_m: float) -
     settings = field_map.settings
     return {
         "variogram_model": settings.model, "variogram_fit": settings.fit, "poisson_noise": settings.noise,
-        "local_variance": settings.local, "drift_model": settings.drift_model,
+        "local_variance": "off", "drift_model": settings.drift_model,
         "nugget": "kept" if settings.keep_nugget else "filtered", "merge_radius_m": merge_radius_m,
         "cell_m": field_map.grid.cell_m, "deconvolved_footprint_m": soil_map.deconvolved_m,
     }  # fmt: skip

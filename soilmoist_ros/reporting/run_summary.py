@@ -143,18 +143,13 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
     fit = run.soil_map.fit
     if fit is None:
         return None
-    names, amplitude = ("structured_sill", "range", "nugget"), fit.variogram.amplitude
+    names = ("structured_sill", "range", "nugget")
     return {
         "method": fit.method, "converged": fit.converged, "objective": fit.objective,
         "log_sd": fit.log_sd and dict(zip(names, fit.log_sd, strict=True)),
         "prior_share": dict(zip(names, fit.prior_share, strict=True)),
         **({"other_fields": fit.other_fields} if fit.other_fields else {}),
-        "local": fit.local
-        and {
-            "used": amplitude is not None, "log_bayes_factor": fit.local.evidence,
-            "amplitude": amplitude and amplitude.spread,
-            "text": f"The standard deviation of the rate: {fit.local_text}.",
-        },
+        "local": None,  # key of earlier releases, in which the variance could differ from place to place
     }  # fmt: skip
 
 
@@ -282,7 +277,7 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
 def settings_summary(settings: MissionSettings) -> dict[str, Any]:
     """Settings of a mission; some are repeated under keys of earlier releases."""
     also = settings.properties[0] if len(settings.properties) == 1 else PropertySettings("")
-    old = {"variogram": settings.model, "also": also.field, "also_weight": also.weight}
+    old = {"variogram": settings.model, "also": also.field, "also_weight": also.weight, "local": "off"}
     named = {**settings.as_dict(), **old}
     return {key: shown_path(value) if isinstance(value, str) else value for key, value in named.items()}
 

@@ -62,7 +62,7 @@ def map_errors(surveys, *change):
         timed, truth = survey(seed, *change)
         maps = []
         for drift in ("auto", "off"):
-            field_map = FieldMap(GRID, FieldMapSettings(local="off", drift_model=drift))
+            field_map = FieldMap(GRID, FieldMapSettings(drift_model=drift))
             field_map.set_records(records(timed))
             field_map.update()
             maps.append(np.mean((field_map.rate - truth) ** 2))
@@ -130,7 +130,7 @@ def test_without_evidence_the_map_is_that_without_drift_bit_for_bit():
 @pytest.mark.slow
 def test_the_map_of_a_state_does_not_depend_on_the_maps_before():
     timed, _ = survey(1, 0.3)
-    often, once = (FieldMap(GRID, FieldMapSettings(local="off")) for _ in range(2))
+    often, once = (FieldMap(GRID) for _ in range(2))
     for number, record in enumerate(records(timed)):
         often.add(record)
         once.add(record)

@@ -49,7 +49,7 @@ class Robot:
         self.processes = {}
         time = {"use_sim_time": True}
         self.start("recorder", out=str(folder), name="bag")
-        model = {"noise": "local", "local": "auto", "drift_model": "auto"}
+        model = {"noise": "local", "drift_model": "auto"}
         self.start("mapper", **files, save_dir=str(folder / "map"), **model, simulated=True, **time)
         self.start("planner", field=files["field"], autostart=True, exit_when_finished=True, **time, **mission)
         ports = folder / "ports.json"

@@ -229,17 +229,17 @@ def test_defaults_that_the_nodes_had_are_added_to_what_others_wrote(files, tmp_p
     bag.mkdir(parents=True)
     write_parameters(bag.parent, "mapper", {"field": str(files / "other.yaml"), "model": "matern52"})
     configuration = RunConfiguration()
-    had = {"field": "elsewhere", "model": "matern52", "local": "auto", "drift_model": "auto", "site": "example"}
+    had = {"field": "elsewhere", "model": "matern52", "noise": "local", "drift_model": "auto", "site": "example"}
     configuration.take("mapper", had)
     assert configuration.write(bag) == ["mapper"]
     assert configuration.write(bag) == []
     folder = configuration_of(bag)
     found = read_parameters(folder, "mapper")
     assert found["field"] == str(files / "other.yaml")
-    assert (found["model"], found["local"], found["drift_model"]) == ("matern52", "auto", "auto")
+    assert (found["model"], found["noise"], found["drift_model"]) == ("matern52", "local", "auto")
     assert (folder / found["site"]).is_file()
     survey, _ = robot_survey(bag, folder, ReplaySettings())
-    assert (survey.map.settings.drift_model, survey.map.settings.local) == ("auto", "auto")
+    assert (survey.map.settings.drift_model, survey.map.settings.noise) == ("auto", "local")
 
 
 def test_a_recorder_stores_configurations_without_the_models_of_files(tmp_path):

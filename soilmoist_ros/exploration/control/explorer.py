@@ -356,9 +356,7 @@ class Explorer:
         """
         if not soil_map.keep_nugget or len(coincident(self._cells_xy, soil_map.samples.xy)[0]):
             return None
-        amplitude = soil_map.variogram.amplitude_at(self._cells_xy)
-        nugget = soil_map.variogram.nugget * (1.0 if amplitude is None else amplitude**2)
-        return np.asarray(np.maximum(variance[self._mapped] - nugget, 0.0))
+        return np.asarray(np.maximum(variance[self._mapped] - soil_map.variogram.nugget, 0.0))
 
     def _few_stops(self) -> NDArray[np.bool_]:
         """Stops that are compared: all, or an even selection of them."""

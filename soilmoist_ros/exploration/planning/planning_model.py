@@ -112,7 +112,6 @@ class PlanningModel:
         self._nodes = np.vstack([cells_xy, stops_xy[own]])
         self._weight = weight
         self.thresholds = thresholds
-        self.is_uneven = kriging.variogram.amplitude is not None
         self.factor = factor
         self.others = tuple(others)
         self._cell_variance = cell_variance
@@ -141,13 +140,6 @@ class PlanningModel:
     def covariance(self) -> Array:
         """Posterior covariance of the nodes."""
         return self._posterior[1]
-
-    @cached_property
-    def nugget(self) -> Array:
-        """Micro-scale variance at each node: where the rate varies more, so does it within a place."""
-        variogram = self._map.variogram
-        nugget, amplitude = np.full(len(self._nodes), variogram.nugget), variogram.amplitude_at(self._nodes)
-        return nugget if amplitude is None else nugget * amplitude**2
 
     @cached_property
     def rate(self) -> Array:
@@ -220,7 +212,7 @@ class PlanningModel:
     def noise(self, nodes: Indices, exposure_s: Array) -> Array:
         """Variance of counts at nodes about the smooth rate [(counts/s)^2]; practically infinite for 0 s."""
         counting = self.factor * self.rate[nodes] / np.maximum(exposure_s, _NO_TIME_S)
-        return np.asarray(self.nugget[nodes] + counting)
+        return np.asarray(self._map.variogram.nugget + counting)
 
     def cell_fall(self, nodes: Indices, exposure_s: Array) -> Array:
         """Reduction of the variance of each cell by counts at some nodes, shape (g,) [(counts/s)^2]."""
@@ -267,7 +259,7 @@ class PlanningModel:
     ) -> tuple[Array, Array, Array, Array]:
         """As :meth:`_at_stops`, with the sum of the reductions by the counts at each node alone."""
         # A place that is known for certain (no variance, no gain) must not cause a division by zero.
-        variance = np.maximum(np.diag(self.covariance), 0.0) + self.nugget
+        variance = np.maximum(np.diag(self.covariance), 0.0) + self._map.variogram.nugget
         variance, noise = np.maximum(variance, 1e-12 * self.rate), self.factor * self.rate
 
         def fall(nodes: Indices, seconds: Array) -> Array:
@@ -285,7 +277,7 @@ class PlanningModel:
             on_way, gain = np.zeros(len(node)), self.gain[node]
             left = self.covariance[node, node]
         # A place that is known for certain (no variance, no gain) must not cause a division by zero.
-        variance = np.maximum(np.maximum(left, 0.0) + self.nugget[node], 1e-12 * self.rate[node])
+        variance = np.maximum(np.maximum(left, 0.0) + self._map.variogram.nugget, 1e-12 * self.rate[node])
         return on_way, gain, variance, noise
 
     def _after_ways(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array]:

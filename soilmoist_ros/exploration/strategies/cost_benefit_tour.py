@@ -99,8 +99,7 @@ class Ground:
     def is_uneven(self) -> bool:
         """True if the map says that places matter more here than there."""
         return self.prospect is not None and any(
-            model.is_uneven or model.thresholds is not None
-            for model in (self.prospect.model, *self.prospect.model.others)
+            model.thresholds is not None for model in (self.prospect.model, *self.prospect.model.others)
         )
 
     @property

@@ -34,7 +34,7 @@ from soilmoist_ros.mapping.kriging.system import (
 )
 from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples, as_samples, check_xy, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class PoissonKriging:
 
     :param keep_nugget: whether the target is the rate with its micro-scale variation (C_00 = sill, also the
         covariance with a sample at the target), or only its smooth part (sill - nugget in both cases)
-    :param prior: what is known of the field besides; not together with an amplitude of the variogram
+    :param prior: what is known of the field besides
     :param mean_rate: mean rate m* in the noise variances m*/t [counts/s], by default sum of counts / sum of
         exposures; or a :class:`LocalRate` for noise variances with the rate at the place of each sample. The mean
         of the *map* is always estimated
@@ -71,8 +71,6 @@ class PoissonKriging:
     ) -> None:
         if isinstance(mean_rate, (int, float)) and not (np.isfinite(mean_rate) and mean_rate > 0):
             raise ValueError(f"mean_rate must be positive and finite, got {mean_rate}")
-        if prior is not None and variogram.amplitude is not None:
-            raise ValueError("a variogram with an amplitude cannot be used with a prior")
         self.variogram = variogram
         self.keep_nugget = keep_nugget
         self.mean_rate = mean_rate
@@ -155,7 +153,7 @@ class PoissonKriging:
         """
         targets = self._targets(check_xy(xy))
         rate, variance = self._system.surfaces(targets, self.keep_nugget, progress)
-        variance += target_variance(self.variogram, self.keep_nugget, targets.xy)
+        variance += target_variance(self.variogram, self.keep_nugget)
         self.clipped_variances = clip_negative(variance, self.variogram.sill)
         return rate, variance
 
@@ -190,15 +188,9 @@ class PoissonKriging:
             [tile for _, tile in self._system.solved_tiles(targets, self.keep_nugget)]
             or [np.empty((0, len(ones)))]
         )
-        amplitude = self.variogram.amplitude_at(targets.xy)
-        if amplitude is not None:
-            solved *= amplitude[:, None]
         lagrange = (solved @ ones - 1) / (ones @ ones)
         right = (solved - lagrange[:, None] * ones).T
         of_places = solve_triangular(factor, right, lower=True, trans="T", check_finite=False)
-        of_samples = self.variogram.amplitude_at(self.places.xy)
-        if of_samples is not None:
-            of_places /= of_samples[:, None]
         assert self._records is not None
         share = self._records.exposure_s / self.places.exposure_s[self._record_place]
         return of_places[self._record_place] * share[:, None], lagrange
@@ -242,10 +234,6 @@ class PoissonKriging:
         if self.keep_nugget:
             target, place = coincident(targets, self.places.xy)
             rate[target] += variogram.nugget * weights[place]
-        amplitude = variogram.amplitude_at(targets)
-        if amplitude is not None:
-            solved *= amplitude
-            rate *= amplitude
         rate += system.mean
         mean = (ones @ solved - 1) / np.sqrt(ones @ ones)
         between = solved.T @ solved
@@ -267,10 +255,8 @@ class PoissonKriging:
         targets = self._targets(check_xy(xy))
         if not self._uncertain.size:
             return np.empty((len(targets.xy), 0))
-        amplitude, errors = self.variogram.amplitude_at(targets.xy), []
-        for tile, solved in self._system.solved_tiles(targets, self.keep_nugget):
-            errors.append(self._system.shared(solved if amplitude is None else solved * amplitude[tile, None]))
-        return np.concatenate(errors)
+        tiles = self._system.solved_tiles(targets, self.keep_nugget)
+        return np.concatenate([self._system.shared(solved) for _, solved in tiles])
 
     def _fitted(self) -> Samples:
         if self._records is None:
@@ -289,9 +275,6 @@ class PoissonKriging:
         self.noise_mean_rate = noise_rate(places) if rate is None or isinstance(rate, LocalRate) else rate
         rate = rate if isinstance(rate, LocalRate) else self.noise_mean_rate
         noise = noise_rates(rate, places.xy) / places.exposure_s
-        amplitude = variogram.amplitude_at(places.xy)
-        if amplitude is not None:  # in units of its square
-            noise = noise / amplitude**2
         matrix = sample_correlation(variogram, places.xy, places.spread).T
         matrix *= variogram.structured_sill
         features = np.empty((0, 0))
@@ -321,9 +304,8 @@ def _prior_covariance(variogram: Variogram, xy: bytes) -> Array:
     between = squareform(variogram.correlation_of_square(pdist(variogram.scaled(places), "sqeuclidean")))
     np.fill_diagonal(between, 1.0)
     between *= variogram.structured_sill
-    between = variogram.modulated(between, places, places)
     between.setflags(write=False)
-    return between
+    return np.asarray(between)
 
 
 def clip_negative(variance: Array, sill: float) -> int:

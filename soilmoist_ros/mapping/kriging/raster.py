@@ -65,7 +65,7 @@ def krige_raster(
     )
     found = _by_tiles(system, x_m, y_m, mask, nugget, cells.xy, progress)
     rasters[:, mask] = system.surfaces(cells, nugget, progress) if found is None else found
-    rasters[1, mask] += target_variance(system.variogram, nugget, cells.xy)
+    rasters[1, mask] += target_variance(system.variogram, nugget)
     return rasters
 
 
@@ -111,10 +111,6 @@ def _by_tiles(
         if progress is not None:
             progress(done / len(tiles.top))
     squares, rate, of_ones, *uncertain = sums[:, mask]
-    amplitude = variogram.amplitude_at(cells_xy)
-    if amplitude is not None:
-        rate, of_ones, squares = rate * amplitude, of_ones * amplitude, squares * amplitude**2
-        uncertain = [one * amplitude for one in uncertain]
     variance = (of_ones - 1) ** 2 / (ones @ ones) - squares
     for mean, one in zip(system.uncertain_mean.tolist(), uncertain, strict=True):
         variance += (mean + one) ** 2

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.mapping.kriging.raster import MIN_PIVOT
 from soilmoist_ros.mapping.kriging.system import SamplePoints, target_variance
 from soilmoist_ros.mapping.samples import Samples, merge_exactly
-from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 from soilmoist_ros.mapping.variogram.support import Supports
 
@@ -53,9 +53,6 @@ class RasterKriging:
         kept = self._covariances
         kept.update(np.column_stack([places.xy, places.spread]), variogram)
         noise, data = noise_rates(rate, places.xy) / places.exposure_s, np.array([places.rate_cps, np.ones(n)])
-        amplitude, of_mean = variogram.amplitude_at(places.xy), np.ones(1)
-        if amplitude is not None and kept.amplitude is not None:
-            noise, data, of_mean = noise / amplitude**2, data / amplitude, 1 / kept.amplitude
         matrix = kept.between[:n, :n].copy()
         matrix[np.diag_indices(n)] += variogram.nugget + noise
         total = matrix.diagonal().copy()
@@ -71,16 +68,14 @@ class RasterKriging:
         of_targets = solved[2:]
         whole = float(ones @ ones)
         of_rate, of_ones = (of_targets @ np.column_stack([values, ones])).T
-        of_ones = of_ones - of_mean
+        of_ones = of_ones - 1
         surfaces = np.array(
             [
                 of_rate - of_ones * (float(values @ ones) / whole),
                 of_ones**2 / whole - np.einsum("ij,ij->i", of_targets, of_targets),
             ]
         )
-        if kept.amplitude is not None:
-            surfaces *= np.array([kept.amplitude, kept.amplitude**2])
-        surfaces[1] += target_variance(variogram, self.keep_nugget, self._xy)
+        surfaces[1] += target_variance(variogram, self.keep_nugget)
         found = np.full((2, *self._mask.shape), np.nan)
         found[:, self._mask] = surfaces
         return found
@@ -95,7 +90,6 @@ class _Covariances:
     def __init__(self, xy: Array) -> None:
         self.between = np.zeros((_MIN_ROOM, _MIN_ROOM))  # of the samples; above the diagonal anything
         self.with_targets = np.zeros((_MIN_ROOM, len(xy)))
-        self.amplitude: Array | None = None  # of the targets
         self._xy, self._scaled = xy, (xy[:, 0], xy[:, 1])
         self._variogram: Variogram | None = None
         self._samples = np.empty((0, 6))  # places and spreads of those whose covariances are known
@@ -105,7 +99,6 @@ class _Covariances:
         if variogram != self._variogram:
             self._variogram, self._samples = variogram, self._samples[:0]
             self._scaled = scaled(variogram, *np.ascontiguousarray(self._xy.T))
-            self.amplitude = variogram.amplitude_at(self._xy)
         room, both = len(self.between), min(len(self._samples), len(samples))
         if len(samples) > room:
             more = max(room, len(samples) - room)

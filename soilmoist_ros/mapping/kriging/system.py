@@ -147,9 +147,6 @@ Progress = Callable[[float], None]
 class KrigingSystem(NamedTuple):
     """A factored kriging system, see :mod:`poisson_kriging`.
 
-    With an amplitude (:class:`Amplitude`), the matrix, the ones and the rates are in units of the amplitude at the
-    places.
-
     :param prior: what is known of the field besides; the residual is then about the prior mean too
     :param features: scaled features of the prior at the places, shape (n, p); empty without a prior
     :param uncertain: errors that the rates share, solved for as the rates are, shape (n, k); none without a
@@ -184,9 +181,6 @@ class KrigingSystem(NamedTuple):
         right = np.column_stack([places.rate_cps, np.ones(len(places)), errors])
         if prior is not None:
             right[:, 0] -= prior.mean(features)
-        amplitude = variogram.amplitude_at(places.xy)
-        if amplitude is not None:
-            right /= amplitude[:, None]
         rate, ones, *shared = solve_triangular(factor, right, lower=True, check_finite=False).T
         mean = float(rate @ ones / (ones @ ones))
         solved = np.array(shared).reshape(len(shared), len(places)).T
@@ -203,10 +197,7 @@ class KrigingSystem(NamedTuple):
         ones, prior = self.ones, self.prior
         both = np.column_stack([self.residual, ones])
         rate, variance = np.empty((2, len(targets.xy)))
-        amplitude = self.variogram.amplitude_at(targets.xy)
         for tile, solved in self.solved_tiles(targets, nugget):
-            if amplitude is not None:
-                solved *= amplitude[tile, None]
             products = solved @ both
             rate[tile] = self.mean + products[:, 0]
             variance[tile] = (products[:, 1] - 1) ** 2 / (ones @ ones) - np.einsum("ij,ij->i", solved, solved)
@@ -221,7 +212,7 @@ class KrigingSystem(NamedTuple):
         return rate, variance
 
     def solved_tiles(self, targets: Points, nugget: bool) -> Iterator[tuple[slice, Array]]:
-        """Tiles of targets with their W^T = (L^-1 C_.0)^T, shape (tile, places), in units of their amplitude."""
+        """Tiles of targets with their W^T = (L^-1 C_.0)^T, shape (tile, places)."""
         from scipy.linalg.blas import dtrsm
 
         places, variogram = self.places, self.variogram
@@ -242,8 +233,6 @@ class KrigingSystem(NamedTuple):
             yield tile, dtrsm(1.0, self.factor, covariance.T, lower=1, overwrite_b=1).T
 
 
-def target_variance(variogram: Variogram, keep_nugget: bool, xy: Array | None = None) -> float | Array:
-    """Prior variance C_00 of targets: one number, or shape (g,) with an amplitude at ``xy`` [(counts/s)^2]."""
-    variance = variogram.sill if keep_nugget else variogram.structured_sill
-    amplitude = None if xy is None else variogram.amplitude_at(xy)
-    return variance if amplitude is None else variance * amplitude**2
+def target_variance(variogram: Variogram, keep_nugget: bool) -> float:
+    """Prior variance C_00 of targets [(counts/s)^2]."""
+    return variogram.sill if keep_nugget else variogram.structured_sill

@@ -30,7 +30,7 @@ from soilmoist_ros.mapping.kriging.system import (
     target_variance,
 )
 from soilmoist_ros.mapping.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate, spatial_blocks
-from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ class TiledKriging:
     ) -> None:
         if nearest is not None and nearest < 1:
             raise ValueError(f"nearest must be at least 1, got {nearest}")
-        self.variogram = variogram.stationary
+        self.variogram = variogram
         self.keep_nugget = keep_nugget
         self.accuracy: Accuracy | None = None  # ``None`` if no neighbours are left out, or ``nearest`` was given
         self.clipped_variances = 0

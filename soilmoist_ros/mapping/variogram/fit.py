@@ -14,15 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.mapping.samples import Samples, Surveys, as_samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.local import LocalFit, LocalRate, fit_amplitude
-from soilmoist_ros.mapping.variogram.model import Box, ModelName, Variogram, correlation_model, mode_of
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate
+from soilmoist_ros.mapping.variogram.model import ModelName, Variogram, correlation_model, mode_of
 from soilmoist_ros.mapping.variogram.reml import maximise_reml
 from soilmoist_ros.mapping.variogram.semivariogram import default_edges, fit_soft_l1, semivariogram_of
 
 Array = NDArray[np.float64]
 FitMethod = Literal["reml", "soft_l1"]
 NoiseModel = Literal["local", "mean"]
-LocalModel = Literal["auto", "off"]
 
 MAX_PAIRED_PLACES = 5000
 """Maximum number of places in the empirical semivariogram; of more places, every k-th is used."""
@@ -45,8 +44,6 @@ class VariogramFit:
     :param weight: weight of each class [s]
     :param edges_m: edges of the classes, one more than classes [m]; empty with fewer than two places
     :param local_rate: rate in the Poisson noise of each sample of a map; ``None`` for the mean rate
-    :param local: whether the rate varies more here than there; ``None`` if this was not tested. The other
-        parameters are those of the stationary fit
     :param other_fields: verdict of the counts on surveys of other fields, and what these expect; empty without any
     """
 
@@ -64,30 +61,13 @@ class VariogramFit:
     weight: Array
     edges_m: Array
     local_rate: LocalRate | None = None
-    local: LocalFit | None = None
     prior: FieldPrior | None = None
     other_fields: str = ""
 
     @property
     def mode(self) -> Variogram:
-        """The mode of the stationary fit, whose variances are posterior means."""
-        return mode_of(self.stationary, self.log_sd)
-
-    @property
-    def stationary(self) -> Variogram:
-        """The variogram of the stationary fit."""
-        return self.variogram if self.local is None else self.local.stationary
-
-    @property
-    def local_text(self) -> str:
-        """Verdict on a variance that differs from place to place, and the evidence, in words."""
-        if self.local is None:
-            return "not tested"
-        evidence = f"logarithm of the Bayes factor {self.local.evidence:.1f}"
-        if self.variogram.amplitude is None:
-            return f"alike everywhere, the counts do not clearly say otherwise ({evidence})"
-        low, high = self.variogram.amplitude.spread
-        return f"differs from place to place, {low:.2g} to {high:.2g} times that of the whole field ({evidence})"
+        """The mode of the fit, whose variances are posterior means."""
+        return mode_of(self.variogram, self.log_sd)
 
     @property
     def noise_rate(self) -> float | LocalRate | None:
@@ -129,7 +109,6 @@ def estimate_variogram(
     spread: ArrayLike | None = None,
     anisotropy: bool = True,
     local_noise: bool = False,
-    box: Box | None = None,
     others: Sequence[Samples] = (),
     effects: Sequence[Array] | None = None,
     like: VariogramFit | None = None,
@@ -155,13 +134,11 @@ def estimate_variogram(
         soft_l1 ignore the spread
     :param anisotropy: whether the range may depend on the direction; it never does with soft_l1
     :param local_noise: whether the Poisson noise in a map has the rate at each place, instead of the mean
-    :param box: box of the field, to test whether the rate varies more here than there (:mod:`.local`); with
-        ``None`` or soft_l1 the variogram is stationary
     :param others: samples of other surveys at distinct places, whose rates have the same variogram and a mean of
         their own; soft_l1 ignores them
     :param effects: known further structure of each survey, as in :class:`Surveys`, where ``xy`` has no place twice
-    :param like: fit to fewer of the samples, for a quick one: the search begins at it, its direction is used, and
-        the variance differs from place to place only if it does there; soft_l1 ignores it
+    :param like: fit to fewer of the samples, for a quick one: the search begins at it, and its direction is used;
+        soft_l1 ignores it
     :param farm: surveys of other fields, which inform the prior; soft_l1 ignores them
     :raises ValueError: if there are too few samples, for an unknown model or method, for bad input
     """
@@ -182,17 +159,10 @@ def estimate_variogram(
     estimate = maximise_reml(surveys, model, extent_m, anisotropy, None if like is None else like.mode, farm)
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
     found = estimate.log_likelihood, estimate.log_sd, estimate.prior_share, estimate.converged, estimate.message
-    mean_rate = places.mean_rate_cps
-    fit = VariogramFit(
-        estimate.variogram, "reml", mean_rate, len(places), *found, *classes, local_rate,
+    return VariogramFit(
+        estimate.variogram, "reml", places.mean_rate_cps, len(places), *found, *classes, local_rate,
         other_fields=estimate.other_fields,
     )  # fmt: skip
-    if like is not None and like.variogram.amplitude is None:
-        stays = None if like.local is None else replace(like.local, stationary=estimate.variogram)
-        return replace(fit, local=stays)
-    rate = local_rate or noise_rate(places)
-    local = None if box is None else fit_amplitude(places, estimate.variogram, estimate.mode, rate, box, extent_m)
-    return fit if local is None else replace(fit, variogram=local[0], local=local[1])
 
 
 _Classes = tuple[Array, Array, Array, Array]  # the empirical semivariogram: lag_m, gamma, weight, and edges_m

@@ -1,20 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Variogram models of the latent count rate: correlation, nugget, sill, range, anisotropy and amplitude.
-
-A field that is rough in one part and flat in another has the covariance ``a(x) a(y) C(x - y)``, with the
-covariance C of a stationary variogram and the *amplitude* a. Kriging then is that of the stationary part, in units
-of the amplitude: samples ``rate / a`` with noise variance ``noise / a^2``, and the unknown mean times ``1 / a``.
-The logarithm of the amplitude is a tensor product of uniform cubic B-splines (de Boor 2001, A Practical Guide to
-Splines) over the box of the field. Outside the box the amplitude is that of the nearest place inside.
-"""
+"""Variogram models of the latent count rate: correlation, nugget, sill, range and anisotropy."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import product
 from typing import Annotated, Any
 
 import numpy as np
@@ -23,9 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation import InputError, Registry
 
 Array = NDArray[np.float64]
-
-MAX_LOG = 5.0  # largest absolute value of the logarithm of an amplitude
-_TERMS = 4  # splines along each axis that are not 0 at a place
 
 
 @dataclass(frozen=True)
@@ -188,110 +177,6 @@ ModelName = Annotated[str, _KnownModel()]
 """Name of a variogram model in :data:`VARIOGRAM_MODELS`."""
 
 
-# -- Amplitude -----------------------------------------------------------------------------------------------
-
-Indices = NDArray[np.intp]
-Corner = tuple[float, float]
-Box = tuple[Corner, Corner]  # south-west and north-east corner [m]
-
-
-@dataclass(frozen=True)
-class Amplitude:
-    """Amplitudes over the box of a field.
-
-    :param low: south-west corner of the box [m]
-    :param log_values: coefficients of the logarithm, rows from south to north, at least 4 x 4; equal coefficients
-        make a constant
-
-    >>> Amplitude((0, 0), (10, 10), ((0.0,) * 4,) * 4)(np.array([[3.0, 4.0], [99.0, -1.0]]))
-    array([1., 1.])
-    """
-
-    low: Corner
-    high: Corner
-    log_values: tuple[tuple[float, ...], ...]
-
-    def __post_init__(self) -> None:
-        low, high = (tuple(map(float, corner)) for corner in (self.low, self.high))
-        rows = tuple(tuple(map(float, row)) for row in self.log_values)
-        if len(low) != 2 or len(high) != 2 or not all(a < b for a, b in zip(low, high, strict=True)):
-            raise ValueError(f"the box of an amplitude must have an extent, got {low} to {high}")
-        if len(rows) < _TERMS or len(rows[0]) < _TERMS or len({len(row) for row in rows}) > 1:
-            raise ValueError(f"an amplitude needs a table of at least {_TERMS} x {_TERMS} coefficients")
-        if not all(np.isfinite(values).all() for values in (low, high, *rows)):
-            raise ValueError("an amplitude must have finite numbers")
-        for name, value in (("low", low), ("high", high), ("log_values", rows)):
-            object.__setattr__(self, name, value)
-
-    def __call__(self, xy: Array) -> Array:
-        """Amplitudes at places of shape (n, 2) [m], shape (n,).
-
-        The amplitude at a place does not depend on the other places, bit for bit.
-        """
-        table = _table(self.log_values)
-        total = np.zeros(len(xy))
-        for row, column, weight in _terms(self.low, self.high, table.shape, xy):
-            total += weight * table[row, column]
-        return np.exp(np.clip(total, -MAX_LOG, MAX_LOG))
-
-    @property
-    def spread(self) -> tuple[float, float]:
-        """Smallest and largest amplitude on an even lattice of the box, one place at each coefficient."""
-        values = self(lattice(self.low, self.high, _table(self.log_values).shape))
-        return float(values.min()), float(values.max())
-
-
-def spline_matrix(low: Corner, high: Corner, shape: tuple[int, int], xy: Array) -> Array:
-    """Values of all splines at places, shape (n, rows * columns): the logarithm is linear in the coefficients."""
-    matrix = np.zeros((len(xy), *shape))
-    number = np.arange(len(xy))
-    for row, column, weight in _terms(low, high, shape, xy):
-        matrix[number, row, column] = weight
-    return matrix.reshape(len(xy), -1)
-
-
-def knots(low: Corner, high: Corner, shape: tuple[int, int]) -> Array:
-    """Middle of each spline, shape (rows * columns, 2) [m]; those at the edge lie outside the box."""
-    steps = [(b - a) / (count - 3) for a, b, count in zip(low, high, shape[::-1], strict=True)]
-    axes = [a + step * np.arange(-1, count - 1) for a, step, count in zip(low, steps, shape[::-1], strict=True)]
-    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-
-
-def lattice(low: Corner, high: Corner, shape: tuple[int, int]) -> Array:
-    """Middles of equal parts of the box, shape (rows * columns, 2) [m]."""
-    axes = [
-        a + (b - a) * (np.arange(count) + 0.5) / count for a, b, count in zip(low, high, shape[::-1], strict=True)
-    ]
-    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-
-
-def _terms(
-    low: Corner, high: Corner, shape: tuple[int, int], xy: Array
-) -> Iterator[tuple[Indices, Indices, Array]]:
-    """Rows, columns and values of the splines that are not 0 at places, each of shape (n,)."""
-    (x, of_x), (y, of_y) = (
-        _axis(xy[:, axis], low[axis], high[axis], shape[1 - axis] - _TERMS + 1) for axis in (0, 1)
-    )
-    for j, i in product(range(_TERMS), repeat=2):
-        yield y + j, x + i, of_y[j] * of_x[i]
-
-
-def _axis(values_m: Array, low_m: float, high_m: float, intervals: int) -> tuple[Indices, list[Array]]:
-    """Number of the first spline and values of the four splines along an axis."""
-    position = (np.clip(values_m, low_m, high_m) - low_m) * (intervals / (high_m - low_m))
-    first = np.minimum(position.astype(np.intp), intervals - 1)
-    u = position - first
-    v = 1 - u
-    square, cube = u * u, u * u * u
-    splines = [v * v * v / 6, (3 * cube - 6 * square + 4) / 6, (-3 * cube + 3 * square + 3 * u + 1) / 6, cube / 6]
-    return first, splines
-
-
-@lru_cache(maxsize=8)
-def _table(rows: tuple[tuple[float, ...], ...]) -> Array:
-    return np.array(rows)
-
-
 # -- Variogram -----------------------------------------------------------------------------------------------
 
 
@@ -322,8 +207,6 @@ class Variogram:
     :param sill: *total* sill, including the nugget [(counts/s)^2], >= nugget
     :param anisotropy: longest range over shortest range [-], >= 1; 1 for an isotropic variogram
     :param angle_deg: direction of the longest range, anticlockwise from east [deg]; kept modulo 180
-    :param amplitude: for a field that varies more here than there, standard deviation of the rate at each place
-        relative to the model's; ``None`` for a stationary variogram. Methods of a distance leave it out
     :raises ValueError: if the model is unknown or a parameter is out of its range
 
     >>> variogram = Variogram("matern32", nugget=0.02, range_m=15.0, sill=0.5)
@@ -337,7 +220,6 @@ class Variogram:
     sill: float
     anisotropy: float = 1.0
     angle_deg: float = 0.0
-    amplitude: Amplitude | None = None
 
     def __post_init__(self) -> None:
         correlation_model(self.model)
@@ -366,22 +248,6 @@ class Variogram:
     def structured_sill(self) -> float:
         """Variance of the spatially correlated part, ``sill - nugget`` [(counts/s)^2]."""
         return self.sill - self.nugget
-
-    @property
-    def stationary(self) -> Variogram:
-        """The variogram without its amplitude."""
-        return self if self.amplitude is None else replace(self, amplitude=None)
-
-    def amplitude_at(self, xy: Array) -> Array | None:
-        """Amplitudes at places of shape (n, 2) [m], shape (n,); ``None`` if they are 1 everywhere."""
-        return None if self.amplitude is None else self.amplitude(xy)
-
-    def modulated(self, covariance: Array, xy: Array, other_xy: Array) -> Array:
-        """A covariance of the stationary variogram times the amplitudes at its places; may change its argument."""
-        if self.amplitude is not None:
-            covariance *= self.amplitude(xy)[:, None]
-            covariance *= self.amplitude(other_xy)
-        return covariance
 
     @property
     def correlation_model(self) -> CorrelationModel:

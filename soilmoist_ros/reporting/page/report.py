@@ -169,8 +169,6 @@ def _model_rows(run: MapRun) -> list[tuple[str, str, str]]:
         longest, shortest = (number(variogram.practical_range_m * factor) for factor in (root, 1 / root))
         along = f"{longest} along {variogram.angle_deg:.3g}°, {shortest} across"
         rows.append(("practical range by direction (anticlockwise from east)", along, "m"))
-    if fit is not None and fit.local is not None:
-        rows.append(("standard deviation of the rate", fit.local_text, ""))
     return rows
 
 

@@ -187,9 +187,7 @@ def leave_one_out(soil_map: SoilMap) -> LeaveOneOut | None:
     ).T
     inverse = solve_triangular(system.factor, np.eye(len(observed)), lower=True)
     precision = (inverse**2).sum(axis=0) - of_ones**2 / (system.ones @ system.ones)
-    amplitude = soil_map.variogram.amplitude_at(kriging.places.xy)
-    unit = 1.0 if amplitude is None else amplitude
-    return LeaveOneOut(observed, observed - unit * of_data / precision, unit / np.sqrt(precision))
+    return LeaveOneOut(observed, observed - of_data / precision, 1 / np.sqrt(precision))
 
 
 def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:

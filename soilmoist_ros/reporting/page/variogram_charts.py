@@ -132,8 +132,7 @@ def _classes(soil_map: SoilMap, places: Samples, noise: Array) -> Iterator[Class
 def _sample_covariance(variogram: Variogram, places: Samples) -> Array:
     """Covariance of the samples' true rates, averaged over their supports."""
     smooth = sample_correlation(variogram, places.xy, places.spread)
-    stationary = variogram.structured_sill * smooth + variogram.nugget * np.eye(len(places))
-    return variogram.modulated(np.asarray(stationary), places.xy, places.xy)
+    return np.asarray(variogram.structured_sill * smooth + variogram.nugget * np.eye(len(places)))
 
 
 def _simulated(covariance: Array) -> Array:
@@ -173,8 +172,8 @@ def _chart(run: MapRun, classes: Classes, index: int, x: tuple[float, float], y:
         Area(classes.lag_m, classes.low, classes.high, "line", "circles of 9 in 10 surveys under the model used"),
         Line(h, used, "line", f"used for the map ({soil_map.variogram.model})"),
     ]
-    fit, varies = soil_map.fit, soil_map.variogram.amplitude is not None
-    if fit is not None and not varies and fit.mode != soil_map.variogram:
+    fit = soil_map.fit
+    if fit is not None and fit.mode != soil_map.variogram:
         likely = model_curve(fit.mode, h, angle, spread)
         marks.append(Line(h, likely, "orange", "most likely (fitted)", dashed=True))
     size_px = 7 + 8 * np.sqrt(classes.pairs / max(classes.pairs.max(), 1))

@@ -137,7 +137,6 @@ def least_variance(
     structured = variogram.structured_sill
     scaled = variogram.scaled(cells_xy)
     prior = structured * correlation_model(variogram.model).correlation(squared_distances(scaled, scaled))
-    prior = variogram.modulated(prior, cells_xy, cells_xy)
     if known is not None:
         at = known.at(cells_xy)
         prior += known.covariance(at, at)

@@ -18,7 +18,7 @@ from soilmoist_ros.foundation import InputError, Mistake, did_you_mean
 
 if TYPE_CHECKING:
     from soilmoist_ros.exploration import Aim, DwellRule, RobotMotion, Strategy, StrategyKind
-    from soilmoist_ros.mapping import DriftModel, FitMethod, LocalModel, ModelName, NoiseModel
+    from soilmoist_ros.mapping import DriftModel, FitMethod, ModelName, NoiseModel
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
     from soilmoist_ros.simulation.robot.scenario import RateDrift
 
@@ -30,7 +30,6 @@ _BOTH = {
     "model": ("matern32", "gaussian"),
     "fit": ("reml", "soft_l1"),
     "noise": ("local", "mean"),
-    "local": ("auto", "off"),
     "drift_model": ("auto", "off"),
     "map_from": ("records", "stops"),
 }
@@ -304,10 +303,6 @@ class MissionSettings:
     noise: NoiseModel = _setting(
         None, "Rate in the Poisson noise of a sample: local to its place, or the mean rate as published.", str,
         choices=("local", "mean"),
-    )  # fmt: skip
-    local: LocalModel = _setting(
-        None, "Whether the variance may differ from place to place where the counts clearly ask for it (auto), or "
-        "never (off).", str, choices=("auto", "off"),
     )  # fmt: skip
     drift_model: DriftModel = _setting(
         None, "Whether the mean rate may change during the survey, by drying or rain, where the counts ask for it "

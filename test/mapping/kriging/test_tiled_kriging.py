@@ -3,14 +3,13 @@
 """Kriging of very many samples in tiles."""
 
 import functools
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.linalg import cholesky
 from scipy.spatial.distance import cdist
 
-from soilmoist_ros.mapping import Amplitude, FieldGrid, PoissonKriging, Samples, Variogram, make_soil_map
+from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, make_soil_map
 from soilmoist_ros.mapping.kriging import tiled_kriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
 
@@ -94,12 +93,6 @@ def test_the_answer_depends_on_the_place_alone():
     together = np.array(kriging.predict(WINDOW))
     apart = np.concatenate([kriging.predict(WINDOW[k : k + 97]) for k in range(0, len(WINDOW), 97)], axis=1)
     np.testing.assert_allclose(apart, together, rtol=1e-9)
-
-
-def test_neighbours_krige_with_the_stationary_part():
-    model = Variogram("matern32", 0.01, 20.0, 0.3)
-    uneven = replace(model, amplitude=Amplitude((0, 0), (40, 30), ((0.0, 1.0, 0.0, 0.0),) * 4))
-    assert TiledKriging(uneven).variogram == model
 
 
 def test_who_computes_the_tiles_does_not_matter():

@@ -14,7 +14,6 @@ import pydantic
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import BSpline
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
@@ -22,11 +21,9 @@ from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import (
     BUILT_IN,
     VARIOGRAM_MODELS,
-    Amplitude,
     CorrelationModel,
     ModelName,
     isotropic_plane,
-    spline_matrix,
 )
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 
@@ -148,44 +145,6 @@ def test_what_is_no_model_is_named(plug_in, name, why):
 def test_names_in_configuration_files_are_checked():
     with pytest.raises(pydantic.ValidationError, match=r"did you mean 'matern32'"):
         pydantic.TypeAdapter(ModelName).validate_python("matern3")
-
-
-BOX = ((-10.0, 5.0), (50.0, 45.0))
-RNG = np.random.default_rng(3)
-TABLE = RNG.normal(0, 0.7, (6, 8))
-BUMPY = Amplitude(*BOX, tuple(map(tuple, TABLE)))
-PLACES = RNG.uniform((-30, -20), (70, 70), (200, 2))
-
-
-def test_splines_equal_those_of_scipy():
-    x = np.linspace(-10, 50, 31)
-    steps = np.arange(-3, 9) * 12.0 - 10.0  # eight splines over five intervals
-    expected = BSpline.design_matrix(np.minimum(x, 50 - 1e-9), steps, 3).toarray()
-    matrix = spline_matrix(*BOX, TABLE.shape, np.column_stack([x, np.full(31, 20.0)]))
-    np.testing.assert_allclose(matrix.reshape(31, 6, 8).sum(axis=1), expected, atol=1e-8)
-
-
-def test_outside_the_box_it_is_that_of_the_nearest_place_inside():
-    np.testing.assert_array_equal(BUMPY(PLACES), BUMPY(np.clip(PLACES, *BOX)))
-
-
-def test_a_place_does_not_depend_on_the_others_bit_for_bit():
-    alone = np.concatenate([BUMPY(place[None]) for place in PLACES])
-    np.testing.assert_array_equal(alone, BUMPY(PLACES))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (((0, 0), (0, 5), TABLE), "must have an extent"),
-        ((*BOX, TABLE[:3]), "at least 4 x 4"),
-        ((*BOX, [*TABLE[:4], TABLE[0, :5]]), "at least 4 x 4"),
-        ((*BOX, TABLE * np.nan), "finite"),
-    ],
-)
-def test_bad_amplitudes_are_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        Amplitude(*arguments)
 
 
 ratios = st.floats(1.0, 20.0)

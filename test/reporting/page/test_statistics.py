@@ -16,7 +16,6 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge import Knowledge
 from soilmoist_ros.mapping.samples import as_samples, footprint_spread
 from soilmoist_ros.mapping.soil_map import possible_moisture
-from soilmoist_ros.mapping.variogram.model import Amplitude
 from soilmoist_ros.pipeline.run import NoteCode
 from soilmoist_ros.reporting import covariate_importance, mean_moisture, notes, summary, truth_score
 from soilmoist_ros.reporting.page.report import render_report
@@ -42,14 +41,6 @@ def test_leave_one_out_is_what_kriging_without_the_sample_says(the_map):
         assert loo.observed[i] == pytest.approx(samples.rate_cps[i])
         assert loo.predicted[i] == pytest.approx(rate[0])
         assert loo.sd[i] ** 2 == pytest.approx(variance[0] + the_map.mean_rate / samples.exposure_s[i])
-
-
-def test_an_amplitude_counts_in_the_report_as_in_the_map(the_map):
-    (west, south), (east, north) = the_map.grid.box
-    table = tuple(tuple(0.4 * (row - column) for column in range(5)) for row in range(4))
-    variogram = dataclasses.replace(the_map.variogram, amplitude=Amplitude((west, south), (east, north), table))
-    uneven = make_soil_map(the_map.samples, the_map.grid, variogram, the_map.curve)
-    test_leave_one_out_is_what_kriging_without_the_sample_says(uneven)
 
 
 def test_mean_sd_of_one_cell_is_that_of_the_cell(map_of, the_map):
