@@ -13,7 +13,7 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
-from real_nodes import LIMIT_S, UNLIMITED, RealNodes
+from real_nodes import UNLIMITED, RealNodes
 
 from rehearsal.cases import OF_MOTION, Fault, Ground, Span
 from rehearsal.judge import Judge, Limits, Violation
@@ -60,22 +60,18 @@ SPOIL_BAGS = (Fault.KILL_RECORDER, Fault.DISK_FULL, Fault.BAG_DELETED)
 TUBES = 12
 
 
-def scenario_of(spans: Iterable[Span], navigator: str = "goto_node", begin_s: float = 0.0) -> dict[str, Any]:
+def scenario_of(spans: Iterable[Span], navigator: str = "goto_node") -> dict[str, Any]:
     """The scenario of the simulator that has the faults of the world.
 
     :param spans: all faults
     :param navigator: kind of the navigation
-    :param begin_s: time at which the simulator starts [s]; earlier faults are left out
     """
     navigation: dict[str, Any] = {"goals": [], "absent": []}
     sensor: dict[str, Any] = {"tubes": []}
     logger: dict[str, Any] = {"outages": [], "damages": []}
     gnss: dict[str, Any] = {"outages": [], "damages": [], "no_fix": [], "shifts": []}
     for span in spans:
-        if span.end_s <= begin_s:
-            continue
-        at_s = max(span.at_s - begin_s, 0.0)
-        when = {"at_s": at_s, "for_s": span.end_s - begin_s - at_s}
+        when = {"at_s": span.at_s, "for_s": span.for_s}
         match span.fault:
             case Fault.FIX_JUMP:
                 far_m, angle = 15.0 * 200.0**span.size, 100 * span.size
@@ -106,8 +102,8 @@ def scenario_of(spans: Iterable[Span], navigator: str = "goto_node", begin_s: fl
                     link["outages"].append(when | {"kind": kind})
             case Fault.LINK_GARBAGE:
                 for link, cadence_s in ((logger, 10.0), (gnss, 1.0)):
-                    first = 1 + int(at_s / cadence_s)
-                    for number in range(first, first + max(4, int(when["for_s"] / cadence_s)), 2):
+                    first = 1 + int(span.at_s / cadence_s)
+                    for number in range(first, first + max(4, int(span.for_s / cadence_s)), 2):
                         kind = ("garbage", "wrong_checksum", "cut_short", "no_checksum")[number // 2 % 4]
                         link["damages"].append({"nth": number, "kind": kind})
     return {"title": "chaos", "navigation": navigation, "sensor": sensor, "logger": logger, "gnss": gnss}
@@ -169,18 +165,6 @@ class Disturber:
         for _, name in self._back:
             self._nodes.start(name)
         self._back.clear()
-
-    def start(self) -> bool:
-        return self._resume(Verb.START)
-
-    def end(self) -> None:
-        self.put_back()
-        until_s = time.monotonic() + LIMIT_S
-        while self._operator.status is None or self._operator.status.phase not in (Phase.FINISHED, Phase.IDLE):
-            self._stop(Verb.ABORT)
-            time.sleep(2.0)
-            if time.monotonic() > until_s:
-                return
 
     def _note(self, text: str) -> None:
         self.log.append(f"{self._operator.now_s:.0f} s: {text}")

@@ -102,8 +102,6 @@ class Operator:
     def __init__(self, domain: int, start_s: float) -> None:
         self.heard, self.now_s = Heard(), 0.0
         self._start_s = start_s
-        self._counted_s: float | None = None
-        self._updates_s: list[float] = []
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
         self._node = node = Node("operator", context=self._context)
@@ -169,20 +167,11 @@ class Operator:
         knows = math.isfinite(status.now_s)  # a planner that has just started has not heard the clock yet
         self.heard.statuses.append((status.now_s - self._start_s if knows else self.now_s, status))
 
-    def update_ms(self) -> float:
-        """Mean time from a record to the merged samples since the last call [ms]; 0 without one."""
-        taken, self._updates_s = self._updates_s, []
-        return 1e3 * sum(taken) / len(taken) if taken else 0.0
-
     def _on_counts(self, kept: list[CountRecord], message: PointCloud2) -> None:
         kept += counts_from_message(message)
-        self._counted_s = time.monotonic()
 
     def _on_samples(self, message: PointCloud2) -> None:
         self.heard.samples = samples_from_message(message)
-        if self._counted_s is not None:
-            self._updates_s.append(time.monotonic() - self._counted_s)
-            self._counted_s = None
 
     def _on_visit(self, message: VisitMessage) -> None:
         visit = visit_from_message(message)
@@ -197,13 +186,11 @@ class Operator:
 class NodesSettings:
     """What runs.
 
-    :param out: folder of the run; one that exists is continued, as after a power cut
+    :param out: folder of the run
     :param mission: field, seed, strategy and hours
     :param time_factor: simulated time per real time
     :param navigator: as in :class:`DemoSettings`
     :param scenario: faults of links, receiver, sensor and navigation, as in a file of config/scenarios
-    :param begin_s: simulated time at which this run begins [s]
-    :param more: further parameters of the nodes, by node
     """
 
     out: Path
@@ -211,11 +198,9 @@ class NodesSettings:
     time_factor: float = 30.0
     navigator: str = "goto_node"
     scenario: Mapping[str, Any] = field(default_factory=dict)
-    begin_s: float = 0.0
-    more: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
-START_S = datetime(2026, 6, 1, 6, tzinfo=UTC).timestamp()
+START = datetime(2026, 6, 1, 6, tzinfo=UTC)
 
 
 class RealNodes:
@@ -227,7 +212,6 @@ class RealNodes:
 
     def __init__(self, settings: NodesSettings, domain: int) -> None:
         self.settings = settings
-        self.start_s = START_S + settings.begin_s
         self._out, self._domain = settings.out.absolute(), domain
         self._stack = contextlib.ExitStack()
         self.restarts = dict.fromkeys(ON_ROBOT, 0)
@@ -245,7 +229,7 @@ class RealNodes:
         self._world = self._stack.enter_context(ProcessGroup({**loopback, **witness}, out / "log"))
         self._robot = self._stack.enter_context(ProcessGroup({**loopback, **preloaded}, out / "log"))
         self._files = self._configure()
-        self.operator = Operator(self._domain, START_S)
+        self.operator = Operator(self._domain, START.timestamp())
         self._stack.callback(self.operator.close)
         for name in ON_ROBOT[:3]:
             self.start(name)
@@ -274,7 +258,7 @@ class RealNodes:
             "planner": {"journal_dir": str(out / "journal"), "respawn_limit_s": 86_400.0, "resume": "ask"},
             "field_simulator": {
                 "wait_limit_s": WAIT_LIMIT_S,
-                "start_time": datetime.fromtimestamp(self.start_s, UTC).isoformat(),
+                "start_time": START.isoformat(),
                 **{f"{device}_port": port for device, port in ports.items()},
             },
             "sensor_driver": {
@@ -284,9 +268,7 @@ class RealNodes:
         }
         for name, path in files.items():
             (content,) = yaml.safe_load(path.read_text()).values()
-            files[name] = write_parameters(
-                out, name, content["ros__parameters"] | more.get(name, {}) | settings.more.get(name, {})
-            )
+            files[name] = write_parameters(out, name, content["ros__parameters"] | more.get(name, {}))
         return files
 
     def _port(self) -> int:
@@ -312,7 +294,6 @@ class RealNodes:
         found = Witnessed()
         for line in (self._out / WITNESS).read_text().splitlines():
             at_s, x_m, y_m, *name = json.loads(line)
-            at_s += self.settings.begin_s
             if name:
                 found.goals.append((at_s, (x_m, y_m), name[0]))
             else:
@@ -326,11 +307,8 @@ class RealNodes:
         self._robot.kill(name)
         self.restarts[name] += 1
 
-    def pid(self, name: str) -> int:
-        return (self._world if name == "field_simulator" else self._robot).pid(name)
-
     def freeze(self, name: str, frozen: bool) -> None:
-        os.kill(self.pid(name), signal.SIGSTOP if frozen else signal.SIGCONT)
+        os.kill(self._robot.pid(name), signal.SIGSTOP if frozen else signal.SIGCONT)
 
     def settle(self, limit_s: float = LIMIT_S) -> None:
         """Wait until the map has all that the driver has stored, with the simulator at rest."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The real nodes under faults, by ``chaos.py`` and ``soak_nodes.py``, and what their judge must find."""
+"""The real nodes under faults, by ``chaos.py``, and what its judge must find."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 import chaos
-import soak_nodes
 from disturbed_nodes import OF_THE_WORLD, scenario_of
 
 from rehearsal.cases import Fault, Faults, Span
@@ -68,27 +67,3 @@ def test_every_fault_of_the_world_makes_a_scenario():
     for fault in OF_THE_WORLD:
         made = Scenario.model_validate(scenario_of([Span(fault, 100.0, 60.0, 0.3)]))
         assert made != nothing, fault
-    late = scenario_of([Span(Fault.LINK_CUT, 100.0, 60.0, 0.3)], begin_s=130.0)
-    assert late["logger"]["outages"] == [{"at_s": 0.0, "for_s": 30.0, "kind": "cut"}]
-    assert scenario_of([Span(Fault.LINK_CUT, 100.0, 60.0, 0.3)], begin_s=170.0)["logger"]["outages"] == []
-
-
-@pytest.mark.parametrize(("index", "what"), [(1, "memory"), (2, "handles"), (3, "threads"), (4, "processor time")])
-def test_growth_of_a_node_is_a_fault(index, what):
-    def sample(number, grown):
-        figures = [100, 150.0, 20, 16, 1.0 * number]
-        figures[index] += grown**2 if index == 4 else grown
-        return soak_nodes.Sample(0, 60.0 * number, 20.0 * number, {"mapper": tuple(figures)}, 20.0, 1.0, 1.0, 1.0)
-
-    flat = [sample(number, 0) for number in range(40)]
-    assert soak_nodes.grown(flat) == []
-    (fault,) = soak_nodes.grown([sample(number, number) for number in range(40)])
-    assert what in fault
-
-
-def test_a_day_has_every_fault_and_ends_with_processes_that_last():
-    spans = soak_nodes.day_of_faults(24.0, 1)
-    assert {*soak_nodes.PERIODS_S, *soak_nodes.OF_GOALS, *soak_nodes.KILLS} <= {span.fault for span in spans}
-    kills = [span.at_s for span in spans if span.fault in soak_nodes.KILLS]
-    assert max(kills) < 0.3 * 86_400
-    assert spans == soak_nodes.day_of_faults(24.0, 1)
