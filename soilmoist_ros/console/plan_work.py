@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Work for the page *Plan*, done in a process of its own: fields, travel maps, outlines, walks, forecasts.
+"""Work for the page *Plan*, done in a process of its own: fields, outlines, walks, forecasts.
 
 Reads a JSON object from its input and prints one: the answer, or ``{"error": ...}``.
 """
@@ -29,7 +29,6 @@ SIMULATED_H: Final = 6.0
 """Mission time of a forecast, in all its fields [h]; it takes about a second of processor time per hour."""
 MAX_HOURS: Final = 12.0
 MAX_BYTES: Final = 4 << 30
-HEADLAND_M: Final = 5.0
 _RANGE_SHARE: Final = 0.25
 """Range parameter of the simulated patterns as a share of the field's extent."""
 MAX_CORNERS: Final = 2000
@@ -96,8 +95,7 @@ def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
 
     :param given: a field as for :func:`field_text`; ``hours``, ``strategy``, ``dwell``, ``until_sd``,
         ``until_gain``; ``rate_cps`` and ``variation`` (standard deviation of the field as a share of the mean
-        rate); ``stops``, if the robot travels on a graph: ``kind`` (``lattice`` or ``rows``), ``spacing_m``,
-        ``rows_m`` between rows, ``heading_deg`` of the rows
+        rate)
     :returns: ``points``: [time [s], root of the mean squared error as a share of the mean rate] in order of time;
         ``stops``, ``distance_m``, ``ends_s``, ``variation``
     :raises InputError: if a setting cannot be used
@@ -129,7 +127,6 @@ def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
                 field=str(path), hours=hours, seed=seed, strategy=str(given.get("strategy") or "gcb"),
                 dwell=str(given.get("dwell") or "optimal"), series_every_s=hours * 3600 / 40,
                 until_sd=float(given.get("until_sd") or 0.0), until_gain=float(given.get("until_gain") or 0.0),
-                **_travel(path, given.get("stops")),
             )  # fmt: skip
             result = simulate_mission(settings)
             for row in result.series:
@@ -152,39 +149,6 @@ def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
         "variation": variation,
         "rate_cps": rate,
     }
-
-
-def _travel(field_file: Path, stops: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Settings of a mission that travels on a graph; none for one that drives anywhere."""
-    if not stops or stops.get("kind") not in ("lattice", "rows"):
-        return {}
-    path = field_file.with_suffix(".map.yaml")
-    path.write_text(_travel_map(field_file, stops)[0], encoding="utf-8")
-    return {"travel": "graph", "graph": str(path)}
-
-
-def travel_map(given: Mapping[str, Any]) -> dict[str, Any]:
-    """A topological map with rows or a lattice of stops: ``file``, and ``summary`` in words."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "field.yaml")
-        path.write_text(field_text(given), encoding="utf-8")
-        text, summary = _travel_map(path, given["stops"])
-    return {"file": text, "summary": summary}
-
-
-def _travel_map(field_file: Path, stops: Mapping[str, Any]) -> tuple[str, str]:
-    from datetime import UTC, datetime
-
-    from soilmoist_ros.exploration import ROBOT_RADIUS_M, crop_rows, make_topological_map, open_lattice
-    from soilmoist_ros.mapping import load_field
-
-    field, spacing_m = load_field(field_file), float(stops.get("spacing_m") or 10.0)
-    if stops.get("kind") == "rows":
-        rows_m, heading_deg = float(stops.get("rows_m") or 3.0), float(stops.get("heading_deg") or 0.0)
-        built = crop_rows(field, rows_m, spacing_m, heading_deg, HEADLAND_M, margin_m=ROBOT_RADIUS_M)
-    else:
-        built = open_lattice(field, spacing_m, margin_m=ROBOT_RADIUS_M)
-    return make_topological_map(built.graph, field.name, datetime.now(UTC)).to_yaml(), built.summary
 
 
 def _without_folder(mistake: Mistake) -> Mistake:
@@ -340,7 +304,6 @@ def walked(given: Mapping[str, Any]) -> dict[str, Any]:
 TASKS: Final[Mapping[str, Callable[[Mapping[str, Any]], dict[str, Any]]]] = {
     "field": check_field,
     "forecast": forecast,
-    "map": travel_map,
     "outline": outline,
     "walk": walked,
 }

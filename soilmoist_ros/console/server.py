@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 from weakref import WeakSet
 
-from soilmoist_ros.console.background import BackgroundRoute
 from soilmoist_ros.console.board import Board, changes
 from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.plan_routes import PlanRoutes, SurveyFiles
@@ -102,7 +101,6 @@ class ConsoleServer:
     :param picture: the latest map
     :param files: files on this computer: runs, and what may be chosen for the next mission
     :param walks: walks by the names of the robots
-    :param background: GeoTIFF to show below the map; empty for none
     :param phone: takes positions of the phone that has the controls; ``None`` if the receiver is another one
     """
 
@@ -114,7 +112,6 @@ class ConsoleServer:
         picture: Callable[[], MapLayers | None],
         files: SurveyFiles,
         walks: Mapping[str, Walk],
-        background: str = "",
         phone: PhoneReceiver | None = None,
     ) -> None:
         self._web = optional_module("aiohttp.web")
@@ -128,7 +125,7 @@ class ConsoleServer:
         self._controls = Controls()
         self.operators = 0  # open pages that may steer
         self._files, self._walks = files, walks
-        self._background, self.phone = background, phone
+        self.phone = phone
         self._jobs: Jobs | None = None
         self._runner: web.AppRunner | None = None
 
@@ -169,7 +166,6 @@ class ConsoleServer:
         self._jobs = Jobs(self._board)
         RunRoutes(web, self._files.runs, self._jobs).add(app, self._operators)
         PlanRoutes(web, self._files, self._jobs, self._walks).add(app, self._operators)
-        BackgroundRoute(web, self._background, self._board, self._jobs).add(app)
         here = (("position", self._on_position),) if self.phone else ()
         for name, handler in (("stop", partial(self._on_stop, True)), ("take", self._on_take), *here):
             app.router.add_post(f"/{name}", self._operators(handler))

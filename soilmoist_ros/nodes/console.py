@@ -104,13 +104,10 @@ class Console(Node):
         fields, covariates, runs = (
             Path(values.text(name)).expanduser() for name in ("field_dir", "covariate_dir", "runs")
         )
-        files, background = SurveyFiles(fields, covariates, runs, start), values.text("background")
-        if background and not Path(background).expanduser().exists():
-            raise InputError("there is no such background", "check the parameter background", Path(background))
+        files = SurveyFiles(fields, covariates, runs, start)
         self._server = ConsoleServer(
-            self._board, self._steering, access, lambda: self._picture, files, self._walks,
-            background and str(Path(background).expanduser().absolute()),
-        )  # fmt: skip
+            self._board, self._steering, access, lambda: self._picture, files, self._walks
+        )
         port = self._server.start(host, values.whole("port"))
         self._page = public or f"http://{reachable(host)}:{port}/"
         self.get_logger().info(f"console: {self._page}")

@@ -93,7 +93,6 @@ CONSOLE: Final = (
         "without the token that the console prints; empty without a proxy"),
     row("robots", [], "namespaces of the robots on the field; that of this node if empty"),
     row("runs", "recordings", "folder whose runs the page shows, and where comparisons are written"),
-    row("background", "", "picture below the map: a GeoTIFF, such as an orthophoto; empty for none"),
     row("field_dir", "fields", "folder of field files; drawn fields are saved there"),
     row("covariate_dir", "covariates", "folder of GeoTIFFs that may be chosen as covariates"),
     row("map_topic", "/topological_map_2", "topic of the navigation's map"),

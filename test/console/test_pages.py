@@ -155,7 +155,7 @@ def test_a_walk_a_strategy_and_earlier_runs_are_in_the_plan_that_is_started(brow
     shows(page, "plan-strategy-about", "Evenly spread stops")
     page.locator("#plan-dwell").select_option("ami")
     page.locator("#plan-dwell-by").fill("2.5")
-    page.get_by_text("End early, rows").click()
+    page.get_by_text("End early").click()
     page.locator("#plan-good").fill("3")
     assert barriers(page) == ""
     slide(page, "Slide to start with this plan")

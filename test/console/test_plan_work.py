@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Fields, travel maps and forecasts for the page Plan."""
+"""Fields and forecasts for the page Plan."""
 
 from __future__ import annotations
 
@@ -20,17 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.console import Board, Walk
-from soilmoist_ros.console.plan_work import (
-    MAX_PLACES,
-    STEP_M,
-    check_field,
-    field_text,
-    forecast,
-    outline,
-    travel_map,
-    walked,
-)
-from soilmoist_ros.exploration.travel.topological_map import read_topological_map
+from soilmoist_ros.console.plan_work import MAX_PLACES, STEP_M, check_field, field_text, forecast, outline, walked
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.border_file import MAX_MEMBERS, MAX_UNZIPPED_BYTES
 from soilmoist_ros.mapping.field import load_field
@@ -75,18 +65,6 @@ def test_a_longer_mission_makes_a_better_map():
     for wrong in ({"hours": 100}, {"variation": 7}, {"strategy": "none", "hours": 0.1}):
         with pytest.raises(InputError):
             forecast({**FIELD, **wrong})
-
-
-@pytest.mark.slow
-def test_stops_in_rows_or_a_lattice_are_a_map_for_the_navigation(tmp_path):
-    for stops, count in (({"kind": "lattice", "spacing_m": 10}, 12), ({"kind": "rows", "rows_m": 10}, 12)):
-        answer = travel_map({**FIELD, "stops": stops})
-        (tmp_path / "map.yaml").write_text(answer["file"])
-        graph = read_topological_map(tmp_path / "map.yaml").graph
-        assert len(graph.stops) >= count / 2
-        assert str(len(graph.stops)) in answer["summary"]
-    with pytest.raises(InputError):
-        travel_map({**FIELD, "stops": {"kind": "lattice", "spacing_m": 1000}})
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ import asyncio
 import http.client
 import json
 import socket
-import time
 import urllib.error
 import urllib.request
 from concurrent.futures import Future
@@ -17,10 +16,8 @@ from pathlib import Path
 import aiohttp
 import numpy as np
 import pytest
-import rasterio
 from hypothesis import given
 from hypothesis import strategies as st
-from rasterio import Affine
 
 from soilmoist_ros.console import server as module
 from soilmoist_ros.console.board import Board
@@ -69,7 +66,7 @@ class Robots:
 
 
 class Served:
-    def __init__(self, access, folder, background=""):
+    def __init__(self, access, folder):
         self.board = Board()
         self.board.put("robots", ["r1"])
         self.board.put("field", field_view(surrogate_field("half-wet").field))
@@ -77,8 +74,7 @@ class Served:
         self.walk = Walk(self.board, "r1")
         files = SurveyFiles(folder / "fields", folder / "covariates", folder)
         self.server = ConsoleServer(
-            self.board, self.robots, access, lambda: self.map, files, {"r1": self.walk}, background,
-            phone=PhoneReceiver(),
+            self.board, self.robots, access, lambda: self.map, files, {"r1": self.walk}, PhoneReceiver()
         )  # fmt: skip
         self.port = self.server.start("127.0.0.1", 0)
 
@@ -319,30 +315,6 @@ def test_a_port_in_use_is_said(served):
     )
     with pytest.raises(InputError, match="cannot listen on 127"):
         other.start("127.0.0.1", served.port)
-
-
-def background_of(served):
-    deadline = time.monotonic() + LIMIT_S
-    while served.board.get("background") is None and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return served.board.get("background")
-
-
-@pytest.mark.slow
-def test_a_background_is_made_and_served(tmp_path):
-    frame = surrogate_field("half-wet").field.frame
-    size = {"width": 50, "height": 50, "count": 3, "dtype": "uint8", "crs": "EPSG:4326"}
-    place = Affine(1e-4, 0, frame.longitude_deg - 25e-4, 0, -1e-4, frame.latitude_deg + 25e-4)
-    with rasterio.open(tmp_path / "photo.tif", "w", driver="GTiff", transform=place, **size) as raster:
-        raster.write(np.full((3, 50, 50), 90, np.uint8))
-    served = Served(Access(), tmp_path, str(tmp_path / "photo.tif"))
-    try:
-        about = background_of(served)
-        code, said, _ = served.get(f"/background.jpg?v={about['version']}")
-        assert (code, said[:2]) == (200, b"\xff\xd8")
-        assert about["extent"][0] < 0 < about["extent"][1]
-    finally:
-        served.server.close()
 
 
 # Requests from the network (requests.py) ------------------------------------------------------------------------

@@ -58,7 +58,6 @@ source the workspace of the navigation, built for this ROS and Python, or set an
 {} is not the type of an action | goals of {} have no field {} |
 set the navigator that goes with this action_type | {} records removed | using another field |
 says that something is wrong | is silent: {} s | names look like /safety/heartbeat | has not been heard yet |
-give a GeoTIFF: QGIS makes one of the tiles of a web map (Raster > Convert map to raster) | is a folder |
 # Drawn on the operator's page by {}, {} UTC. | drawn field |
 sandbox allow-scripts allow-downloads; default-src 'unsafe-inline' 'unsafe-eval' data: blob: |
 the console cannot listen on {}, port {}: {} |

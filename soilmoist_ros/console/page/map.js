@@ -11,7 +11,6 @@ const view = { x: 0, y: 0, scale: 1, fitted: false, moved: false };  // centre [
 const picture = { image: null, version: -1, key: "", extent: null, loading: false };
 const pointers = new Map();
 export const draft = { boundary: [], areas: [], drawing: null, shown: false };  // what is drawn on the page Plan
-const below = { image: null, version: "", opacity: Number(localStorage.getItem("fade") ?? 70) / 100 };  // the background, and how much the map covers it
 let shownRobot = "";
 let chosen = null, area = null, onChoose = () => {}, moved = 0, asked = false, layer = "";
 
@@ -66,28 +65,9 @@ export function zoom(factor, at = [canvas.clientWidth / 2, canvas.clientHeight /
 const pixel = ([x, y]) => [canvas.clientWidth / 2 + (x - view.x) * view.scale, canvas.clientHeight / 2 - (y - view.y) * view.scale];
 const ground = ([px, py]) => [view.x + (px - canvas.clientWidth / 2) / view.scale, view.y - (py - canvas.clientHeight / 2) / view.scale];
 
-export function fade(percent) {
-  below.opacity = percent / 100;
-  localStorage.setItem("fade", percent);
-  draw();
-}
-
-// The background comes after the first map: it is large.
-function loadBackground() {
-  const about = sections.background;
-  if (!about?.version || below.version === about.version) return;
-  below.version = about.version;
-  const image = new Image();
-  image.fetchPriority = "low";
-  image.onload = () => { below.image = image; draw(); };
-  image.onerror = () => { below.version = ""; };
-  image.src = `background.jpg?v=${about.version}`;
-}
-
 // One picture per map: the next one is loaded when the last one is here.
 export function load() {
   const about = sections.map;
-  if (picture.image || about && !about.layers.length) loadBackground();
   if (!about?.layers?.length || picture.loading) return;
   if (!about.layers.some((one) => one.key === layer)) layer = about.layers[0].key;
   if (picture.version === about.version && picture.key === layer) return;
@@ -132,12 +112,8 @@ function paint() {
   pen.clearRect(0, 0, width, height);
   const field = sections.field;
   if (!field) return;
-  const photo = below.image && sections.background?.extent;
-  if (photo) image(below.image, photo, true);
-  else if (!sections.border) { path(field.boundary); pen.fillStyle = "#f3f1e6"; pen.fill(); }
-  pen.globalAlpha = photo ? below.opacity : 1;
-  if (picture.image) image(picture.image, picture.extent, false);
-  pen.globalAlpha = 1;
+  if (!sections.border) { path(field.boundary); pen.fillStyle = "#f3f1e6"; pen.fill(); }
+  if (picture.image) image(picture.image, picture.extent);
   for (const hole of field.no_go) hatch(hole, "#a80018");
   for (const robot of sections.robots ?? []) for (const [index, one] of (sections[`ruled_out/${robot}`] ?? []).entries()) {
     hatch(one, "#6a3a00");
@@ -155,9 +131,9 @@ function paint() {
   scaleBar(width, height);
 }
 
-function image(shown, [west, east, south, north], smooth) {
+function image(shown, [west, east, south, north]) {
   const [left, top] = pixel([west, north]), [right, bottom] = pixel([east, south]);
-  pen.imageSmoothingEnabled = smooth;
+  pen.imageSmoothingEnabled = false;
   pen.drawImage(shown, left, top, right - left, bottom - top);
 }
 

@@ -81,7 +81,7 @@ function take(ring, isArea, more = []) {
   return done();
 }
 
-export function save(name, text) {
+function save(name, text) {
   const link = element("a", { href: URL.createObjectURL(new Blob([text], { type: "text/yaml" })), download: name });
   link.click();
   URL.revokeObjectURL(link.href);

@@ -6,7 +6,7 @@ import { fixed, language, said, t } from "./texts.js";
 import { request, sections, who } from "./link.js";
 import { chart } from "./chart.js";
 import { checks } from "./checks.js";
-import { field, fieldFile, fieldIsUsed, hasDraft, renderFiles, renderOutline, save, startOutline } from "./outline.js";
+import { field, fieldFile, fieldIsUsed, hasDraft, renderFiles, renderOutline, startOutline } from "./outline.js";
 import { $, button, duration, element, fill, setText, slide } from "./widgets.js";
 
 export { addCorner, drawingBar } from "./outline.js";
@@ -30,11 +30,6 @@ export function dwellWords(text = "") {
   const [kind, amount] = text.split(":");
   if (kind === "fmi") return t("dwell_words_fmi", { n: Number(amount) });
   return kind === "ami" ? t("dwell_words_ami", { error: fixed(+(parseFloat(amount) * (text.endsWith("%") ? 1 : 100)).toPrecision(3), 1) }) : t("dwell_words_optimal");
-}
-
-function stops() {
-  const kind = value("drives");
-  return kind === "free" ? undefined : { kind, spacing_m: number("spacing"), rows_m: number("rows"), heading_deg: number("heading") };
 }
 
 // What is changed with "change": what differs from what the planner has.
@@ -76,7 +71,7 @@ async function forecast(event) {
   busy = true;
   page.render();
   found = await request("plan", {
-    task: "forecast", ...field(), hours: number("hours"), strategy: value("strategy"), dwell: dwellText(), stops: stops(),
+    task: "forecast", ...field(), hours: number("hours"), strategy: value("strategy"), dwell: dwellText(),
     until_sd: ofMoisture() ? 0 : number("good") / 100, until_gain: number("gain"),
     variation: number("variation") / 100, rate_cps: sections.map?.layers?.find((one) => one.key === "rate")?.mean,
   });
@@ -84,13 +79,6 @@ async function forecast(event) {
   if (found.error) { page.notice(said(found.error), true); found = null; }
   page.render();
   if (found) $("forecast-part").scrollIntoView({ block: "nearest" });
-}
-
-async function travelMap() {
-  const answer = await request("plan", { task: "map", ...field(), stops: stops() });
-  if (answer.error) { page.notice(said(answer.error), true); return; }
-  save("map.yaml", answer.file);
-  page.notice(said(answer.summary));
 }
 
 // Knowledge from before -------------------------------------------------------------------------------------------------
@@ -148,13 +136,7 @@ function makeForm() {
     element("details", {}, element("summary", {}, t("plan_more")),
       part("plan-more",
         ...input("good", "", { step: "any", min: "0", placeholder: t("never") }),
-        ...input("gain", t("plan_gain"), { step: "any", min: "0", placeholder: t("never") }),
-        ...choice("drives", t("plan_drives"), ["free", "lattice", "rows"].map((key) => [key, t(`drives_${key}`)])),
-        part("plan-drives-part",
-          ...input("rows", t("plan_rows"), { step: "any", min: "0.2", value: "3" }),
-          ...input("heading", t("plan_heading"), { step: "any", min: "-360", max: "360", value: "0" }),
-          ...input("spacing", t("plan_spacing"), { step: "any", min: "1", value: "10" }),
-          button(t("download_stops"), travelMap)))),
+        ...input("gain", t("plan_gain"), { step: "any", min: "0", placeholder: t("never") }))),
     ...input("variation", t("plan_variation"), { step: "1", min: "1", max: "100", value: "12" }),
     ...input("wanted", t("plan_wanted"), { step: "0.1", min: "0.1", value: "5" }),
     element("button", { type: "submit", id: "plan-run", class: "primary" }, t("try")));
@@ -184,12 +166,6 @@ function renderForm() {
   if (amount) setText(document.querySelector("label[for=plan-dwell-by]"), t(`dwell_by_${value("dwell")}`));
   if (amount && !value("dwell-by")) $("plan-dwell-by").value = amount;
   setText(document.querySelector("label[for=plan-good]"), t(ofMoisture() ? "plan_good_vwc" : "plan_good_rate"));
-  const drives = value("drives");
-  $("plan-drives-part").hidden = drives === "free";
-  for (const name of ["rows", "heading"]) for (const node of [$(`plan-${name}`), document.querySelector(`label[for=plan-${name}]`)]) node.hidden = drives !== "rows";
-  setText(document.querySelector("label[for=plan-drives]"), t("plan_drives"));
-  setText($("plan-drives-part").lastElementChild, t("download_stops"));
-  setText("plan-drives-about", t(drives === "free" ? "drives_free_about" : "drives_stops_about"));
 }
 
 export function renderPlan() {

@@ -4,7 +4,7 @@
 
 import { fixed, forPerson, language, languages, loadRare, said, t } from "./texts.js";
 import { command, connect, connected, emergency, listen, lost, nowS, sections, silence, takeControls, valuesAt } from "./link.js";
-import { draft, draw, fade, fit, insideOf, load, mark, onPlace, showLayer, shownLayer, showRobot, zoom } from "./map.js";
+import { draft, draw, fit, insideOf, load, mark, onPlace, showLayer, shownLayer, showRobot, zoom } from "./map.js";
 import { addCorner, drawingBar, dwellWords, know, renderPlan, showChoices, startPlan } from "./plan.js";
 import { renderResults, reportSince, showRuns, startResults } from "./results.js";
 import { $, button, duration, element, fill, guard, metres, setText, slide } from "./widgets.js";
@@ -396,9 +396,6 @@ function renderMap() {
     return node;
   }));
   const one = layers.find((each) => each.key === shownLayer());
-  $("fade-part").hidden = !sections.background?.version;
-  $("photo-error").hidden = !sections.background?.error;
-  setText("photo-error", sections.background?.error ? t("no_photo", { why: said(sections.background.error) }) : "");
   $("legend").hidden = !one && Boolean(sections.field) === false;
   fill("legend", [one ?? "none", sections.doubts], () => {
     if (!one) return [element("span", {}, t("no_map"))];
@@ -504,8 +501,6 @@ $("place-close").addEventListener("click", leave);
 $("zoom-in").addEventListener("click", () => zoom(1.4));
 $("zoom-out").addEventListener("click", () => zoom(1 / 1.4));
 $("zoom-fit").addEventListener("click", fit);
-$("fade").value = localStorage.getItem("fade") ?? 70;
-$("fade").addEventListener("input", () => fade(Number($("fade").value)));
 $("who").value = localStorage.getItem("who") || "";
 $("who").addEventListener("change", () => localStorage.setItem("who", $("who").value));
 settingsForm();
