@@ -25,8 +25,6 @@ from soilmoist_ros.nodes.launching import (
     TOPICS,
     LastWords,
     enclave,
-    foxglove_bridge,
-    foxglove_wanted,
     parameter_files,
     parameters_from,
     property_argument,
@@ -69,8 +67,6 @@ PROPERTY = (
 JOURNAL = "folder of the mission's journal, which survives a power cut (empty: as in params_file, or OUT/journal)"
 CONSOLE = "true: the operator's page is served, on port 8050 of this computer unless params_file says otherwise"
 REMAP = "further topics and services by other names: FROM:=TO,FROM:=TO, such as /tf:=tf,/tf_static:=tf_static"
-FOXGLOVE = "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove"
-FOXGLOVE_HOST = "address on which foxglove_bridge listens; 0.0.0.0 for all networks, from where it can steer"
 RESPAWN = (
     "true: nodes that crash start again, with the map and the mission that they had; bad input ends the launch"
 )
@@ -95,9 +91,6 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("enclaves", default_value="", description=ENCLAVES),
             DeclareLaunchArgument("record", default_value="true", description="false: nothing is recorded"),
             DeclareLaunchArgument("console", default_value="false", description=CONSOLE),
-            DeclareLaunchArgument("foxglove", default_value="false", description=FOXGLOVE),
-            DeclareLaunchArgument("foxglove_host", default_value="127.0.0.1", description=FOXGLOVE_HOST),
-            DeclareLaunchArgument("foxglove_port", default_value="8765", description="TCP port for Foxglove"),
             DeclareLaunchArgument("respawn", default_value="true", description=RESPAWN),
             DeclareLaunchArgument("autostart", default_value="false", description=AUTOSTART),
             DeclareLaunchArgument(
@@ -105,7 +98,6 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument("journal_dir", default_value="", description=JOURNAL),
             DeclareLaunchArgument("property", default_value="", description=PROPERTY),
-            DeclareLaunchArgument("properties", default_value="", description="old name of the argument property"),
             *(
                 DeclareLaunchArgument(name, default_value="", description=f"{text} (empty: as in params_file)")
                 for name, text in PARAMETERS.items()
@@ -142,7 +134,7 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     if flag("console"):
         values["console"] = parameters_from("console", arguments)
         values["console"] |= {"runs": arguments["out"]} if arguments["out"] else {}
-    properties = property_argument(given("property"), "properties", given("properties"))
+    properties = property_argument(given("property"))
     if properties:
         values["planner"] |= parameters_from("planner", {"properties": str(properties)})
     values["planner"] |= {name: flag(name) for name in ("autostart", "exit_when_finished")}
@@ -172,7 +164,6 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     ends = end_all if flag("exit_when_finished") else None
     return [
         RegisterEventHandler(OnProcessIO(on_stderr=last_words.hear)),
-        *([bridge(context)] if foxglove_wanted(given("foxglove")) else []),
         *(
             Node(
                 package="soilmoist_ros",
@@ -192,22 +183,6 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             for node, namespace, own, parameters, renamed in started
         ),
     ]
-
-
-def bridge(context: LaunchContext) -> Node:
-    """The node foxglove_bridge of another package."""
-    host, port, namespace, simulated = (
-        LaunchConfiguration(name).perform(context)
-        for name in ("foxglove_host", "foxglove_port", "namespace", "use_sim_time")
-    )
-    return Node(
-        package="foxglove_bridge",
-        executable="foxglove_bridge",
-        name="foxglove_bridge",
-        namespace=namespace,
-        parameters=[{**foxglove_bridge(host, port), "use_sim_time": simulated.lower() in ("true", "1")}],
-        output="screen",
-    )
 
 
 def end_all(code: int) -> list[Shutdown]:

@@ -35,8 +35,6 @@ from soilmoist_ros.nodes.demo import DemoSettings, node_name, shared_mapper, wri
 from soilmoist_ros.nodes.launching import (
     LastWords,
     enclave,
-    foxglove_bridge,
-    foxglove_wanted,
     parameter_files,
     parameters_from,
     property_argument,
@@ -81,9 +79,6 @@ MISSION = {
         "prefix of the nodes' security enclaves, /soilmoist with a keystore of scripts/keystore --rehearsal; "
         "empty: none",
     ),
-    "foxglove": ("false", "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove"),
-    "foxglove_host": ("127.0.0.1", "address on which foxglove_bridge listens"),
-    "foxglove_port": ("8765", "TCP port for Foxglove"),
 }
 
 PROPERTY = "further properties that are counted and mapped, such as rough:0.5,ridge: FIELD[:WEIGHT] to simulate"
@@ -99,10 +94,6 @@ def generate_launch_description() -> LaunchDescription:
                 for name, (default, text) in (SIMULATOR | MISSION).items()
             ),
             DeclareLaunchArgument("property", default_value="", description=PROPERTY),
-            DeclareLaunchArgument("also", default_value="", description="old name of the argument property"),
-            DeclareLaunchArgument(
-                "also_weight", default_value="1", description="old name of the weight in property"
-            ),
             DeclareLaunchArgument("out", default_value=out, description="folder for all results"),
             OpaqueFunction(function=system),
         ]
@@ -165,18 +156,6 @@ def team(
 
     last_words = LastWords()
     nodes: list[LaunchDescriptionEntity] = [RegisterEventHandler(OnProcessIO(on_stderr=last_words.hear))]
-    if foxglove_wanted(given("foxglove")):
-        viewer = foxglove_bridge(given("foxglove_host"), given("foxglove_port"))
-        nodes.append(
-            Node(
-                package="foxglove_bridge",
-                executable="foxglove_bridge",
-                name="foxglove_bridge",
-                namespace="",
-                parameters=[{**viewer, "use_sim_time": True}],
-                output="screen",
-            )
-        )
     for name, path in files.items():
         namespace, _, node = name.rpartition("/")
         if node == "recorder" and not flag("record"):
@@ -209,8 +188,7 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
-    old = f"{given('also')}:{given('also_weight')}" if given("also") else ""
-    properties = tuple(map(PropertySettings.parse, property_argument(given("property"), "also", old)))
+    properties = tuple(map(PropertySettings.parse, property_argument(given("property"))))
     field = mission_fields(MissionSettings(field=given("field"), properties=properties))[0]
     out = Path(given("out")).absolute()
     single = given("robots") == "1"

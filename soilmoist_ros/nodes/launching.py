@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from ament_index_python.packages import PackageNotFoundError, get_package_prefix
-
 from soilmoist_ros.foundation import InputError, Mistake, did_you_mean, parse_yaml
 from soilmoist_ros.nodes.parameters import Value, check_values
 
@@ -119,20 +117,13 @@ def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]
     return {name: values[name] for name in given}
 
 
-def property_argument(given: str, old_name: str, old: str) -> list[str]:
+def property_argument(given: str) -> list[str]:
     """Items of the argument ``property``: ``NAME[:WEIGHT]``, separated by commas.
 
-    >>> property_argument("compaction:2, salt", "properties", "")
+    >>> property_argument("compaction:2, salt")
     ['compaction:2', 'salt']
     """
-    if old and given:
-        raise InputError(f"{old_name} is the old name of property, and both are given", f"leave out {old_name}")
-    if old:
-        print(
-            f"warning: {old_name} is called property now; the old name is read in this release only",
-            file=sys.stderr,
-        )
-    return [item.strip() for item in (given or old).strip("[] ").split(",") if item.strip()]
+    return [item.strip() for item in given.strip("[] ").split(",") if item.strip()]
 
 
 def remappings(topics: Mapping[str, str], further: str = "") -> list[tuple[str, str]]:
@@ -160,30 +151,6 @@ def enclave(prefix: str, namespace: str, node: str) -> list[str]:
     return (
         ["--enclave", "/".join(filter(None, [prefix.rstrip("/"), namespace.strip("/"), node]))] if prefix else []
     )
-
-
-def foxglove_wanted(choice: str) -> bool:
-    """True if ``foxglove_bridge`` is to serve the viewer Foxglove."""
-    if choice.lower() not in ("false", "0", "true", "1"):
-        raise InputError(
-            f"foxglove: {choice!r} is no choice",
-            "choose true (the node foxglove_bridge serves the viewer) or false; the console serves it no longer",
-        )
-    return choice.lower() in ("true", "1")
-
-
-def foxglove_bridge(host: str, port: str) -> dict[str, Value]:
-    """Parameters of the node ``foxglove_bridge``."""
-    try:
-        get_package_prefix("foxglove_bridge")
-    except (PackageNotFoundError, OSError):  # OSError: no AMENT_PREFIX_PATH
-        raise InputError(
-            "foxglove:=true needs the package foxglove_bridge, which is not installed",
-            "sudo apt install ros-jazzy-foxglove-bridge",
-        ) from None
-    if not port.isdigit() or not 0 < int(port) < 65536:
-        raise InputError(f"{port!r} is no TCP port", "the usual one is foxglove_port:=8765")
-    return {"address": host, "port": int(port)}
 
 
 def _value(text: str) -> Any:

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import sys
 from pathlib import Path
 
@@ -133,19 +132,6 @@ def test_each_further_property_has_a_mapper_of_its_own(monkeypatch, seen, tmp_pa
         stand_in.start(ROBOT, monkeypatch, {"property": "compaction:much"})
 
 
-def test_old_names_of_the_argument_property_are_read_with_a_warning(monkeypatch, seen, tmp_path, capsys):
-    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"properties": "[compaction:2, /salt]"}))
-    assert seen(nodes["planner"])["properties"] == ["compaction:2", "/salt"]
-    assert "properties is called property now" in capsys.readouterr().err
-    given = {"also": "rough", "also_weight": "0.5", "out": str(tmp_path)}
-    nodes = by_name(stand_in.start(SIMULATION, monkeypatch, given))
-    assert seen(nodes["field_simulator"])["properties"] == ["rough"]
-    assert seen(nodes["planner"])["properties"] == ["rough:0.5"]
-    assert "also is called property now" in capsys.readouterr().err
-    with pytest.raises(InputError, match="also is the old name of property, and both are given"):
-        stand_in.start(SIMULATION, monkeypatch, {**given, "property": "rough"})
-
-
 def test_the_journal_is_where_a_restart_finds_it(monkeypatch, seen, tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"journal_dir": "/data/journal"}}}))
@@ -172,33 +158,6 @@ def test_the_map_of_an_interrupted_mission_goes_on(monkeypatch, seen, tmp_path):
     mappers = [seen(one) for one in stand_in.start(ROBOT, monkeypatch, given) if one.executable == "mapper"]
     assert {values["start_from"] for values in mappers} == {str(tmp_path)}
     assert [values["start_property"] for values in mappers] == ["", "compaction", "/salt"]
-
-
-def installed(name, prefix, monkeypatch):
-    """Make a package known to the ament index."""
-    marker = prefix / "share" / "ament_index" / "resource_index" / "packages" / name
-    marker.parent.mkdir(parents=True)
-    marker.touch()
-    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{prefix}:{os.environ.get('AMENT_PREFIX_PATH', '')}")
-
-
-def test_foxglove_bridge_is_started_on_demand_on_this_computer_only(tmp_path, monkeypatch):
-    with pytest.raises(InputError, match=r"foxglove_bridge, which is not installed.*ros-jazzy-foxglove-bridge"):
-        stand_in.start(ROBOT, monkeypatch, {"foxglove": "true"})
-    installed("foxglove_bridge", tmp_path / "prefix", monkeypatch)
-    team = {"robots": "2", "out": str(tmp_path / "run")}
-    for path, more in ((ROBOT, {"namespace": "r1"}), (SIMULATION, team)):
-        nodes = stand_in.start(path, monkeypatch, {"foxglove": "true", **more})
-        (bridge,) = (one for one in nodes if one.package == "foxglove_bridge")
-        simulated = path == SIMULATION
-        assert bridge.parameters == [{"address": "127.0.0.1", "port": 8765, "use_sim_time": simulated}]
-        assert bridge.namespace == more.get("namespace", "")
-        with pytest.raises(InputError, match=r"'yes' is no choice -> choose true .the node foxglove_bridge"):
-            stand_in.start(path, monkeypatch, {"foxglove": "yes", **more})
-    nodes = stand_in.start(ROBOT, monkeypatch, {"foxglove": "true", "foxglove_port": "9", "foxglove_host": "::"})
-    assert nodes[0].parameters[0].items() >= {"address": "::", "port": 9}.items()
-    with pytest.raises(InputError, match="'all' is no TCP port"):
-        stand_in.start(ROBOT, monkeypatch, {"foxglove": "true", "foxglove_port": "all"})
 
 
 def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_path):

@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter as RosParameter
 from soilmoist_ros.exploration import Cause, Response
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameter_tables import table_of
-from soilmoist_ros.nodes.parameters import NODES, OF_OTHERS, REMOVED, Parameter, Parameters
+from soilmoist_ros.nodes.parameters import NODES, Parameter, Parameters
 from soilmoist_ros.nodes.planner_parameters import WATCH_PARAMETERS, failsafe_responses
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -177,23 +177,12 @@ def test_a_live_parameter_is_set_if_its_value_is_allowed_and_used(ros):
     assert parameters.number("hours") == 4.0, "that of the start"
 
 
-def test_removed_parameters_are_named_and_ignored(ros, capfd):
-    parameters = Parameters(make(ros, backoff_s=9.0, speed_mps=2.0), TABLE)
-    assert parameters.number("speed_mps") == 2.0
-    assert "parameter backoff_s is not used any more: the wait after the first failure" in capfd.readouterr().err
-    assert {row.name for node in NODES for row in table_of(node)} & set(REMOVED) == set(OF_OTHERS)
-    assert not {row.name for row in table_of("planner")} & set(REMOVED)
-    Parameters(make(ros, max_stamp_age_s=0.0), (*TABLE, *table_of("planner")))
-    assert "parameter max_stamp_age_s is not used any more" in capfd.readouterr().err
-
-
-def test_failsafes_are_read_as_before_and_as_a_list(ros, capfd):
+def test_failsafes_are_a_list(ros):
     table = (*TABLE, *WATCH_PARAMETERS)
-    given = {"failsafe.off_route": "pause", "failsafe.battery_low": "warn", "failsafes": ["battery_low: abort"]}
-    responses = failsafe_responses(Parameters(make(ros, **given), table))
+    given = ["off_route:pause", "battery_low: abort"]
+    responses = failsafe_responses(Parameters(make(ros, failsafes=given), table))
     assert (responses[Cause.OFF_ROUTE], responses[Cause.BATTERY_LOW]) == (Response.PAUSE, Response.ABORT)
     assert responses[Cause.MOVING] is Response.PAUSE
-    assert "set failsafes: [battery_low:warn, off_route:pause]" in capfd.readouterr().err
     for wrong in ("ofroute:pause", "off_route:paus", "off_route"):
         with pytest.raises(InputError, match="write CAUSE:RESPONSE"):
             failsafe_responses(Parameters(make(ros, failsafes=[wrong]), table))
