@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``soil_map`` and ``change``: organised PointCloud2; ``uncertainty`` and the keep-out mask: OccupancyGrid.
+"""``soil_map``: organised PointCloud2; ``uncertainty`` and the keep-out mask: OccupancyGrid.
 
 All have the rows and columns of the field's grid: rows from south to north, columns from west to east.
 """
@@ -19,15 +19,9 @@ from std_msgs.msg import Header
 
 from msg_adapters.point_cloud import FRAME, points_from_message, points_to_message, to_time
 from soilmoist_ros.exploration import KeepoutMask
-from soilmoist_ros.mapping import CELL, Bands, FieldChange, FieldGrid, SoilMap, map_cells, placed_cells
+from soilmoist_ros.mapping import CELL, Bands, FieldGrid, SoilMap, map_cells
 
 _ADDED: Final = Bands._fields[4:]
-CHANGE: Final = {
-    "change_rate": "rate", "change_rate_sd": "rate_sd", "change_vwc": "vwc", "change_vwc_sd": "vwc_sd",
-    "significant": "significant",
-}  # fmt: skip
-"""Fields of ``change``, and the rasters of :class:`FieldChange` that they have."""
-CHANGE_CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *CHANGE)])
 OUTSIDE: Final = -1  # uncertainty of a cell outside the field
 KEEPOUT_TYPE: Final = 0  # number of the keep-out filter among the filters of Nav2
 
@@ -53,22 +47,6 @@ def soil_map_from_message(message: PointCloud2) -> NDArray[Any]:
     for name in known.names or ():
         cells[name] = found[name]
     return cells
-
-
-def change_to_message(
-    grid: FieldGrid, change: FieldChange | None, stamp_s: float, frame_id: str = FRAME
-) -> PointCloud2:
-    """Message of a change since an earlier survey, rounded to 32 bits; NaN without one."""
-    cells = placed_cells(grid, CHANGE_CELL)
-    if change is not None:
-        for name, raster in CHANGE.items():
-            cells[name] = getattr(change, raster)
-    return points_to_message(cells, stamp_s, frame_id)
-
-
-def change_from_message(message: PointCloud2) -> NDArray[Any]:
-    """Cells of a message: array of :data:`CHANGE_CELL`, shape (rows, columns), NaN outside the field."""
-    return points_from_message(message, CHANGE_CELL)
 
 
 def uncertainty_to_message(

@@ -18,12 +18,6 @@ from soilmoist_ros.sensing import CountRecord, Site
 Array = NDArray[np.float64]
 
 _COLOURS: Final = 127
-_PALE: Final = 0.3
-"""Strength of the colour of a change that may be chance."""
-_DRIER_TO_WETTER: Final = np.array(
-    [(84, 48, 5), (166, 97, 26), (223, 194, 125), (245, 245, 245), (128, 205, 193), (1, 133, 113), (0, 60, 48)],
-    float,
-)
 _CERTAIN_TO_NOT: Final = np.array(
     [(247, 244, 249), (221, 199, 226), (201, 148, 199), (206, 76, 152), (160, 20, 90), (90, 0, 60)], float
 )
@@ -41,19 +35,12 @@ class PageLayer(NamedTuple):
         """Factor from the band to its unit on the page: moisture is in % by volume."""
         return 100.0 if "vwc" in self.key else 1.0
 
-    @property
-    def is_change(self) -> bool:
-        """True if 0 is in the middle of the colours, and what may be chance is pale."""
-        return self.key.startswith("change")
-
 
 LAYERS: Final = (
     PageLayer("vwc", DRY_TO_WET),
     PageLayer("vwc_sd", _CERTAIN_TO_NOT),
     PageLayer("rate", DRY_TO_WET[::-1]),
     PageLayer("rate_sd", _CERTAIN_TO_NOT),
-    PageLayer("change_vwc", _DRIER_TO_WETTER),
-    PageLayer("change_rate", _DRIER_TO_WETTER[::-1]),
 )
 
 
@@ -61,19 +48,12 @@ class MapLayers:
     """One map, cut to the field; never changed.
 
     :param cells: fields x, y and the bands, shape (rows, columns), south first, NaN outside the field
-    :param change: fields of a change since an earlier survey in the same cells, if there is one
     :param widest: limits of the colours so far, by layer, which are widened here; so a colour keeps its meaning
     """
 
     def __init__(
-        self,
-        cells: NDArray[Any],
-        version: int,
-        change: NDArray[Any] | None = None,
-        widest: dict[str, tuple[float, float]] | None = None,
+        self, cells: NDArray[Any], version: int, widest: dict[str, tuple[float, float]] | None = None
     ) -> None:
-        if change is not None and change.shape == cells.shape:
-            cells = _joined(cells, change)
         inside = np.isfinite(cells["x"]) & np.isfinite(cells["y"])
         rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
         self.version = version
@@ -97,11 +77,11 @@ class MapLayers:
         self.extent = [round(edge, 3) for edge in (west - half, east + half, south - half, north + half)]
 
     @classmethod
-    def after(cls, before: MapLayers | None, cells: NDArray[Any], change: NDArray[Any] | None = None) -> MapLayers:
+    def after(cls, before: MapLayers | None, cells: NDArray[Any]) -> MapLayers:
         """The next version of a map, in limits that only widen; the first one after ``None``."""
         if before is None:
-            return cls(cells, 1, change)
-        return cls(cells, before.version + 1, change, before.widest)
+            return cls(cells, 1)
+        return cls(cells, before.version + 1, before.widest)
 
     @property
     def about(self) -> dict[str, Any]:
@@ -132,9 +112,6 @@ class MapLayers:
             share = np.clip((values - low) / (high - low), 0, 1) if high > low else np.full(values.shape, 0.5)
             palette = between(layer.colours, np.linspace(0, 1, _COLOURS))
             index = np.rint(np.where(np.isfinite(values), share, 0.0) * (_COLOURS - 1))
-            if layer.is_change:  # the second half of the palette is pale
-                palette = np.concatenate([palette, np.rint(255 - _PALE * (255.0 - palette)).astype(np.uint8)])
-                index += _COLOURS * (self._cells["significant"] == 0)
             index[~np.isfinite(values)] = len(palette)
             self._pictures[key] = palette_png(index[::-1], palette)
         return self._pictures[key]
@@ -153,30 +130,12 @@ class MapLayers:
         return {name: float(f"{cell[name]:.5g}") for name in bands if math.isfinite(cell[name])}
 
     def _has(self, layer: PageLayer) -> bool:
-        if layer.key == "change_rate" and self._has_values("change_vwc"):  # one change is enough
-            return False
-        return self._has_values(layer.key)
-
-    def _has_values(self, key: str) -> bool:
-        names = self._cells.dtype.names or ()
-        return key in names and bool(np.isfinite(self._cells[key]).any())
+        return bool(np.isfinite(self._cells[layer.key]).any())
 
     def _limits(self, layer: PageLayer) -> tuple[float, float]:
         """Quantiles, so that a few outliers have no effect."""
-        values = np.asarray(self._cells[layer.key], float)
-        if layer.is_change:
-            most = float(np.nanquantile(np.abs(values), 0.98))
-            return -most, most
-        low, high = np.nanquantile(values, (0.02, 0.98))
+        low, high = np.nanquantile(np.asarray(self._cells[layer.key], float), (0.02, 0.98))
         return float(low), float(high)
-
-
-def _joined(cells: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
-    added = [name for name in more.dtype.names or () if name not in (cells.dtype.names or ())]
-    joined = np.empty(cells.shape, [*cells.dtype.descr, *((name, more.dtype[name].str) for name in added)])
-    for name in joined.dtype.names or ():
-        joined[name] = (more if name in added else cells)[name]
-    return joined
 
 
 def live_dose(

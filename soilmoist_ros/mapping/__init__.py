@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.records import Skip as Skip, StampLimits as StampLimits, survey_samples as survey_samples
     from soilmoist_ros.mapping.samples import Samples as Samples, spatial_blocks as spatial_blocks
     from soilmoist_ros.mapping.several_surveys import FieldChange as FieldChange, JointKriging as JointKriging, Persistence as Persistence, SurveysEstimate as SurveysEstimate, field_change as field_change, mean_places as mean_places, moisture_slope as moisture_slope
-    from soilmoist_ros.mapping.soil_map import CELL as CELL, Bands as Bands, SoilMap as SoilMap, common_rate_sd as common_rate_sd, level_of as level_of, make_bands as make_bands, make_soil_map as make_soil_map, map_cells as map_cells, moisture_terms as moisture_terms, placed_cells as placed_cells, possible_moisture as possible_moisture
+    from soilmoist_ros.mapping.soil_map import CELL as CELL, Bands as Bands, SoilMap as SoilMap, common_rate_sd as common_rate_sd, level_of as level_of, make_bands as make_bands, make_soil_map as make_soil_map, map_cells as map_cells, moisture_terms as moisture_terms, possible_moisture as possible_moisture
     from soilmoist_ros.mapping.variogram.field_prior import Effect as Effect, FieldPrior as FieldPrior
     from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior as FarmPrior, FarmSurvey as FarmSurvey
     from soilmoist_ros.mapping.variogram.fit import FitMethod as FitMethod, NoiseModel as NoiseModel, VariogramFit as VariogramFit, estimate_variogram as estimate_variogram, fit_variogram as fit_variogram
@@ -61,7 +61,7 @@ __getattr__, __dir__, __all__ = open_door(
         "records": "Skip StampLimits survey_samples",
         "samples": "Samples spatial_blocks",
         "several_surveys": "FieldChange JointKriging Persistence SurveysEstimate field_change mean_places moisture_slope",
-        "soil_map": "Bands CELL SoilMap common_rate_sd level_of make_bands make_soil_map map_cells moisture_terms placed_cells possible_moisture",
+        "soil_map": "Bands CELL SoilMap common_rate_sd level_of make_bands make_soil_map map_cells moisture_terms possible_moisture",
         "variogram.field_prior": "Effect FieldPrior",
         "variogram.farm_prior": "FarmPrior FarmSurvey",
         "variogram.fit": "FitMethod NoiseModel VariogramFit estimate_variogram fit_variogram",

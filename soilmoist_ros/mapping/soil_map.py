@@ -393,18 +393,12 @@ def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
     :param soil_map: the map on this grid; without a map all bands are NaN
     :returns: array of :data:`CELL`, shape (rows, columns); a cell outside the field is all NaN
     """
-    cells = placed_cells(grid, CELL)
-    if soil_map is not None:
-        for name in Bands._fields:
-            cells[name] = getattr(soil_map, name)
-    return cells
-
-
-def placed_cells(grid: FieldGrid, kind: np.dtype[Any]) -> NDArray[Any]:
-    """Cells of a kind with their places, else NaN, shape (rows, columns)."""
-    cells = np.full(grid.shape, np.nan, kind)
+    cells = np.full(grid.shape, np.nan, CELL)
     row, column = np.nonzero(grid.mask)
     cells["x"][row, column] = grid.x_m[column]
     cells["y"][row, column] = grid.y_m[row]
     cells["z"][row, column] = 0.0
+    if soil_map is not None:
+        for name in Bands._fields:
+            cells[name] = getattr(soil_map, name)
     return cells

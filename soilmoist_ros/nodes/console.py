@@ -16,7 +16,6 @@ from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Path as PathMessage
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import Bool, String
@@ -24,7 +23,6 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import (
     battery_from_message,
-    change_from_message,
     diagnostics_from_message,
     health_from_status,
     mission_from_message,
@@ -84,7 +82,6 @@ class Console(Node):
         self._chosen: dict[str, str] = {}
         self._board, self._faults = Board(), Faults(self)
         self._picture: MapLayers | None = None
-        self._cells: dict[str, NDArray[Any]] = {}
         self._dose_parts: dict[str, Any] = {}
         self._doses: Batches[dict[str, Any]] = Batches(self._show_dose, "dose", rest_s=DOSE_PAUSE_S)
         self._health: dict[str, tuple[Health, float]] = {}
@@ -135,7 +132,6 @@ class Console(Node):
             hear(BatteryState, "battery_state", self._on_battery, SENSOR, robot)
             hear(PathMessage, "plan", self._on_plan, LATCHED, robot)
         hear(PointCloud2, "soil_map", self._on_map, LATCHED)
-        hear(PointCloud2, "change", self._on_change, LATCHED)
         hear(PointCloud2, "samples", self._on_samples, LATCHED)
         hear(String, "model", lambda message: self._hear_dose(model=message), LATCHED)
         hear(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
@@ -199,19 +195,11 @@ class Console(Node):
         self._visits.add((visit.x_m, visit.y_m))
 
     def _on_map(self, message: PointCloud2) -> None:
-        self._cells["map"] = soil_map_from_message(message)
-        self._show_map()
-        self._board.hear("map")
-        self._hear_dose(map=(self._cells["map"], to_seconds(message.header.stamp)))
-
-    def _on_change(self, message: PointCloud2) -> None:
-        self._cells["change"] = change_from_message(message)
-        if "map" in self._cells:
-            self._show_map()
-
-    def _show_map(self) -> None:
-        self._picture = MapLayers.after(self._picture, self._cells["map"], self._cells.get("change"))
+        cells = soil_map_from_message(message)
+        self._picture = MapLayers.after(self._picture, cells)
         self._board.put("map", self._picture.about)
+        self._board.hear("map")
+        self._hear_dose(map=(cells, to_seconds(message.header.stamp)))
 
     def _on_samples(self, message: PointCloud2) -> None:
         samples = samples_from_message(message)

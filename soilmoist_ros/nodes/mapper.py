@@ -24,7 +24,6 @@ from std_srvs.srv import Trigger
 from msg_adapters import (
     Model,
     OtherFrameError,
-    change_to_message,
     counts_from_message,
     counts_to_messages,
     diagnostics_to_message,
@@ -41,7 +40,7 @@ from soilmoist_ros.nodes.parameter_tables import MAPPER as PARAMETERS
 from soilmoist_ros.nodes.parameter_tables import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.parameters import Parameters, Value, other_namespaces
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, VISITS, every, interface_class, ros_now_s
-from soilmoist_ros.pipeline import FieldSurvey, open_survey, run_change
+from soilmoist_ros.pipeline import open_survey
 from soilmoist_ros.recording import (
     HELD,
     LIST_S,
@@ -55,7 +54,7 @@ from soilmoist_ros.recording import (
     quarantined_topic,
     read_earlier,
 )
-from soilmoist_ros.reporting import change_summary, write_outputs
+from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt
 
 __all__ = ["PARAMETERS", "Mapper", "main"]
@@ -63,11 +62,6 @@ __all__ = ["PARAMETERS", "Mapper", "main"]
 _POLL_S: Final = 1.0
 _FLUSH_S: Final = 5.0
 _SLICE: Final = 500  # records that are added at a time, so that reports and services need not wait for a flood
-CHANGE_PAUSE_S: Final = 5.0  # shortest time from one change to the next [s]
-CHANGE_PART: Final = "change"
-_Queued = tuple[FieldSurvey, SoilMap | None, float]
-"""A map, the field that it is of, and the end of its last record [s since 1970-01-01 UTC]."""
-NO_CHANGE_YET: Final = Health(CHANGE_PART, Level.OK, "waiting for enough samples for a map")
 _REPEAT: Final = 6  # one of this many unchanged lists is published, for receivers that have lost one
 _SETTLED: Final = 3
 """Unchanged lists before one more is published: other mappers skip spans with records of the last seconds."""
@@ -105,7 +99,6 @@ class Mapper(Node):
         self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         self._publish_summary = self._summary_publisher()
-        self._change = ChangeOutput(self, self._survey, self._frame)
         self._worker = MapWorker(self._online.compute, self._publish)
         # The planner needs the cell size before the first map.
         self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
@@ -171,7 +164,6 @@ class Mapper(Node):
             self._survey, self._online = survey, survey.map
             self._exchange.field = survey.field
             self._records.use(self._online)
-            self._change.use(survey)
             self._worker = MapWorker(self._online.compute, self._publish)
             state = self._online.state
         self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
@@ -250,7 +242,6 @@ class Mapper(Node):
         self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))
         self._uncertainty.publish(uncertainty_to_message(grid, soil_map, stamp_s, frame))
         self._publish_summary(state, soil_map)
-        self._change.put(soil_map, stamp_s)
 
     def _summary_publisher(self) -> Callable[[MapState, SoilMap | None], None]:
         try:
@@ -287,7 +278,7 @@ class Mapper(Node):
         now_s = ros_now_s(self)
         with self._guard:
             parts = [map_health(self._online, self._worker, now_s), *self._survey.health(self._online.state)]
-        parts += [*self._change.health, *self._exchange.health]
+        parts += self._exchange.health
         lost = f"{self._arrived.lost} messages with counts came too fast" if self._arrived.lost else ""
         faults = {"records": self._sources.problem, "field": self._refused, "messages": lost}
         parts += [Health(name, Level.ERROR, fault) for name, fault in faults.items() if fault]
@@ -298,53 +289,7 @@ class Mapper(Node):
         self._aside.close()
         self._arrived.close()
         self._worker.close()
-        self._change.close()
         self._sources.close()
-
-
-# The change of the field since an earlier survey, while the map grows: the topic ``change`` of a mapper ---------
-
-
-class ChangeOutput:
-    """Computes the change of the newest map in a thread, and publishes it; nothing without an earlier survey."""
-
-    def __init__(self, node: Node, survey: FieldSurvey, frame: str) -> None:
-        self._survey, self._frame = survey, frame
-        self._publisher = node.create_publisher(PointCloud2, "change", LATCHED)
-        self._said = NO_CHANGE_YET
-        self._maps: Batches[_Queued] = Batches(self._compute, CHANGE_PART, rest_s=CHANGE_PAUSE_S)
-
-    @property
-    def health(self) -> list[Health]:
-        """Health of the change map, with the change in words; empty without an earlier survey."""
-        return [self._said] if self._survey.earlier else []
-
-    def use(self, survey: FieldSurvey) -> None:
-        """The maps to come are of another field, or have other earlier surveys."""
-        if self._survey.earlier and not survey.earlier:
-            self._publisher.publish(change_to_message(survey.map.grid, None, 0.0, self._frame))
-        self._survey, self._said = survey, NO_CHANGE_YET
-
-    def put(self, soil_map: SoilMap | None, stamp_s: float) -> None:
-        """Compute the change of a map soon, or clear it without a map; never waits."""
-        if self._survey.earlier:
-            self._maps.put((self._survey, soil_map, stamp_s))
-
-    def close(self) -> None:
-        """Publish the change of the last map, then end."""
-        self._maps.close()
-
-    def _compute(self, maps: Sequence[_Queued]) -> None:
-        survey, soil_map, stamp_s = maps[-1]
-        found = None if soil_map is None else run_change(soil_map, stamp_s, survey.earlier)
-        change = None if found is None else found.change
-        if survey is not self._survey:  # the field was left while the map waited, or meanwhile
-            return
-        self._publisher.publish(change_to_message(survey.map.grid, change, stamp_s, self._frame))
-        if found is not None:
-            self._said = Health(CHANGE_PART, Level.OK, change_summary(found))
-        elif soil_map is not None:
-            self._said = Health(CHANGE_PART, Level.OK, "not computed: the surveys have too many samples")
 
 
 # Exchange of records between the mappers of several robots, so that none misses any for good --------------------

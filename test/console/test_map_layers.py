@@ -18,7 +18,6 @@ from soilmoist_ros.reporting import irrigation
 from soilmoist_ros.sensing import CountRecord
 
 BANDS = ("x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95")
-CHANGE_BANDS = ("change_rate", "change_rate_sd", "change_vwc", "change_vwc_sd", "significant")
 
 
 def cells(moisture=True):
@@ -48,7 +47,7 @@ def test_limits_only_widen_and_moisture_is_in_percent_by_volume():
     widest, wetter, narrow = {}, cells(), cells()
     wetter["vwc"] += 0.2
     narrow["vwc"] = narrow["vwc"] / 10 + 0.3
-    shown = [MapLayers(one, 1, None, widest).about["layers"][0] for one in (cells(), wetter, narrow)]
+    shown = [MapLayers(one, 1, widest).about["layers"][0] for one in (cells(), wetter, narrow)]
     assert {one["key"] for one in shown} == {"vwc"}
     low, high = zip(*(one["limits"] for one in shown), strict=True)
     assert low[0] == low[1] == low[2] < 5
@@ -71,23 +70,6 @@ def test_values_at_a_place_are_those_of_its_cell():
     assert layers.at(13.9, 2.1) == pytest.approx({"rate": 3.0, "rate_sd": 0.5, "vwc": 0.3, "vwc_sd": 0.05})
     for outside in ((13.0, 5.0), (9.9, 1.0), (11.0, 6.1), (float("nan"), 1.0)):
         assert layers.at(*outside) == {}
-
-
-def test_a_change_is_pale_where_it_may_be_chance():
-    change = np.full((5, 4), np.nan, [(name, "<f4") for name in ("x", "y", "z", *CHANGE_BANDS)])
-    part = change[1:4, 1:3]
-    part["change_rate"], part["change_rate_sd"] = [[-0.5, 0.5], [-0.5, 0.5], [0.0, 0.0]], 0.2
-    part["significant"] = [[-1, 1], [0, 0], [0, 0]]
-    layers = MapLayers(cells(), 1, change)
-    about = layers.about["layers"][-1]
-    assert (about["key"], about["limits"]) == ("change_rate", [-0.5, 0.5])
-    picture = imread(io.BytesIO(layers.png("change_rate")), format="png")[::-1, :, :3]
-    rate_fell, rate_rose = LAYERS[-1].colours[[0, -1]] / 255
-    assert picture[0] == pytest.approx(np.array([rate_fell, rate_rose]), abs=0.01)
-    assert (picture[1] > 0.69 + 0.3 * picture[0]).all(), "pale"
-    assert layers.at(13.0, 1.0)["significant"] == 1
-    part["change_vwc"] = 0.01
-    assert [one["key"] for one in MapLayers(cells(), 1, change).about["layers"]][-1] == "change_vwc"
 
 
 # The sentence of the dose that leads the page ------------------------------------------------------------------

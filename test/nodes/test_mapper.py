@@ -8,11 +8,7 @@ import csv
 import json
 import os
 import signal
-import threading
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
-from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -29,14 +25,11 @@ from msg_adapters.counts import counts_from_message, counts_to_message, samples_
 from msg_adapters.environment import diagnostics_from_message
 from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import FRAME, to_seconds
-from msg_adapters.soil_map import change_from_message, soil_map_from_message
+from msg_adapters.soil_map import soil_map_from_message
 from msg_adapters.soilmoist_types import map_summary_to_message
-from soilmoist_ros.mapping import EarlierSurvey, FieldGrid, FieldMap, FieldMapSettings, make_soil_map, map_cells
-from soilmoist_ros.mapping.samples import as_samples
-from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.nodes.mapper import ChangeOutput
+from soilmoist_ros.mapping import FieldMap, FieldMapSettings, map_cells
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS
-from soilmoist_ros.pipeline import EarlierRun, open_survey, run_change
+from soilmoist_ros.pipeline import open_survey
 from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
@@ -270,20 +263,13 @@ def test_an_earlier_survey_informs_the_map_and_the_report_names_it(ros, field, s
         before.map.add(replace(one, stamp_s=one.stamp_s - 7 * 86400))
     write_outputs(tmp_path / "may", before.run(before.map.snapshot()))
     records, outputs = survey_records(16), Outputs(ros)
-    changes = ros.collect(PointCloud2, "change", LATCHED)
     _, publisher = start(earlier=[str(tmp_path / "may")])
     publish(publisher, records)
     ros.wait_for(lambda: outputs.complete(records[-1].stamp_s))
-    core_survey = surveyed(field, records, earlier=[tmp_path / "may"])
-    core = core_survey.map
+    core = on_line(field, records, earlier=[tmp_path / "may"])
     of_core = core.compute(core.state)
     rate = soil_map_from_message(outputs.soil_map[-1])["rate"]
     np.testing.assert_array_equal(rate.reshape(of_core.rate.shape), of_core.rate.astype(np.float32))
-    ros.wait_for(lambda: changes and to_seconds(changes[-1].header.stamp) == records[-1].stamp_s)
-    found = run_change(of_core, records[-1].stamp_s, core_survey.earlier)
-    np.testing.assert_array_equal(
-        change_from_message(changes[-1])["change_vwc"], found.change.vwc.astype(np.float32)
-    )
     answer = ros.call(Trigger, "mapper/save")
     assert answer.success
     summary = json.loads((tmp_path / "saved" / "summary.json").read_text())
@@ -400,33 +386,3 @@ def test_records_about_another_datum_and_robots_in_one_namespace_are_named_and_n
         lambda: "several nodes publish /robot_1/counts" in values(": others")[0], message=process.output()
     )
     ros.node.destroy_publisher(own)
-
-
-# The change of a mapper's field since an earlier survey ---------------------------------------------------------
-
-SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])
-EARLIER = EarlierRun(EarlierSurvey("may", 0.0, SAMPLES), Path("may"), 0.0, [])
-
-
-def survey(west_m):
-    east_m = west_m + 20
-    grid = FieldGrid.from_polygon([(west_m, 0), (east_m, 0), (east_m, 20), (west_m, 20)], cell_m=5.0)
-    return SimpleNamespace(earlier=[EARLIER], map=SimpleNamespace(grid=grid))
-
-
-def soil_map(of):
-    return make_soil_map(SAMPLES, of.map.grid, Variogram("matern32", 0.01, 10.0, 0.3))
-
-
-def test_a_map_that_waits_when_its_field_is_left_has_no_change():
-    left, chosen, first, published = survey(0), survey(100), threading.Event(), []
-    node = MagicMock()
-    node.create_publisher.return_value.publish = lambda message: (published.append(message), first.set())
-    output = ChangeOutput(node, left, "map")
-    output.put(soil_map(left), 1e6)
-    assert first.wait(20.0)
-    output.put(soil_map(left), 2e6)  # waits until the pause after the first is over
-    output.use(chosen)
-    output.close()
-    assert [message.header.stamp.sec for message in published] == [1_000_000]
-    assert np.isfinite(change_from_message(published[0])["change_rate"]).all()

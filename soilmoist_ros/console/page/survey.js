@@ -97,23 +97,15 @@ function octagon(radius) {
 
 const percent = (share) => fixed(100 * share, 1);
 
-function changeText(values) {
-  const key = ["change_vwc", "change_rate"].find((one) => values[one] !== undefined);
-  if (!key) return "";
-  const [say, unit] = key === "change_vwc" ? [percent, t("unit_vwc")] : [(rate) => fixed(rate, 2), t("unit_rate")];
-  const sure = t(values.significant === 0 ? "chance" : "significant");
-  return `${t("change_of")} ${values[key] < 0 ? "" : "+"}${say(values[key])} ± ${say(values[`${key}_sd`])} ${unit}, ${sure}`;
-}
-
 function placeText(values) {
   if (values === undefined) return ["…", ""];
   if (values === null) return [t("no_answer"), ""];
-  const change = changeText(values), rate = values.rate === undefined ? "" : `${fixed(values.rate, 2)} ± ${fixed(values.rate_sd, 2)} ${t("unit_rate")}`;
+  const rate = values.rate === undefined ? "" : `${fixed(values.rate, 2)} ± ${fixed(values.rate_sd, 2)} ${t("unit_rate")}`;
   if (values.vwc !== undefined) {
     const range = values.vwc_p05 !== undefined ? t("range_90", { low: percent(values.vwc_p05), high: percent(values.vwc_p95) }) : "";
-    return [`${percent(values.vwc)} ± ${percent(values.vwc_sd)} ${t("unit_vwc")}`, [range, `${t("layer_rate")} ${rate}`, change].filter(Boolean).join("; ")];
+    return [`${percent(values.vwc)} ± ${percent(values.vwc_sd)} ${t("unit_vwc")}`, [range, `${t("layer_rate")} ${rate}`].filter(Boolean).join("; ")];
   }
-  return rate ? [rate, change] : [t("no_value"), ""];
+  return rate ? [rate, ""] : [t("no_value"), ""];
 }
 
 // Corners of an area without stops; as long as it is on the page, it can be lifted.
@@ -402,7 +394,7 @@ function renderMap() {
     const bar = element("canvas", { width: 190, height: 1 }), pen = bar.getContext("2d"), shade = pen.createLinearGradient(0, 0, 190, 0);
     one.colours.forEach((colour, index) => shade.addColorStop(index / (one.colours.length - 1), colour));
     pen.fillStyle = shade; pen.fillRect(0, 0, 190, 1);
-    return [element("div", {}, `${t(`layer_${one.key}`)} [${t(unitOf(one.key))}]`), bar, element("div", { class: "row" }, element("span", {}, figure(one.limits[0], one)), element("span", {}, t("mean", { value: figure(one.mean, one) })), element("span", {}, figure(one.limits[1], one))), ...(one.key.startsWith("change") ? [element("div", {}, t("change_note"))] : layers.some((each) => each.key === "vwc") ? [] : [element("div", {}, t("rate_only"))]), ...(/^vwc/.test(one.key) ? sections.doubts ?? [] : []).map((key) => element("div", {}, t(`level_${key}`)))];
+    return [element("div", {}, `${t(`layer_${one.key}`)} [${t(unitOf(one.key))}]`), bar, element("div", { class: "row" }, element("span", {}, figure(one.limits[0], one)), element("span", {}, t("mean", { value: figure(one.mean, one) })), element("span", {}, figure(one.limits[1], one))), ...(layers.some((each) => each.key === "vwc") ? [] : [element("div", {}, t("rate_only"))]), ...(/^vwc/.test(one.key) ? sections.doubts ?? [] : []).map((key) => element("div", {}, t(`level_${key}`)))];
   });
   draw();
 }
