@@ -387,11 +387,8 @@ class GuidedSurvey:
         self._visits.add((visit.x_m, visit.y_m))
         self._bag.put(*self._bag.topics.visit(visit))
 
-    def save(self, reason: str) -> None:
-        """Outputs are written at the end."""
-
     def finish(self, finish: Finish) -> None:
-        """The mission has ended."""
+        """The mission has ended; outputs are written at the end of the process."""
         self.ended = finish
         self.board.put("report", "")
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.journal import EVENT as EVENT, MissionJournal as MissionJournal, interrupted_mission as interrupted_mission, interrupted_records as interrupted_records, is_under_way as is_under_way
     from soilmoist_ros.exploration.mission.mission import Mission as Mission
     from soilmoist_ros.exploration.mission.state import state_from_json as state_from_json
-    from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD as MAX_UNTIL_SD, OTHER_ROBOT as OTHER_ROBOT, PUBLISHED_MIN_LAST_DWELL_S as PUBLISHED_MIN_LAST_DWELL_S, STATUS_COUNTS as STATUS_COUNTS, STATUS_FLAGS as STATUS_FLAGS, STATUS_FLOATS as STATUS_FLOATS, TRIGGERS as TRIGGERS, Alarm as Alarm, Changes as Changes, MissionEnd as MissionEnd, MissionRules as MissionRules, MissionStatus as MissionStatus, OnSilence as OnSilence, Phase as Phase, Polygons as Polygons, Response as Response, Verb as Verb, status_health as status_health, status_level as status_level
+    from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD as MAX_UNTIL_SD, OTHER_ROBOT as OTHER_ROBOT, PUBLISHED_MIN_LAST_DWELL_S as PUBLISHED_MIN_LAST_DWELL_S, STATUS_COUNTS as STATUS_COUNTS, STATUS_FLAGS as STATUS_FLAGS, STATUS_FLOATS as STATUS_FLOATS, TRIGGERS as TRIGGERS, Alarm as Alarm, Changes as Changes, MissionEnd as MissionEnd, MissionRules as MissionRules, MissionStatus as MissionStatus, Phase as Phase, Polygons as Polygons, Response as Response, Verb as Verb, status_health as status_health, status_level as status_level
     from soilmoist_ros.exploration.mission.visit import Visit as Visit, VisitEnd as VisitEnd
     from soilmoist_ros.exploration.navigation.goal_client import ACTIVE as ACTIVE, ENDED as ENDED, ActionStatus as ActionStatus, CancelSent as CancelSent, GoalClient as GoalClient, GoalLimits as GoalLimits, Listed as Listed, Request as Request, SendGoal as SendGoal, failure as failure, goal_mark as goal_mark, progress as progress
     from soilmoist_ros.exploration.navigation.navigator import Ended as Ended, Navigator as Navigator
@@ -73,7 +73,7 @@ __getattr__, __dir__, __all__ = open_door(
         "mission.journal": "EVENT MissionJournal interrupted_mission interrupted_records is_under_way",
         "mission.mission": "Mission",
         "mission.state": "state_from_json",
-        "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT OnSilence PUBLISHED_MIN_LAST_DWELL_S Phase Polygons Response STATUS_COUNTS STATUS_FLAGS STATUS_FLOATS TRIGGERS Verb status_health status_level",
+        "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT PUBLISHED_MIN_LAST_DWELL_S Phase Polygons Response STATUS_COUNTS STATUS_FLAGS STATUS_FLOATS TRIGGERS Verb status_health status_level",
         "mission.visit": "Visit VisitEnd",
         "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure goal_mark progress",
         "navigation.navigator": "Ended Navigator",

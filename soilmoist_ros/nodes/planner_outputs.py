@@ -112,19 +112,18 @@ class PlannerOutputs:
         name = self._node.get_fully_qualified_name()
         self._diagnostics.publish(diagnostics_to_message(parts, self.now_s(), name))
 
-    def save(self, reason: str) -> None:
-        """Ask the mappers to save, without waiting."""
+    def finish(self, finish: Finish) -> None:
+        """Handle the end of the mission: ask the mappers to save, without waiting."""
         self._saving = []
         for save in self._saves:
             if not save.service_is_ready():
-                self._node.get_logger().warning(f"the map is not saved ({reason}): there is no {save.srv_name}")
+                self._node.get_logger().warning(
+                    f"the map is not saved ({finish.reason}): there is no {save.srv_name}"
+                )
                 continue
             saving = save.call_async(Trigger.Request())
             saving.add_done_callback(self._on_saved)
             self._saving.append(saving)
-
-    def finish(self, finish: Finish) -> None:
-        """Handle the end of the mission."""
         self._leave_by_s = time.monotonic() + SAVE_LIMIT_S
 
     def wake(self) -> None:

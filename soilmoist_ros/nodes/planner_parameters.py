@@ -20,7 +20,6 @@ from soilmoist_ros.exploration import (
     Changes,
     ExplorerSettings,
     MissionRules,
-    OnSilence,
     Outside,
     Response,
     RobotMotion,
@@ -122,8 +121,6 @@ PARAMETERS: Final = (
     row("return_margin_s", 60.0, "reserve kept for the way home", "s", 0.0),
     row("min_dwell_s", 10.0, "shortest time at a stop, whatever the dwell rule says, by default one record; "
         "stops that leave less are skipped", "s", 0.0),
-    row("on_silence", "wait", "what to do when no record of a stop has come for records_old_s",
-        choices=tuple(OnSilence)),
     row("start_delay_s", 0.0, "time from the warning on the topic about_to_move, for a horn or beacon, to the "
         "first motion after a start, a pause or a hold; 0 for no warning", "s", 0.0, 60.0),
     row("autostart", False, "start the mission as soon as position, map and navigation are there"),
@@ -225,7 +222,7 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings) -> Mission
         stays=recommended, speed_mps=settings.motion.speed_mps, stop_overhead_s=settings.motion.stop_overhead_s,
         arrival_radius_m=number("arrival_radius_m"), return_margin_s=number("return_margin_s"),
         cancel_limit_s=CANCEL_LIMIT_S, silence_limit_s=number("records_old_s") or SILENCE_S,
-        on_silence=OnSilence(parameters.text("on_silence")), until_sd=number("until_sd"),
+        until_sd=number("until_sd"),
         until_gain=number("until_gain"), until=wanted(parameters),
     )  # fmt: skip
     return person_rules(rules) if parameters.text("navigator") == PERSON else rules

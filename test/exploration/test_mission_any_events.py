@@ -11,7 +11,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from soilmoist_ros.exploration import Alarm, Changes, Choice, MissionRules, OnSilence, Phase, Response, Stop, Verb
+from soilmoist_ros.exploration import Alarm, Changes, Choice, MissionRules, Phase, Response, Stop, Verb
 from soilmoist_ros.exploration.mission.events import (
     ANYBODYS,
     STILL_M,
@@ -32,11 +32,10 @@ from soilmoist_ros.exploration.mission.events import (
     RecordArrived,
     RequestPlan,
     StartCounting,
-    StopCounting,
     Tick,
     VisitDone,
 )
-from soilmoist_ros.exploration.mission.mission import Mission, step
+from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import Todo, event_from_dict, event_to_dict
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.sensing.records import CountRecord
@@ -53,7 +52,6 @@ class AnyEvents(RuleBasedStateMachine):
     @initialize(
         home=st.sampled_from([None, Stop("home", 0.0, 0.0), Stop("corner", 60.0, 0.0)]),
         dwell=st.sampled_from(["fmi:20", "ami:0.2", "ami:0.1"]),
-        on_silence=st.sampled_from(list(OnSilence)),
         budget_s=st.sampled_from([400.0, 2000.0, 20000.0]),
         failures_to_pause=st.sampled_from([1, 2, 5]),
         standstill_s=st.sampled_from([0.0, 4.0]),
@@ -69,7 +67,6 @@ class AnyEvents(RuleBasedStateMachine):
         self.open_goal = None  # (id, when it was cancelled last)
         self.places = []
         self.locked = False  # from an emergency stop to the next command of an operator that moves the robot
-        self.counting = False
         self.take(Moved(self.now_s, 0.0, 0.0))
         self.take(Command(self.now_s, Verb.START))
 
@@ -120,12 +117,6 @@ class AnyEvents(RuleBasedStateMachine):
                 assert self.open_goal == (goal_id, None) or again, "cancelled twice, or what is not open"
                 if self.open_goal == (goal_id, None) or (self.open_goal and late and not urgent):
                     self.open_goal = (goal_id, self.now_s)
-            case StartCounting():
-                assert not self.counting
-                self.counting = True
-            case StopCounting():
-                assert self.counting
-                self.counting = False
             case VisitDone(visit=visit):
                 assert visit.records > 0
                 assert before.counting is not None or self.rules.dwell.enough(visit.raw_counts, visit.exposure_s)
@@ -272,7 +263,8 @@ class AnyEvents(RuleBasedStateMachine):
     def deadline_comes(self):
         deadline_s, state = self.mission.next_deadline_s, self.mission.state
         between_s = (self.now_s + deadline_s) / 2
-        assert step(self.rules, state, Tick(between_s)) == (replace(state, now_s=between_s), ())
+        tried = Mission(self.rules, state)
+        assert (tried.step(Tick(between_s)), tried.state) == ((), replace(state, now_s=between_s))
         self.now_s = deadline_s
         self.take(Tick(self.now_s))
         assert replace(self.mission.state, now_s=state.now_s) != state
@@ -348,7 +340,8 @@ class AnyEvents(RuleBasedStateMachine):
     def abort_reaches_idle(self):
         if not hasattr(self, "mission"):
             return
-        state, actions = step(self.rules, self.mission.state, Command(self.now_s, Verb.ABORT))
+        aborted = Mission(self.rules, self.mission.state)
+        actions, state = aborted.step(Command(self.now_s, Verb.ABORT)), aborted.state
         assert not any(isinstance(action, GoTo | RequestPlan | StartCounting) for action in actions)
         assert state.phase in (Phase.IDLE, Phase.CANCELLING)
         if state.phase is Phase.IDLE:
@@ -356,10 +349,10 @@ class AnyEvents(RuleBasedStateMachine):
         late_s = self.now_s + self.rules.cancel_limit_s
         seen = [Moved(late_s + wait_s, *state.position) for wait_s in (1.0, 6.0)]
         for events in ([Tick(late_s)], [GoalFailed(self.now_s, state.goals, "cancelled")]):
-            after = state
+            after = Mission(self.rules, state)
             for event in [*events, *([] if self.rules.standstill_s == 0 else [*seen, Tick(late_s + 100.0)])]:
-                after = step(self.rules, after, event)[0]
-            assert after.phase is Phase.IDLE
+                after.step(event)
+            assert after.state.phase is Phase.IDLE
 
     @invariant()
     def the_state_makes_sense(self):
@@ -371,7 +364,8 @@ class AnyEvents(RuleBasedStateMachine):
         assert 0 <= status.time_left_s <= self.mission.current_rules.budget_s
         stays = state.phase is Phase.PLANNING and state.counting is not None
         assert not stays or (self.rules.stays and state.counting.met is not None and state.target is not None)
-        assert self.counting == (state.phase is Phase.COUNTING or stays)
+        counts = state.counting is not None and state.counting.since_s is not None
+        assert counts == (state.phase is Phase.COUNTING or stays)
         assert (state.plan is not None) == (state.phase is Phase.PLANNING)
         assert (state.goal is not None) == (state.phase in (Phase.TRAVELLING, Phase.RETURNING, Phase.CANCELLING))
         assert (state.todo is not None) == (state.phase in (Phase.CANCELLING, Phase.WAITING))

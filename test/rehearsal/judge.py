@@ -39,7 +39,6 @@ class Kind(StrEnum):
     TWO_GOALS = "two goals at once"
     GOAL_OUTSIDE = "goal outside the fence"
     NOT_HOME = "not home after low battery"
-    NO_SAVE = "ended without saving"
     EARLY = "ended early for want of time"
     OVER_BUDGET = "measured beyond the budget"
     MAP_DIFFERS = "map differs from what was published"
@@ -141,7 +140,6 @@ class Judge:
         self._target: Stop | None = None  # where they were counted
         self._sent = 0
         self._begun = False
-        self._saved = False
 
     def blame(self, kind: Kind, now_s: float, what: str) -> None:
         self._counts[kind] += 1
@@ -370,12 +368,7 @@ class Judge:
             self.blame(Kind.WRONG_VISIT, now_s, f"{visit.name}: the robot was {away_m:.1f} m away")
         self._counted.clear()
 
-    def saved(self) -> None:
-        self._saved = True
-
     def finished(self, now_s: float, finish: Finish) -> None:
-        if not self._saved:
-            self.blame(Kind.NO_SAVE, now_s, "no request to save came before the end")
         used_s = now_s - self._started_s
         if finish.code is MissionEnd.TIME_UP and used_s < self._limits.early * self._budget_s:
             self.blame(Kind.EARLY, now_s, f"time is said to be up after {used_s:.0f} s: {finish.reason}")

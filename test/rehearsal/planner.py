@@ -152,9 +152,6 @@ class PlannerProcess:
         self.visits += 1
         self._judge.visited(self._world.time_s, visit)
 
-    def save(self, reason: str) -> None:
-        self._judge.saved()
-
     def finish(self, finish: Finish) -> None:
         self.finished = True
         self._judge.finished(self._world.time_s, finish)

@@ -130,7 +130,7 @@ WORKED = {
         ("stop_sent", (1.0, (1984.8, 25.4), (6.0, 5.0)), [Kind.STOP_AWAY]),
     ],
     "the end": [
-        ("finished", (100.0, Finish("no time", MissionEnd.TIME_UP)), [Kind.NO_SAVE, Kind.EARLY]),
+        ("finished", (100.0, Finish("no time", MissionEnd.TIME_UP)), [Kind.EARLY]),
         ("mapped", (100.0, samples(10), samples(10)), []),
         ("mapped", (100.0, samples(10), samples(20)), [Kind.MAP_DIFFERS]),
     ],

@@ -91,11 +91,8 @@ class Outputs(Protocol):
     def visit(self, visit: Visit) -> None:
         """A stop is complete."""
 
-    def save(self, reason: str) -> None:
-        """Let the mapper save the map."""
-
     def finish(self, finish: events.Finish) -> None:
-        """The mission has ended."""
+        """The mission has ended: let the mapper save the map."""
 
     def wake(self) -> None:
         """Call :meth:`MissionControl.hand_on` soon, from another thread than this one."""
@@ -317,9 +314,9 @@ class MissionControl:
         verb = command.verb
         sets_off = verb is Verb.RESUME or (verb is Verb.START and not self.under_way)
         if sets_off and (missing := self.missing()):
-            return events.Answer(verb, False, f"not yet, waiting for {', '.join(missing)}")
+            return events.Answer(False, f"not yet, waiting for {', '.join(missing)}")
         if sets_off and (refusal := self._current.use_part(self._feed.place)):
-            return events.Answer(verb, False, refusal)
+            return events.Answer(False, refusal)
         if sets_off:
             self._stood, self._due_s = True, -math.inf
         answer = self._feed.command(command)
@@ -702,12 +699,8 @@ class MissionControl:
             case events.Publish():
                 self._journal.keep(self._mission)
                 self.show()
-            case events.Save(reason=reason):
-                self._outputs.save(reason)
             case events.Finish():
                 self._outputs.finish(action)
-            case _:
-                pass  # counting is shown by the status
 
     def _announce_or_go(self, goal: events.GoTo) -> None:
         """Send a goal; first warn people if the robot stood by order."""

@@ -98,7 +98,7 @@ class MissionFeed:
         """Ask the mission for something."""
         with self._lock:
             if self.closed:
-                return Answer(command.verb, False, "the planner ends")
+                return Answer(False, "the planner ends")
             self._answers.clear()
             self.give(command)
             return self._answers[0]

@@ -388,7 +388,8 @@ def consequence(response: Response, phase: Phase, cause: str = "cause", reason: 
     cancels = [action.goal_id for action in actions if isinstance(action, events.CancelGoal)]
     which = "all goals of the navigation" if events.ANYBODYS in cancels else "the goal"
     does = [f"cancels {which}"] * bool(cancels)
-    does += ["stops counting"] * any(isinstance(action, events.StopCounting) for action in actions)
+    counted, counts = (one.state.counting and one.state.counting.since_s for one in (other, mission))
+    does += ["stops counting"] * (counted is not None and counts is None)
     for one in (mission, other):
         if one.state.goal is not None and one.state.goal.cancelled_s is not None:
             one.step(events.GoalFailed(now_s + 1.0, one.state.goal.goal_id, "cancelled"))

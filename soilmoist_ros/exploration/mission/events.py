@@ -183,7 +183,6 @@ FORGOTTEN: Final = -1
 class Answer:
     """Answer to a :class:`Command`: whether it is accepted, and what happens or why not."""
 
-    verb: Verb
     accepted: bool
     message: str
 
@@ -229,21 +228,11 @@ class CancelGoal:
     """
 
     goal_id: int  # the goal; ANYBODYS for an emergency stop, or an abort without a mission
-    reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class StartCounting:
-    """From now on records count for this stop; displays show it, and no action is needed."""
-
-    stop: Stop
-
-
-@dataclass(frozen=True, slots=True)
-class StopCounting:
-    """Records do not count for a stop any more."""
-
-    reason: str
+    """The robot has arrived: from now on records count for its stop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,25 +248,16 @@ class Publish:
 
 
 @dataclass(frozen=True, slots=True)
-class Save:
-    """Write map and samples to disk."""
-
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
 class Finish:
-    """The mission has ended; nothing is moving any more."""
+    """The mission has ended, and nothing is moving any more: write map and samples to disk."""
 
     reason: str
     code: MissionEnd  # reason code
 
     @property
     def aborted(self) -> bool:
-        """True if the operator, a silent sensor or the guard ended it."""
-        return self.code in (MissionEnd.ABORTED, MissionEnd.SILENT_SENSOR, MissionEnd.FAILSAFE)
+        """True if the operator or the guard ended it."""
+        return self.code in (MissionEnd.ABORTED, MissionEnd.FAILSAFE)
 
 
-Action = (
-    Answer | RequestPlan | GoTo | CancelGoal | StartCounting | StopCounting | VisitDone | Publish | Save | Finish
-)
+Action = Answer | RequestPlan | GoTo | CancelGoal | StartCounting | VisitDone | Publish | Finish

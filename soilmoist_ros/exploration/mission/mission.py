@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mission: a pure state machine between operator, planner, navigation and sensor.
 
-``step(rules, state, event)`` gives the next state and the actions to carry out. There is no clock, no randomness
-and no input or output in it, so the same mission runs in the planner node, in a simulator a thousand times
-faster, and from a journal of its events. :data:`ALWAYS`, :data:`IN_PHASE`, :data:`COMMANDS` and :data:`DEADLINES`
+:meth:`Mission.step` takes an event and gives the actions to carry out. There is no clock, no randomness and no
+input or output in it, so the same mission runs in the planner node, in a simulator a thousand times faster, and
+from a journal of its events. :data:`ALWAYS`, :data:`IN_PHASE`, :data:`COMMANDS` and :data:`DEADLINES`
 at the end are the tables of what it does.
 
 What it holds to:
@@ -56,7 +56,6 @@ from soilmoist_ros.exploration.mission.types import (
     MissionEnd,
     MissionRules,
     MissionStatus,
-    OnSilence,
     Phase,
     PlanKind,
     Response,
@@ -111,10 +110,23 @@ class Mission:
         self._last = _Step(rules, self.state)
 
     def step(self, event: events.Event) -> tuple[events.Action, ...]:
-        """Take in an event; see :func:`step`."""
-        self._last = _taken(self.rules, self.state, event)
-        self.state = self._last.state
-        return tuple(self._last.actions)
+        """The actions to carry out after an event, in their order.
+
+        Time never runs backwards: an event that is late is taken to happen at the time of the one before.
+
+        :raises ValueError: if the time of the event is not finite
+        """
+        if not math.isfinite(event.now_s):
+            raise ValueError(f"the time of an event must be finite, got {event!r}")
+        before = self.state
+        now_s = event.now_s if before.now_s is None else max(before.now_s, event.now_s)
+        self._last = step = _Step(self.rules, before if now_s == before.now_s else replace(before, now_s=now_s))
+        step.handle(event)
+        step.meet_deadlines()
+        if shown(step.state) != shown(before):
+            step.do(events.Publish())
+        self.state = step.state
+        return tuple(step.actions)
 
     @property
     def status(self) -> MissionStatus:
@@ -142,32 +154,6 @@ class Mission:
         :raises InputError: if the text is not a snapshot
         """
         return cls(rules, state_from_json(snapshot))
-
-
-def step(
-    rules: MissionRules, state: MissionState, event: events.Event
-) -> tuple[MissionState, tuple[events.Action, ...]]:
-    """The next state, and the actions to carry out in their order.
-
-    Time never runs backwards: an event that is late is taken to happen at the time of the one before.
-
-    :raises ValueError: if the time of the event is not finite
-    """
-    taken = _taken(rules, state, event)
-    return taken.state, tuple(taken.actions)
-
-
-def _taken(rules: MissionRules, state: MissionState, event: events.Event) -> _Step:
-    """A step that has been done."""
-    if not math.isfinite(event.now_s):
-        raise ValueError(f"the time of an event must be finite, got {event!r}")
-    now_s = event.now_s if state.now_s is None else max(state.now_s, event.now_s)
-    taken = _Step(rules, state if now_s == state.now_s else replace(state, now_s=now_s))
-    taken.handle(event)
-    taken.meet_deadlines()
-    if shown(taken.state) != shown(state):
-        taken.do(events.Publish())
-    return taken
 
 
 class _Step:
@@ -333,7 +319,12 @@ class _Step:
         judged_counts, judged_s = counting.judged
         if dwell.enough(judged_counts, judged_s):
             code = VisitEnd.MAX_DWELL if judged_s >= dwell.longest_s else VisitEnd.ENOUGH
-            self.dwell_is_over(code, dwell.outcome(counting.raw_counts, counting.exposure_s))
+            outcome = dwell.outcome(counting.raw_counts, counting.exposure_s)
+            if self.rules.stays:  # the visit stays open until the next stop is chosen
+                self.recount(met=code, outcome=outcome)
+                self.then(Todo.PLAN, f"{self.target.stop.name} is done: {outcome}")
+            else:
+                self.complete(code, outcome)
 
     def planned(self, event: events.Planned) -> None:
         """Go to the stop that the planner has chosen, or count on, or end."""
@@ -424,7 +415,7 @@ class _Step:
         goal = self.state.goal
         if alarm.cause == MOVING and alarm.response.stops and (goal is None or goal.over):
             # again with each alarm: nothing else tells it to stop
-            self.do(events.CancelGoal(events.ANYBODYS, alarm.reason))
+            self.do(events.CancelGoal(events.ANYBODYS))
         if self.state.under_way and (known is None or known.response is not alarm.response):
             self.respond(alarm.response, alarm.reason)
 
@@ -458,9 +449,9 @@ class _Step:
         reason = f"emergency stop{after_colon(event.source)}"
         goal = self.state.goal
         # another client may drive, also if a goal of the mission is open
-        self.do(events.CancelGoal(events.ANYBODYS, reason))
+        self.do(events.CancelGoal(events.ANYBODYS))
         if goal is not None and goal.cancelled_s is not None:  # the others are cancelled by the pause
-            self.do(events.CancelGoal(goal.goal_id, reason))
+            self.do(events.CancelGoal(goal.goal_id))
         resume = self.to_resume
         if self.state.under_way and resume is not None:
             self.hold(resume, f"{reason}; release it, then resume or abort")
@@ -513,7 +504,7 @@ class _Step:
         else:
             if self.state.phase is Phase.FINISHED:
                 self.enter(Phase.IDLE, READY)
-            self.do(events.CancelGoal(events.ANYBODYS, reason))
+            self.do(events.CancelGoal(events.ANYBODYS))
             if not self.seen_standing:
                 return True, f"{reason}: whatever drives the robot is asked to stop; it is not known to stand"
         return True, self.state.reason
@@ -523,13 +514,9 @@ class _Step:
         if target is None:
             return False, f"there is no stop to skip: {self.state.reason}"
         cause = command.cause or f"by {command.by}"
-        self.leave_for_good(target.stop, f"{target.stop.name} skipped {cause}")
+        self.rule_out(target.stop)
+        self.leave(f"{target.stop.name} skipped {cause}")
         return True, self.state.reason
-
-    def leave_for_good(self, stop: Stop, reason: str) -> None:
-        """Rule the target out, and choose another stop unless paused."""
-        self.rule_out(stop)
-        self.leave(reason)
 
     def leave(self, reason: str) -> None:
         """Leave the target, and choose another stop unless paused."""
@@ -551,7 +538,7 @@ class _Step:
             return False, f"{stop.name} lies in an area that is ruled out"
         if self.rules.by_person and self.state.phase is Phase.TRAVELLING and self.is_close_to(stop):
             goal_id = self.goal.goal_id
-            self.do(events.CancelGoal(goal_id, f"{command.by} stands at {stop.name}"))
+            self.do(events.CancelGoal(goal_id))
             self.set(goal=None)
             self.stand_at(self.place, goal_id)
             return True, self.state.reason
@@ -653,7 +640,7 @@ class _Step:
             self.carry_out(todo, reason)
             return
         if goal.cancelled_s is None:
-            self.do(events.CancelGoal(goal.goal_id, reason))
+            self.do(events.CancelGoal(goal.goal_id))
             goal = replace(goal, cancelled_s=self.now_s, requests=1)
         self.set(goal=goal, todo=todo, cause=reason)
         self.enter(Phase.CANCELLING, f"{reason}; waiting for the robot to stop")
@@ -719,7 +706,7 @@ class _Step:
     def hold(self, resume: Todo, reason: str, needs_operator: bool = True, held: bool = False) -> None:
         """Pause: stop the robot, and store what to resume."""
         self.settle()
-        self.suspend(reason)
+        self.suspend()
         self.set(resume=resume, needs_operator=needs_operator, held=held, interrupted=False, wait_until_s=None)
         self.then(Todo.PAUSE, reason)
 
@@ -904,7 +891,7 @@ class _Step:
     def stand_at(self, place: Place, goal_id: int) -> None:
         """Measure where a person stands: at the target, or at a stop of their own choice."""
         if not self.is_close_to(self.target.stop):
-            self.do(events.CancelGoal(goal_id, "the person stands elsewhere"))  # nothing is learned from this leg
+            self.do(events.CancelGoal(goal_id))  # nothing is learned from this leg
             name = f"x{place[0]:.1f}y{place[1]:.1f}"
             self.set(target=Target(Stop(name, *place), "the person stands here", 0.0))
         self.arrive(place)
@@ -912,7 +899,7 @@ class _Step:
     def count(self, counting: OpenVisit) -> None:
         self.set(counting=counting)
         self.enter(Phase.COUNTING, self.counting_reason())
-        self.do(events.StartCounting(self.target.stop))
+        self.do(events.StartCounting())
 
     def counting_reason(self) -> str:
         """Reason in the status while counting, with the mission's dwell rule: a stop's rule is not readable."""
@@ -952,13 +939,11 @@ class _Step:
         self.recount(met=None, outcome="", to_the_end=True)
         self.enter(Phase.COUNTING, f"{self.counting_reason()}: {reason}")
 
-    def suspend(self, reason: str) -> None:
+    def suspend(self) -> None:
         """Stop counting for the time being."""
         counting = self.state.counting
-        if counting is not None and counting.since_s is not None:
-            self.do(events.StopCounting(reason))
-            before_s = counting.dwell_s(self.now_s)
-            self.recount(before_s=before_s, since_s=None)
+        if counting is not None:
+            self.recount(before_s=counting.dwell_s(self.now_s), since_s=None)
 
     def count_again(self, reason: str) -> None:
         """Resume counting after a pause, unless the robot was moved in the pause."""
@@ -970,14 +955,6 @@ class _Step:
             self.then(Todo.PLAN, moved)
         else:
             self.count(replace(counting, since_s=self.now_s, heard_s=self.now_s, silent=False, away_s=None))
-
-    def dwell_is_over(self, code: VisitEnd, reason: str) -> None:
-        """The dwell rule is met: choose the next stop, with the visit open where the rules say so."""
-        if self.rules.stays:
-            self.recount(met=code, outcome=reason)
-            self.then(Todo.PLAN, f"{self.target.stop.name} is done: {reason}")
-        else:
-            self.complete(code, reason)
 
     def complete(self, code: VisitEnd, reason: str) -> None:
         """End counting; a stop without records is a failure."""
@@ -993,7 +970,7 @@ class _Step:
 
         A dwell that is over keeps its own reason.
         """
-        self.suspend(reason)
+        self.suspend()
         target, counting = self.state.target, self.state.counting
         self.set(target=None, counting=None)
         if target is None or counting is None:
@@ -1058,7 +1035,6 @@ class _Step:
         aborted = phase is Phase.IDLE
         self.set(ended_s=self.now_s)
         self.enter(phase, f"{reason}; {READY}" if aborted else reason)
-        self.do(events.Save(reason))
         # Journals of earlier versions hold no code.
         code = self.state.ended or (MissionEnd.ABORTED if aborted else MissionEnd.TIME_UP)
         self.do(events.Finish(reason, code))
@@ -1096,10 +1072,6 @@ class _Step:
         """Time when the sensor counts as silent [s]; never again once that is reported."""
         return math.inf if self.counting.silent else self.counting.heard_s + self.rules.silence_limit_s
 
-    def end_of_wait_s(self) -> float:
-        """Time when the time is up in a wait [s]; never on the way home."""
-        return math.inf if self.state.todo is Todo.RETURN else self.leave_by_s()
-
     def end_of_pause_s(self) -> float:
         """Time when the time is up in a pause [s]; never on the way home.
 
@@ -1134,7 +1106,7 @@ class _Step:
             cause = f"{self.state.cause} (the end of the goal was not reported in {limit_s:.0f} s){self.unseen}"
             self.carry_out(todo, cause)
             return
-        self.do(events.CancelGoal(goal.goal_id, self.state.cause))
+        self.do(events.CancelGoal(goal.goal_id))
         goal = replace(goal, cancelled_s=self.now_s, requests=goal.requests + 1)
         self.set(goal=goal)
         unknown = self.state.position_s is None or self.now_s - self.state.position_s > limit_s
@@ -1149,16 +1121,10 @@ class _Step:
         self.complete(VisitEnd.MAX_DWELL, f"the longest dwell of {self.rules.dwell.longest_s:.0f} s is over")
 
     def silence(self) -> None:
+        """Say that no record comes; the wait ends with the dwell rule's longest time, or by the failsafes."""
         limit_s = self.rules.silence_limit_s
-        reason = f"no record from this stop for {limit_s:.0f} s: check the logger and the position"
-        match self.rules.on_silence:
-            case OnSilence.WAIT:
-                counting = replace(self.counting, silent=True)
-                self.set(counting=counting, reason=f"{reason}; still waiting")
-            case OnSilence.PAUSE:
-                self.hold(Todo.COUNT, f"{reason}; then resume or abort")
-            case OnSilence.ABORT:
-                self.abandon(MissionEnd.SILENT_SENSOR, reason)
+        reason = f"no record from this stop for {limit_s:.0f} s: check the logger and the position; still waiting"
+        self.set(counting=replace(self.counting, silent=True), reason=reason)
 
 
 # The tables --------------------------------------------------------------------------------------------------
@@ -1169,7 +1135,7 @@ ALWAYS: Final[dict[type[events.Event], Callable[[_Step, Any], None]]] = {
     events.GoalReached: lambda step, e: step.locate(
         events.Moved(e.now_s, e.x_m, e.y_m, None, step.state.unseen_mps, step.state.position_sd_m)
     ),
-    events.Command: lambda step, e: step.do(events.Answer(e.verb, *COMMANDS[e.verb](step, e))),
+    events.Command: lambda step, e: step.do(events.Answer(*COMMANDS[e.verb](step, e))),
     Alarm: _Step.alarm,
     events.AlarmOver: _Step.alarm_over,
     events.EmergencyStop: _Step.emergency,
@@ -1226,7 +1192,7 @@ DEADLINES: Final[dict[Phase, tuple[_Deadline, ...]]] = {
         (_Step.silence_s, _Step.silence),
     ),
     Phase.WAITING: (
-        (_Step.end_of_wait_s, _Step.time_up),
+        (lambda step: math.inf if step.state.todo is Todo.RETURN else step.leave_by_s(), _Step.time_up),
         (
             lambda step: math.inf if step.state.wait_until_s is None else step.state.wait_until_s,
             lambda step: step.carry_out(step.state.todo or Todo.PLAN, step.state.cause),

@@ -93,21 +93,13 @@ class MissionEnd(StrEnum):
     TIME_UP = "time_up"  # the budget was used up, or the rest was too short for another stop
     NOTHING_LEFT = "nothing_left"  # no reachable and useful stop was left
     ABORTED = "aborted"  # the operator aborted it
-    SILENT_SENSOR = "silent_sensor"  # no record arrived, and the rules demand an abort
+    SILENT_SENSOR = "silent_sensor"  # no record arrived; in recordings of earlier versions
     RETURNED = "returned"  # the operator sent the robot home
     FAILSAFE = "failsafe"  # the guard reported a danger that ends the mission
     GOOD_ENOUGH = "good_enough"  # the deviation of the map is as small as demanded, or its decision is made
     LITTLE_GAIN = "little_gain"  # the map would become less better than demanded
     NOTHING_VARIES = "nothing_varies"
     """The counts show no differences within the field, and the rules demand a gain."""
-
-
-class OnSilence(StrEnum):
-    """Response of the mission when no record arrives while counting."""
-
-    WAIT = "wait"
-    PAUSE = "pause"
-    ABORT = "abort"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +115,6 @@ class MissionRules:
     :param cancel_limit_s: time after which a goal is cancelled again, while the robot is not known to stand [s]
     :param standstill_s: a stop is confirmed when the robot has not moved for this time [s]; 0: it is confirmed by
         the end of the goal, or after ``cancel_limit_s`` where the robot is to stay
-    :param on_silence: what to do on silence; ``wait`` ends with the dwell rule's longest time
     :param stays: when the dwell rule is met, the visit stays open until the next stop is chosen, so that the
         planner may choose to count on. Without, the visit closes first, as published
     :param until_sd: the mission ends when the standard deviation of the map is at most this: of the moisture
@@ -159,7 +150,6 @@ class MissionRules:
     blacklist_s: float = 900.0  # time for which a stop is ruled out after it failed or was skipped [s]
     failures_to_pause: int = 5  # failures without a visit in between after which the operator is asked
     silence_limit_s: float = 60.0  # time without a record of the stop, while counting, that counts as silence [s]
-    on_silence: OnSilence = OnSilence.WAIT
     odometer_step_m: float = 0.5  # moves shorter than this count as noise of the position [m]
     stays: bool = False
     until_sd: float = 0.0

@@ -18,7 +18,7 @@ class VisitEnd(StrEnum):
     MOVED = "moved"  # the robot was moved away from the stop, in a pause or while it counted
     SKIPPED = "skipped"  # the stop was skipped, by the operator or for another robot
     ABORTED = "aborted"  # the operator aborted the mission
-    SILENT_SENSOR = "silent_sensor"  # no record arrived, and the mission was aborted for it
+    SILENT_SENSOR = "silent_sensor"  # no record arrived; in recordings of earlier versions
     RETURNED = "returned"  # the operator sent the robot home
     FAILSAFE = "failsafe"  # the guard reported a danger that ended the mission
     UNKNOWN = "unknown"  # the recording does not say

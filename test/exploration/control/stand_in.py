@@ -36,7 +36,7 @@ class StandIn:
     feedback_age_s = math.nan
     stop_unheard = False
     finished = None
-    go = cancel = moved = tick = visit = save = wake = lambda self, *_: None
+    go = cancel = moved = tick = visit = wake = lambda self, *_: None
 
     def navigator(self, report):
         self.report = report

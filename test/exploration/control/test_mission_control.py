@@ -36,7 +36,7 @@ class Around(StandIn):
         delay_s=0.0,
         **rules,
     ):
-        self.time_s, self.goals, self.shown, self.saved = 0.0, [], [], []
+        self.time_s, self.goals, self.shown = 0.0, [], []
         self.visits, self.measured = [], []
         given = {"budget_s": 900.0, "warm_up_stops": 1, "min_last_dwell_s": 60.0, "standstill_s": 0.0, **rules}
         opening = surveys and (lambda changes: surveys(changes, setup.settings))
@@ -67,9 +67,6 @@ class Around(StandIn):
 
     def visit(self, visit):
         self.visits.append(visit)
-
-    def save(self, reason):
-        self.saved.append(reason)
 
     # the test
 

@@ -2,25 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """The visit stays open while the next stop is chosen, and the planner may choose to count on."""
 
-import json
-
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver
 
-from soilmoist_ros.exploration import Mission, Stop, VisitEnd, parse_dwell
+from soilmoist_ros.exploration import Stop, VisitEnd, parse_dwell
 from soilmoist_ros.exploration.mission.events import (
-    Command,
     EmergencyStop,
     Finish,
     GoTo,
     Moved,
     PlanFailed,
     RequestPlan,
-    StopCounting,
     Tick,
     VisitDone,
 )
-from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb
+from soilmoist_ros.exploration.mission.types import MissionEnd, Phase, PlanKind
 
 
 def done(records=6, **rules):
@@ -34,7 +30,7 @@ def done(records=6, **rules):
 def test_the_visit_is_open_while_the_next_stop_is_chosen():
     driver = done()
     assert driver.phase is Phase.PLANNING
-    assert driver.count_of(VisitDone) == driver.count_of(StopCounting) == 0
+    assert driver.count_of(VisitDone) == 0
     request = driver.last(RequestPlan)
     assert (request.staying, request.kind) == ("east", PlanKind.EXPLORE)
     assert driver.mission.status.target == EAST
@@ -63,22 +59,22 @@ def test_the_same_choice_counts_on_without_a_goal():
 
 
 @pytest.mark.parametrize(
-    ("act", "ended"),
+    "act",
     [
-        (lambda driver: driver.command("pause"), VisitEnd.ENOUGH),
-        (lambda driver: driver.command("abort"), VisitEnd.ENOUGH),
-        (lambda driver: driver.command("skip"), VisitEnd.ENOUGH),
-        (lambda driver: driver.send(EmergencyStop, True, "button"), VisitEnd.ENOUGH),
-        (lambda driver: driver.send(PlanFailed, driver.last(RequestPlan).plan_id, "broken"), VisitEnd.ENOUGH),
-        (lambda driver: driver.send(Tick, after=130.0), VisitEnd.ENOUGH),
-        (lambda driver: driver.send(Tick, after=8000.0), VisitEnd.ENOUGH),
+        lambda driver: driver.command("pause"),
+        lambda driver: driver.command("abort"),
+        lambda driver: driver.command("skip"),
+        lambda driver: driver.send(EmergencyStop, True, "button"),
+        lambda driver: driver.send(PlanFailed, driver.last(RequestPlan).plan_id, "broken"),
+        lambda driver: driver.send(Tick, after=130.0),
+        lambda driver: driver.send(Tick, after=8000.0),
     ],
 )
-def test_what_ends_the_planning_closes_the_visit_once(act, ended):
+def test_what_ends_the_planning_closes_the_visit_once(act):
     driver = done()
     act(driver)
-    assert driver.count_of(VisitDone) == driver.count_of(StopCounting) == 1
-    assert driver.last(VisitDone).visit.ended is ended
+    assert driver.count_of(VisitDone) == 1
+    assert driver.last(VisitDone).visit.ended is VisitEnd.ENOUGH
     state = driver.mission.state
     assert (state.counting, state.target, state.samples) == (None, None, 1)
 
@@ -124,12 +120,6 @@ def test_a_stop_is_not_driven_to_if_the_real_way_home_from_it_is_too_long():
     assert (driver.phase, driver.mission.status.target) == (Phase.COUNTING, EAST)
 
 
-def test_from_a_new_home_the_old_way_home_does_not_matter():
-    driver = Driver(home=HOME, budget_s=1000.0, dwell=parse_dwell("fmi:600")).start().plan(EAST, home_s=800.0)
-    driver.reach().send(Command, Verb.CHANGE, changes=Changes(home=Stop("gate", 60.0, 0.0)))
-    assert driver.send(Tick, after=300.0).phase is Phase.COUNTING
-
-
 def test_a_robot_pushed_away_counts_nothing_at_the_stop():
     driver = done()
     driver.send(Moved, 50.0, 0.0).record(place=(50.0, 0.0)).plan(NORTH)
@@ -146,17 +136,6 @@ def test_a_stop_without_a_count_is_a_visit_and_may_be_stayed_at():
     driver.command("skip")
     visit = driver.last(VisitDone).visit
     assert (visit.raw_counts, visit.records, driver.mission.state.samples) == (0, 7, 1)
-
-
-def test_a_snapshot_of_an_earlier_version_is_counted_on():
-    driver = Driver(stays=True).counting().record()
-    state = json.loads(driver.mission.snapshot())
-    for name in ("earlier_counts", "earlier_s", "met", "outcome", "to_the_end"):
-        del state["counting"][name]
-    driver.mission = Mission.restore(driver.mission.rules, json.dumps(state))
-    for _ in range(5):
-        driver.record()
-    assert driver.plan(NORTH).last(VisitDone).visit.records == 6
 
 
 def test_no_goal_is_sent_to_the_node_under_the_wheels():
