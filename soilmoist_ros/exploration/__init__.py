@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.state import state_from_json as state_from_json
     from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD as MAX_UNTIL_SD, OTHER_ROBOT as OTHER_ROBOT, PUBLISHED_MIN_LAST_DWELL_S as PUBLISHED_MIN_LAST_DWELL_S, STATUS_COUNTS as STATUS_COUNTS, STATUS_FLAGS as STATUS_FLAGS, STATUS_FLOATS as STATUS_FLOATS, TRIGGERS as TRIGGERS, Alarm as Alarm, Changes as Changes, MissionEnd as MissionEnd, MissionRules as MissionRules, MissionStatus as MissionStatus, Phase as Phase, Polygons as Polygons, Response as Response, Verb as Verb, status_health as status_health, status_level as status_level
     from soilmoist_ros.exploration.mission.visit import Visit as Visit, VisitEnd as VisitEnd
-    from soilmoist_ros.exploration.navigation.goal_client import ACTIVE as ACTIVE, ENDED as ENDED, ActionStatus as ActionStatus, CancelSent as CancelSent, GoalClient as GoalClient, GoalLimits as GoalLimits, Listed as Listed, Request as Request, SendGoal as SendGoal, failure as failure, goal_mark as goal_mark, progress as progress
+    from soilmoist_ros.exploration.navigation.goal_client import ACTIVE as ACTIVE, ENDED as ENDED, ActionStatus as ActionStatus, CancelSent as CancelSent, MAX_POSITIONS as MAX_POSITIONS, GoalClient as GoalClient, Listed as Listed, Request as Request, SendGoal as SendGoal, failure as failure, goal_mark as goal_mark, progress as progress
     from soilmoist_ros.exploration.navigation.navigator import Ended as Ended, Navigator as Navigator
     from soilmoist_ros.exploration.navigation.person import PERSON_ENTRY_M as PERSON_ENTRY_M, PersonNavigator as PersonNavigator, person_rules as person_rules, person_watch as person_watch
     from soilmoist_ros.exploration.navigation.pose_client import CancelAll as CancelAll, PoseClient as PoseClient, PoseRequest as PoseRequest, RobotTrack as RobotTrack, SendPose as SendPose, drivers as drivers
@@ -75,7 +75,7 @@ __getattr__, __dir__, __all__ = open_door(
         "mission.state": "state_from_json",
         "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT PUBLISHED_MIN_LAST_DWELL_S Phase Polygons Response STATUS_COUNTS STATUS_FLAGS STATUS_FLOATS TRIGGERS Verb status_health status_level",
         "mission.visit": "Visit VisitEnd",
-        "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure goal_mark progress",
+        "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient Listed MAX_POSITIONS Request SendGoal failure goal_mark progress",
         "navigation.navigator": "Ended Navigator",
         "navigation.person": "PERSON_ENTRY_M PersonNavigator person_rules person_watch",
         "navigation.pose_client": "CancelAll PoseClient PoseRequest RobotTrack SendPose drivers",

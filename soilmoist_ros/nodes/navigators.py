@@ -24,7 +24,6 @@ from soilmoist_ros.exploration import (
     Cause,
     Ended,
     GoalClient,
-    GoalLimits,
     Navigator,
     PersonNavigator,
     PoseClient,
@@ -269,7 +268,7 @@ def make_navigator(
     default_name, default, field, make = _ACTIONS[which]
     kind = action_class(text("action_type") or default, field)
     name = text("action_name") or default_name
-    track, client = RobotTrack(speed_mps, radius_m), GoalClient(radius_m, GoalLimits())
+    track, client = RobotTrack(speed_mps, radius_m), GoalClient(radius_m)
     there_m = radius_m if which == "goto_node" else track.still_m
     if which == "follow_route":
         drives, reach_m = f"{name.removesuffix(FOLLOW_ROUTE)}{FOLLOW_PATH}", radius_m

@@ -160,7 +160,7 @@ class PlannerInputs:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         fault = logger_fault(diagnostics_from_message(message), self._node.get_namespace())
         if fault is not None:
-            self._control.watch.logger(fault)
+            self._control.watch.logger_fault = fault
 
     def _read_counts(self, name: str, message: PointCloud2) -> Sequence[CountRecord]:
         try:

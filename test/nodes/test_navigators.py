@@ -21,7 +21,7 @@ from rclpy.node import Node
 from topological_navigation_msgs.action import GotoNode
 from virtual_navigation import SPEED_MPS, STOPS, Nav2, RouteServer, VirtualNavigation, World
 
-from soilmoist_ros.exploration import GoalClient, GoalLimits, PoseClient, RobotTrack, Stop, Way
+from soilmoist_ros.exploration import GoalClient, PoseClient, RobotTrack, Stop, Way
 from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.action_navigator import action_class
@@ -34,7 +34,13 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 FAR, OTHER = STOPS[-1], STOPS[0]
 START = (-10.0, 5.0)
 WAY = Way(np.empty((0, 2)))
-LIMITS = GoalLimits(start_s=20.0, answer_s=60.0, lost_s=20.0, position_s=20.0)
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    """A busy computer answers late."""
+    for name, limit_s in (("START_S", 20.0), ("ANSWER_S", 60.0), ("LOST_S", 20.0), ("POSITION_S", 20.0)):
+        monkeypatch.setattr(f"soilmoist_ros.exploration.navigation.goal_client.{name}", limit_s)
 
 
 class Driver:
@@ -102,9 +108,9 @@ def world(ros):
 def drive(ros, world):
     drivers, tracks = [], {}
 
-    def start(limits=LIMITS):
+    def start():
         def make(node, report):
-            client = GoalClient(2.0, limits)
+            client = GoalClient(2.0)
             track = tracks[report] = RobotTrack(SPEED_MPS, 2.0)
             return GotoNodeNavigator(node, "topological_navigation", GotoNode, client, track, 2.0, report)
 
@@ -298,9 +304,9 @@ def nav2(ros, world):
 def drive_poses(ros, world):
     drivers = []
 
-    def start(limits=LIMITS):
+    def start():
         def make(node, report):
-            client, track = GoalClient(2.0, limits), RobotTrack(SPEED_MPS, 2.0)
+            client, track = GoalClient(2.0), RobotTrack(SPEED_MPS, 2.0)
             name = "navigate_to_pose"
             return NavigateToPoseNavigator(node, name, NavigateToPose, client, track, 0.5, report)
 
@@ -355,7 +361,7 @@ def routes(ros, world):
 def following(ros, world, routes):
     def make(node, report):
         track, named = RobotTrack(SPEED_MPS, 2.0), ("compute_and_track_route", ComputeAndTrackRoute)
-        given = node, "follow_path", FollowPath, GoalClient(2.0, LIMITS), track, 0.5, report
+        given = node, "follow_path", FollowPath, GoalClient(2.0), track, 0.5, report
         return FollowRouteNavigator(*given, routes=named, reach_m=2.0)
 
     driver = Driver(ros, world, make)

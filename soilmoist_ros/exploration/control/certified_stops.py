@@ -14,17 +14,14 @@ import math
 import secrets
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.control.team import PendingMeasurement, with_samples
+from soilmoist_ros.exploration.control.explorer import Explorer
+from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.events import Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules
-from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.dwell import FixedInterval
-from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.planning.sealed_sample import (
     MIN_PLACES,
     SealedSample,
@@ -34,11 +31,9 @@ from soilmoist_ros.exploration.planning.sealed_sample import (
 from soilmoist_ros.exploration.strategies.route import nearest_neighbour
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any
-from soilmoist_ros.exploration.travel.travel import RobotMotion, TravelModel
+from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.mapping import Changing, FieldGrid, FieldMap, Samples, TimedSamples
 
-Array = NDArray[np.float64]
 Place = tuple[float, float]
 
 TIME_SHARE = 0.05
@@ -47,28 +42,6 @@ MIN_RECORDS = 2  # least number of records at a certified stop
 DETOUR_SHARE = 0.25  # detour to a certified stop, relative to the way from one to the next; for the time to keep
 COVERS = 0.6  # a tour that takes this share of the time left is the last one: stops are inserted where cheapest
 MAX_SHARE = 1 / 3  # share of the mission time that the certified stops may take
-_MIN_EXPOSURE_S = 1.0
-_M_PER_S = 0.01  # distance that counts as much as a second, to find the sample of a visit
-
-
-class Plans(Protocol):
-    """Part of an explorer that takes in certified stops."""
-
-    grid: FieldGrid
-    stops: tuple[Stop, ...]
-    travel: TravelModel
-    counting: Counting
-    rules: MissionRules
-    nominal_rate_cps: float
-
-    def choose(self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement]) -> Planned:
-        """Choose a stop by the strategy."""
-
-    def fits(self, stop: Stop, position_xy: Place, request: RequestPlan) -> bool:
-        """True if a trip to a stop fits into the time."""
-
-    def home_s(self, stop: str) -> float:
-        """Travel time home from a stop, by its name [s]."""
 
 
 def check_time(
@@ -106,7 +79,7 @@ class CertifiedStops:
         self._next: Planned | None = None  # chosen by the strategy, and waits for a certified stop on the way
 
     def plan(
-        self, explorer: Plans, request: RequestPlan, place: Place, others: Sequence[PendingMeasurement]
+        self, explorer: Explorer, request: RequestPlan, place: Place, others: Sequence[PendingMeasurement]
     ) -> Planned:
         """The next stop: the strategy's, or a certified one before it."""
         sample = self._drawn(explorer, request, place)
@@ -129,7 +102,7 @@ class CertifiedStops:
         new = "" if request.certificate else sample.text
         return replace(planned, certificate=new, to_certify=len(usable))
 
-    def _drawn(self, explorer: Plans, request: RequestPlan, place: Place) -> SealedSample:
+    def _drawn(self, explorer: Explorer, request: RequestPlan, place: Place) -> SealedSample:
         """The sample of the mission, drawn with its first plan."""
         if request.certificate:
             return sample_from_text(request.certificate)
@@ -141,7 +114,7 @@ class CertifiedStops:
         return draw_sample(explorer.grid, explorer.stops, reached, self._count, min_s, self._seal())
 
     def _chosen(
-        self, explorer: Plans, request: RequestPlan, place: Place, others: Sequence[PendingMeasurement],
+        self, explorer: Explorer, request: RequestPlan, place: Place, others: Sequence[PendingMeasurement],
         sample: SealedSample, kept_s: float,
     ) -> Planned:  # fmt: skip
         """Choice of the strategy in the time that the certified stops leave; its last one, if that waits."""
@@ -159,7 +132,7 @@ class CertifiedStops:
         )
         return explorer.choose(shorter, place, others)
 
-    def _kept_s(self, explorer: Plans, place: Place, stops: Sequence[Stop], dwell_s: float) -> float:
+    def _kept_s(self, explorer: Explorer, place: Place, stops: Sequence[Stop], dwell_s: float) -> float:
         """Time to keep for certified stops that lie on the way [s]."""
         if not stops:
             return 0.0
@@ -168,7 +141,7 @@ class CertifiedStops:
         return len(stops) * (dwell_s + overhead_s + explorer.counting.cadence_s / 2) + detours_s
 
     def _due(
-        self, explorer: Plans, request: RequestPlan, place: Place, planned: Planned, left: Sequence[Stop],
+        self, explorer: Explorer, request: RequestPlan, place: Place, planned: Planned, left: Sequence[Stop],
         dwell_s: float,
     ) -> Stop | None:  # fmt: skip
         """The certified stop to go to before what the strategy has chosen; ``None`` if none is due."""
@@ -204,7 +177,7 @@ class CertifiedStops:
         return left[int(np.argmin(np.where(now, first_s, np.inf)))] if now.any() else None
 
     @staticmethod
-    def _to(explorer: Plans, request: RequestPlan, place: Place, stop: Stop, sample: SealedSample) -> Planned:
+    def _to(explorer: Explorer, request: RequestPlan, place: Place, stop: Stop, sample: SealedSample) -> Planned:
         number = [one.name for one in sample.stops].index(stop.name) + 1
         reason = (
             f"certified place {number} of {len(sample.stops)}, drawn before the mission (seal {sample.digest})"
@@ -214,38 +187,9 @@ class CertifiedStops:
         return Planned(0.0, request.plan_id, choice, travel_s, home_s=explorer.home_s(stop.name))
 
 
-def _tour_s(explorer: Plans, place: Place, stops: Sequence[Stop]) -> float:
+def _tour_s(explorer: Explorer, place: Place, stops: Sequence[Stop]) -> float:
     """Travel time of a tour through stops, each the nearest to the one before, overheads included [s]."""
     start_s = explorer.travel.travel_s(place, stops)
     between_s = explorer.travel.between_s(tuple(stops), np.arange(len(stops)))
     order = nearest_neighbour(start_s, between_s)
     return float(start_s[order[0]] + between_s[order[:-1], order[1:]].sum())
-
-
-def without_visits(field_map: FieldMap, visits: Sequence[Visit]) -> FieldMap:
-    """A map for planning without the counts of some visits; the map itself if there are none."""
-    if not visits:
-        return field_map
-    samples, changing = _less(field_map.samples, visits)[0], field_map.changing
-    if not len(samples):
-        return FieldMap(field_map.grid, field_map.settings)
-    if changing is not None:
-        fewer, kept = _less(changing.timed.samples, visits, changing.timed.time_s)
-        changing = Changing(TimedSamples(fewer, changing.timed.time_s[kept]), changing.change, changing.now_s)
-    return with_samples(field_map, samples, changing)
-
-
-def _less(
-    samples: Samples, visits: Sequence[Visit], time_s: Array | None = None
-) -> tuple[Samples, NDArray[np.bool_]]:
-    """Samples without the counts of visits, and which ones are left."""
-    counts, exposure_s = samples.counts.copy(), samples.exposure_s.copy()
-    for visit in visits:
-        away = np.hypot(*(samples.xy - (visit.x_m, visit.y_m)).T)
-        if time_s is not None:
-            away = away + _M_PER_S * np.abs(time_s - (visit.arrival_stamp_s + visit.end_stamp_s) / 2)
-        nearest = int(np.argmin(away))
-        counts[nearest] = max(counts[nearest] - visit.raw_counts, 0.0)
-        exposure_s[nearest] -= visit.effective_exposure_s
-    kept = exposure_s >= _MIN_EXPOSURE_S
-    return Samples(samples.xy[kept], counts[kept], exposure_s[kept], samples.spread[kept]), kept

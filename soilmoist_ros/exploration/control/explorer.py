@@ -15,9 +15,8 @@ from functools import cache, lru_cache, reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.control.certified_stops import CertifiedStops, without_visits
-from soilmoist_ros.exploration.control.field_access import NO_MARGIN, AccessRules, FieldAccess
-from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, taken
+from soilmoist_ros.exploration.control.field_access import NO_MARGIN, AccessRules
+from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, taken, with_samples
 from soilmoist_ros.exploration.mission.events import Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, PlanKind
 from soilmoist_ros.exploration.mission.visit import Visit
@@ -28,18 +27,20 @@ from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster, pr
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Aim, AimedMap, Property, slope2, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
-from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
+from soilmoist_ros.exploration.strategies.registry import strategy_kind, warm_up
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
 from soilmoist_ros.exploration.travel.travel import RobotMotion, TravelModel
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import (
+    Changing,
     Field,
     FieldGrid,
     FieldMap,
-    FieldMapSettings,
     Knowledge,
+    Samples,
     SoilMap,
+    TimedSamples,
     VariogramFit,
     coincident,
 )
@@ -48,6 +49,8 @@ from soilmoist_ros.sensing import MoistureCurve
 Array = NDArray[np.float64]
 Place = tuple[float, float]
 _ON_THE_WAY_TOO = Counting()
+_MIN_EXPOSURE_S = 1.0
+_M_PER_S = 0.01  # distance that counts as much as a second, to find the sample of a visit
 
 
 class Explorer:
@@ -59,7 +62,7 @@ class Explorer:
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
     :param forecasts: whether plans have forecasts of the map
     :param grid: the field, where the maps are only of the cells of :func:`planning_grid`; their grid if ``None``
-    :param certified: takes the stops of a certificate into the plans; ``None`` without one
+    :param certified: chooses as :meth:`choose`, and takes the stops of a certificate in; ``None`` without one
     """
 
     def __init__(
@@ -75,7 +78,7 @@ class Explorer:
         counting: Counting = _ON_THE_WAY_TOO,
         forecasts: bool = True,
         grid: FieldGrid | None = None,
-        certified: CertifiedStops | None = None,
+        certified: Certified | None = None,
     ) -> None:
         self.properties = list(properties)
         mapped = self.properties[0].field_map.grid
@@ -123,10 +126,8 @@ class Explorer:
 
     def plan(self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()) -> Planned:
         """Choose the next stop for a robot at a place [m]; the time of the answer is 0."""
-        if self.certified is None:
-            planned = self.choose(request, position_xy, others)
-        else:
-            planned = self.certified.plan(self, request, position_xy, others)
+        choose = self.certified or Explorer.choose
+        planned = choose(self, request, position_xy, others)
         if not self._forecasts:
             return planned
         times_s = request.time_used_s, request.time_left_s
@@ -386,6 +387,35 @@ def _sum(arrays: Iterable[Array]) -> Array:
     return reduce(np.add, arrays)
 
 
+def without_visits(field_map: FieldMap, visits: Sequence[Visit]) -> FieldMap:
+    """A map for planning without the counts of some visits; the map itself if there are none."""
+    if not visits:
+        return field_map
+    samples, changing = _less(field_map.samples, visits)[0], field_map.changing
+    if not len(samples):
+        return FieldMap(field_map.grid, field_map.settings)
+    if changing is not None:
+        fewer, kept = _less(changing.timed.samples, visits, changing.timed.time_s)
+        changing = Changing(TimedSamples(fewer, changing.timed.time_s[kept]), changing.change, changing.now_s)
+    return with_samples(field_map, samples, changing)
+
+
+def _less(
+    samples: Samples, visits: Sequence[Visit], time_s: Array | None = None
+) -> tuple[Samples, NDArray[np.bool_]]:
+    """Samples without the counts of visits, and which ones are left."""
+    counts, exposure_s = samples.counts.copy(), samples.exposure_s.copy()
+    for visit in visits:
+        away = np.hypot(*(samples.xy - (visit.x_m, visit.y_m)).T)
+        if time_s is not None:
+            away = away + _M_PER_S * np.abs(time_s - (visit.arrival_stamp_s + visit.end_stamp_s) / 2)
+        nearest = int(np.argmin(away))
+        counts[nearest] = max(counts[nearest] - visit.raw_counts, 0.0)
+        exposure_s[nearest] -= visit.effective_exposure_s
+    kept = exposure_s >= _MIN_EXPOSURE_S
+    return Samples(samples.xy[kept], counts[kept], exposure_s[kept], samples.spread[kept]), kept
+
+
 def planning_grid(grid: FieldGrid) -> FieldGrid:
     """The grid with only those cells that represent the field to a planner."""
     return replace(grid, mask=spread_cells(grid.mask, MAX_CELLS))
@@ -408,7 +438,6 @@ class ExplorerSettings:
     access: AccessRules = NO_MARGIN  # rules for the region of the robot
     calibration: MoistureCurve | None = None  # for an operator who asks for the map of the moisture
     thresholds: Thresholds | None = None  # thresholds of the decision that the map is for, if it is for one
-    learn_travel: bool = True  # whether speed, turning time and stop overhead are learned from the legs driven
     knowledge: Knowledge = field(default_factory=Knowledge)  # knowledge of the field before the survey
     certify: int = 0  # number of places of a certificate; 0 for none
 
@@ -430,6 +459,7 @@ class ExplorerSettings:
         return warm_up(self.strategy, self.preset)[0]
 
 
+Certified = Callable[[Explorer, RequestPlan, Place, Sequence[PendingMeasurement]], Planned]
 OpenSurvey = Callable[[Changes], tuple[Field, ExplorerSettings]]
 """Opens the field, earlier runs and covariates that an operator chooses; raises an ``InputError``."""
 
@@ -456,28 +486,6 @@ def strategy_stream(seed: int, robot: int = 0) -> np.random.Generator:
     :param robot: number of the robot, from 0
     """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(STREAMS_PER_ROBOT * robot + 1,)))
-
-
-def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
-    """An explorer for one mission."""
-    planning = FieldMapSettings(for_planning=True)
-    return Explorer(
-        [
-            Property(
-                FieldMap(access.grid, planning, settings.knowledge),
-                curve=settings.curve,
-                thresholds=settings.thresholds,
-            )
-        ],
-        access.stops,
-        access.travel,
-        make_strategy(settings.strategy, settings.preset),
-        warm_up(settings.strategy, settings.preset)[1],
-        rules,
-        strategy_stream(settings.seed),
-        nominal_rate_cps(settings.calibration),
-        certified=CertifiedStops(settings.certify) if settings.certify else None,
-    )
 
 
 def nominal_rate_cps(calibration: MoistureCurve | None) -> float:

@@ -74,6 +74,7 @@ RECORD_STAMP = "record_stamp_s"
 _DECISIONS = (Verb.START, Verb.RESUME, Verb.ABORT, Verb.SKIP, Verb.RETURN)
 """Commands after which a mission that was interrupted is an ordinary one again."""
 
+STEP_S = 1.0  # smaller steps of the clock are the work of a time service [s]
 _STUCK_PLANS = 1.25
 """Multiple of the longest wait for a plan after which the thread that makes it counts as stuck."""
 _log = logging.getLogger(__name__)
@@ -155,7 +156,7 @@ class MissionControl:
         self._queue = PlanningQueue(setup.map_wait_s, (OWN, *named))
         self._planning = PlanningThread(outputs.wake, executor)
         self._choice: Choice | None = None
-        self._learned = LearnedMotion(settings.motion, settings.learn_travel)
+        self._learned = LearnedMotion(settings.motion)
         self._record_stamp_s = self._shown_stamp_s = self._shown_place_s = -math.inf
         self._frames = frames
         self.navigator = make_navigator(self.ended)
@@ -426,11 +427,10 @@ class MissionControl:
             return
         self._came += came
         self._record_stamp_s = max((record.stamp_s for record in arrived), default=self._record_stamp_s)
-        self._watching.quarantined(arrived, now_s)
         for record in records:
             self._learned.count((record.x_m, record.y_m), record.exposure_s)
         before_s = self._feed.place_s
-        self._watching.records(records, now_s)
+        self._watching.records(arrived, now_s)
         self._feed.records(now_s, records, more)
         if self._feed.place_s != before_s:
             self._moved(now_s)
@@ -530,9 +530,11 @@ class MissionControl:
         self.navigator.tick(self._clock.now_s())
         if self._clock.now_s() > 0:
             for event in self._clock.events(self._mission.state):
-                self._watching.clock(event)
                 if isinstance(event, events.ClockStepped):
                     _log.warning("the clock was set by %+.1f s; the mission goes on in its own time", event.step_s)
+                    if abs(event.step_s) >= STEP_S:
+                        way = "forward" if event.step_s > 0 else "back"
+                        self.watch.note(Cause.CLOCK_STEP, f"the clock was set {way} by {abs(event.step_s):.0f} s")
                 self._feed.give(event)
             self._feed.give(events.Tick(self._clock.now_s()))
         state = self._mission.state

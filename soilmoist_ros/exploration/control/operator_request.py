@@ -20,7 +20,7 @@ from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD, Changes, Missi
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
-from soilmoist_ros.foundation import InputError, did_you_mean, listing
+from soilmoist_ros.foundation import InputError, did_you_mean
 from soilmoist_ros.mapping import Field, require_no_go
 
 Place = tuple[float, float]
@@ -126,7 +126,7 @@ class Requests:
             case Verb.LIFT:
                 return replace(command, polygon=self._ruled_out(request))
             case Verb.ORDER:
-                return replace(command, stops=self._order(request.stops))
+                return replace(command, stops=request.stops)
             case Verb.CHANGE:
                 return replace(command, changes=self._changes(request))
         return command
@@ -225,15 +225,6 @@ class Requests:
         remedy = "give polygon as in ruled_out_areas of mission_state"
         raise RequestError(ReplyCode.BAD_POLYGON, message, remedy)
 
-    def _order(self, stops: tuple[str, ...]) -> tuple[str, ...]:
-        queue = [queued.stop.name for queued in self.state.queue]
-        unknown = [name for name in stops if name not in queue or stops.count(name) > 1]
-        if unknown:
-            message = f"{unknown[0]!r} is named twice or not in the queue, which has {listing(queue) or 'no stop'}"
-            remedy = f"name stops of the queue once{did_you_mean(unknown[0], queue)}, or add one with measure"
-            raise RequestError(ReplyCode.UNKNOWN_STOP, message, remedy)
-        return stops
-
     def _changes(self, request: OperatorRequest) -> Changes:
         rule, strategy = None, request.strategy
         if request.dwell:
@@ -242,7 +233,17 @@ class Requests:
         if strategy:
             with _refused(ReplyCode.BAD_SETTING):
                 make_strategy(strategy, self.settings.preset)
-        self._check_numbers(request)
+        for name, end in (
+            ("hours", ""),
+            ("until_sd", ", or 0 for no such end"),
+            ("until_gain", ", or 0 for no such end"),
+        ):
+            value = getattr(request, name)
+            if value is not None and not 0.0 <= value < math.inf:
+                raise RequestError(ReplyCode.BAD_SETTING, f"{name} is {value:g}", f"give a number above 0{end}")
+        if request.until_sd is not None and request.until_sd > MAX_UNTIL_SD:
+            remedy = f"it is not in percent: write {request.until_sd / 100:g}"
+            raise RequestError(ReplyCode.BAD_SETTING, f"until_sd is {request.until_sd:g}", remedy)
         changes = Changes(
             budget_s=request.hours * 3600 if request.hours else None,
             dwell=rule,
@@ -261,33 +262,17 @@ class Requests:
             raise RequestError(ReplyCode.BAD_SETTING, "there is nothing to change", remedy)
         return changes
 
-    def _check_numbers(self, request: OperatorRequest) -> None:
-        used_h = self.state.time_used_s / 3600 if self.state.under_way else 0.0
-        used = f"{used_h:.2f} h are used already: give the time from the start, or use return_home or abort"
-        for name, value, above, remedy in (
-            ("hours", request.hours, 0.0, "give a number of hours above 0"),
-            ("hours", request.hours or None, math.nextafter(used_h, math.inf), used),
-            ("until_sd", request.until_sd, 0.0, "give a number above 0, or 0 for no such end"),
-            ("until_gain", request.until_gain, 0.0, "give a number above 0, or 0 for no such end"),
-        ):
-            if value is not None and not above <= value < math.inf:
-                raise RequestError(ReplyCode.BAD_SETTING, f"{name} is {value:g}", remedy)
-        if request.until_sd is not None and request.until_sd > MAX_UNTIL_SD:
-            remedy = f"it is not in percent: write {request.until_sd / 100:g}"
-            raise RequestError(ReplyCode.BAD_SETTING, f"until_sd is {request.until_sd:g}", remedy)
-
     def _target(self, target: str) -> str:
         if target not in TARGETS:
             remedy = f"use one of: {', '.join(TARGETS)}{did_you_mean(target, TARGETS)}"
             raise RequestError(ReplyCode.BAD_SETTING, f"there is no target {target!r}", remedy)
-        if target == "vwc" and self.settings.calibration is None:
-            message = "target is vwc, but there is no calibration"
-            raise RequestError(ReplyCode.BAD_SETTING, message, "start the planner with a calibrated site file")
-        if target == "decision" and self.settings.thresholds is None:
-            message = "target is decision, but there are no thresholds"
-            raise RequestError(
-                ReplyCode.BAD_SETTING, message, "start the planner with target decision and threshold"
-            )
+        for name, has, lacks, remedy in (
+            ("vwc", self.settings.calibration, "is no calibration", "a calibrated site file"),
+            ("decision", self.settings.thresholds, "are no thresholds", "target decision and threshold"),
+        ):
+            if target == name and has is None:
+                message = f"target is {target}, but there {lacks}"
+                raise RequestError(ReplyCode.BAD_SETTING, message, f"start the planner with {remedy}")
         return target
 
     def _home(self, request: OperatorRequest) -> Stop | None:

@@ -13,12 +13,19 @@ from dataclasses import dataclass, replace
 from queue import SimpleQueue
 from typing import NamedTuple
 
-from soilmoist_ros.exploration.control.explorer import Explorer, ExplorerSettings, make_explorer
+from soilmoist_ros.exploration.control.certified_stops import CertifiedStops
+from soilmoist_ros.exploration.control.explorer import (
+    Explorer,
+    ExplorerSettings,
+    nominal_rate_cps,
+    strategy_stream,
+)
 from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.properties import Property
+from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
 from soilmoist_ros.foundation import SoilmoistError
 from soilmoist_ros.mapping import Changing, FieldMap, FieldMapSettings, Samples, VariogramFit
 
@@ -215,6 +222,28 @@ class Terms(NamedTuple):
         """True if one explorer serves both."""
         rules, others = self.rules, other.rules
         return self[:3] == other[:3] and (rules.home, rules.dwell) == (others.home, others.dwell)
+
+
+def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
+    """An explorer for one mission."""
+    planning = FieldMapSettings(for_planning=True)
+    return Explorer(
+        [
+            Property(
+                FieldMap(access.grid, planning, settings.knowledge),
+                curve=settings.curve,
+                thresholds=settings.thresholds,
+            )
+        ],
+        access.stops,
+        access.travel,
+        make_strategy(settings.strategy, settings.preset),
+        warm_up(settings.strategy, settings.preset)[1],
+        rules,
+        strategy_stream(settings.seed),
+        nominal_rate_cps(settings.calibration),
+        certified=CertifiedStops(settings.certify).plan if settings.certify else None,
+    )
 
 
 class PlanningThread:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Final
 from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.watch import NEAR_ROUTE_M, Doing, RobotSurroundings, Watch
-from soilmoist_ros.exploration.mission.events import ClockStepped, Event
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase
@@ -23,7 +22,6 @@ from soilmoist_ros.sensing import CountRecord, Expected
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-STEP_S: Final = 1.0  # smaller steps of the clock are the work of a time service [s]
 WATCHED_S: Final = 60.0
 """Time for which the robot should stand after a mission or a stop [s]; then it belongs to people."""
 AHEAD_S: Final = 3.0  # time by which the robot's place is predicted [s]
@@ -104,25 +102,11 @@ class Watching:
         return usable
 
     def records(self, records: Sequence[CountRecord], now_s: float) -> None:
-        """Records have come that the mission counts and the map should have."""
-        if not records:
-            return
+        """Records have come that the mission counts and the map should have, quarantined ones among them."""
         places = [(record.x_m, record.y_m) for record in records]
         inside = [False] * len(places) if self._access is None else self._access.fence.contains(places)
         for record, is_inside in zip(records, inside, strict=True):
-            self._watch.record(now_s, record.stamp_s, bool(is_inside))
-
-    def quarantined(self, records: Sequence[CountRecord], now_s: float) -> None:
-        """Records have come; only the quarantined ones are of interest."""
-        for record in records:
-            if record.quarantine:
-                self._watch.quarantined(now_s, record.quarantine)
-
-    def clock(self, event: Event) -> None:
-        """The mission clock has something to say; only steps are of interest."""
-        if isinstance(event, ClockStepped) and abs(event.step_s) >= STEP_S:
-            way = "forward" if event.step_s > 0 else "back"
-            self._watch.note(Cause.CLOCK_STEP, f"the clock was set {way} by {abs(event.step_s):.0f} s")
+            self._watch.record(now_s, record.stamp_s, bool(is_inside), record.quarantine)
 
     def doing(self, mission: Mission, navigator: Navigator, waiting_for: str) -> Doing:
         """Activity of a mission and its navigation now, with the part of the navigation that is missing."""

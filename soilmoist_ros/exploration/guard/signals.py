@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from dataclasses import dataclass
 from typing import Final
 
 from soilmoist_ros.sensing import Kind, reason_text
@@ -57,22 +56,6 @@ class Battery:
         return f"{self.charge:.0%}" if math.isfinite(self.charge) else f"{self.voltage_v:.1f} V"
 
 
-@dataclass
-class _Quantity:
-    """A quantity that has a lower limit, and the number of messages in a row below it."""
-
-    limit: float
-    recharged: float
-    form: str
-    times: int = 0
-    value: float = math.nan
-
-    def take(self, value: float, low: bool) -> None:
-        if self.limit > 0 and math.isfinite(value):
-            self.value = value
-            self.times = self.times + 1 if value < (self.recharged if low else self.limit) else 0
-
-
 class BatteryLimit:
     """Judges the messages of a battery by a limit of its charge and one of its voltage.
 
@@ -81,22 +64,22 @@ class BatteryLimit:
     """
 
     def __init__(self, charge: float, voltage_v: float) -> None:
-        self._quantities = (
-            _Quantity(charge, charge + RECHARGED, "{:.0%}"),
-            _Quantity(voltage_v, voltage_v * (1 + RECHARGED), "{:.1f} V"),
-        )
+        self._limits = (charge, charge + RECHARGED), (voltage_v, voltage_v * (1 + RECHARGED))
+        self._times = [0, 0]  # messages in a row below each of the two
         self.fault = ""
         """Reason why the battery is low; empty if it is not."""
 
     def take(self, charge: float, voltage_v: float) -> None:
         """A message has come, with NaN for what it leaves out; that stays as it was."""
-        for quantity, value in zip(self._quantities, (charge, voltage_v), strict=True):
-            quantity.take(value, bool(self.fault))
-        low = [one for one in self._quantities if one.times >= MIN_BATTERY]
-        if low:
-            self.fault = f"the battery is at {low[0].form.format(low[0].value)}"
-        elif not any(one.times for one in self._quantities):
-            self.fault = ""
+        texts = f"{charge:.0%}", f"{voltage_v:.1f} V"
+        low = ""
+        for number, (value, (limit, recharged)) in enumerate(zip((charge, voltage_v), self._limits, strict=True)):
+            if limit > 0 and math.isfinite(value):
+                is_low = value < (recharged if self.fault else limit)
+                self._times[number] = self._times[number] + 1 if is_low else 0
+                if self._times[number] >= MIN_BATTERY:
+                    low = low or f"the battery is at {texts[number]}"
+        self.fault = low or (self.fault if any(self._times) else "")
 
 
 # Counts: how many of the last records were quarantined, and why -------------------------------------------------

@@ -125,9 +125,8 @@ class Watch:
         self._judged_s = math.inf
         self._record_stamp_s = self._map_stamp_s = -math.inf
         self._trust = CountTrust(self.limits.counts_bad_s)
-        self._logger_fault = ""
-        self.fix_fault = ""
-        """Reason why the last epoch of the receiver had no place; empty if it had one."""
+        self.logger_fault = self.fix_fault = ""
+        """Fault of the logger, as its driver says, and reason why the last epoch of the receiver had no place."""
         self._battery = Battery()
         self._battery_limits = {
             Cause.BATTERY_LOW: BatteryLimit(self.limits.battery_low, self.limits.battery_low_v),
@@ -206,26 +205,18 @@ class Watch:
             self._seen[cause] = self._seen[cause] + 1 if wrong else 0
             self.report(cause, f"the robot is {text}" if self._seen[cause] >= IN_A_ROW else "")
 
-    def record(self, now_s: float, stamp_s: float, in_field: bool) -> None:
-        """A record that can be used has come.
+    def record(self, now_s: float, stamp_s: float, in_field: bool, quarantine: str = "") -> None:
+        """A record has come.
 
-        :param in_field: whether the map must have it
+        :param in_field: whether the map must have it, unless it is quarantined
+        :param quarantine: reason why its counts or place are bad; empty if they are good
         """
         self.hear("record", now_s)
-        self._trust.take(now_s)
-        if in_field:
+        self._trust.take(now_s, quarantine)
+        if in_field and not quarantine:
             if self._record_stamp_s <= self._map_stamp_s:
                 self.hear("map", now_s)  # the map was complete until now
             self._record_stamp_s = max(self._record_stamp_s, stamp_s)
-
-    def quarantined(self, now_s: float, reason: str) -> None:
-        """A record has come whose counts or place are bad."""
-        self.hear("record", now_s)
-        self._trust.take(now_s, reason)
-
-    def logger(self, fault: str) -> None:
-        """Report the fault that the driver has found in its logger; empty without a fault."""
-        self._logger_fault = fault
 
     def map(self, now_s: float, stamp_s: float) -> None:
         """A map has come."""
@@ -348,7 +339,7 @@ class Watch:
             self._allowed_no_go_m = min(self._around.no_go_m, self._around.leaving_m)
         self._under_way = doing.under_way
         behind = doing.under_way and self._record_stamp_s > self._map_stamp_s
-        fault = f" ({self._logger_fault})" if self._logger_fault else ""
+        fault = f" ({self.logger_fault})" if self.logger_fault else ""
         no_fix = f" ({self.fix_fault})" if self.fix_fault else ""
         for cause, name, missed, limit_s, what, why in (
             (Cause.FIX_OLD, "fix", True, limits.fix_old_s, "no plausible position for", no_fix),

@@ -562,10 +562,7 @@ class _Step:
 
     def lift_area(self, command: events.Command) -> Done:
         """Let stops be chosen again in an area that was ruled out."""
-        kept = tuple(area for area in self.state.ruled_out if area != command.polygon)
-        if len(kept) == len(self.state.ruled_out):
-            return False, "this area is not ruled out"
-        self.set(ruled_out=kept)
+        self.set(ruled_out=tuple(area for area in self.state.ruled_out if area != command.polygon))
         self.plan_again(f"an area is lifted by {command.by}")
         return True, f"stops may be chosen in the area again; {self.state.reason}"
 
@@ -580,8 +577,7 @@ class _Step:
 
     def change(self, command: events.Command) -> Done:
         new = command.changes
-        if new is None or not new.given:
-            return False, "there is nothing to change"
+        assert new is not None
         values = new.given
         if new.of_survey and self.state.under_way:
             return False, f"a mission is under way: end it before {' and '.join(new.of_survey)} can change"

@@ -36,6 +36,11 @@ from soilmoist_ros.exploration.mission.events import ANYBODYS
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.travel.stop import Stop, WayPoint
 
+START_S = 30.0  # time for the server to appear, and for the goal before to end [s]
+ANSWER_S = 10.0  # time in which the server accepts or rejects a goal [s]
+LOST_S = 5.0  # the server may be away for this time in mid-goal [s]
+POSITION_S = 30.0  # time for a position that agrees, after the server reported the arrival [s]
+MAX_POSITIONS = 10  # as many positions that do not agree settle it sooner
 CANCEL_AGAIN_S = 2.0  # time after which a goal that does not end is cancelled again [s]
 UNENDED_S = 10.0  # time after its cancellation from which a goal without an end is reported [s]
 NEW_SERVER_S = 2.0  # time in which a server that was started again lists its goals, or is asked about them [s]
@@ -94,17 +99,6 @@ class Listed:
 _NOTHING = Listed()
 
 
-@dataclass(frozen=True, kw_only=True)
-class GoalLimits:
-    """Time limits, on a clock that runs with the messages (not a simulated one)."""
-
-    start_s: float = 30.0  # time for the server to appear, and for the goal before to end [s]
-    answer_s: float = 10.0  # time in which the server accepts or rejects a goal [s]
-    lost_s: float = 5.0  # the server may be away for this time in mid-goal [s]
-    position_s: float = 30.0  # time for a position that agrees, after the server reported the arrival [s]
-    positions: int = 10  # as many positions that do not agree settle it sooner
-
-
 class _GoalStep(Enum):
     WAITING = auto()  # not sent
     SENT = auto()  # neither accepted nor rejected
@@ -132,12 +126,13 @@ class _ActionGoal:
 class GoalClient:
     """Takes goals one at a time through the server. Each method gives what is to be done now, in order.
 
+    Times are on a clock that runs with the messages, not a simulated one.
+
     :param radius_m: the robot is at a stop within this distance [m]
     """
 
-    def __init__(self, radius_m: float, limits: GoalLimits | None = None) -> None:
+    def __init__(self, radius_m: float) -> None:
         self._radius_m = radius_m
-        self._limits = limits or GoalLimits()
         self._goals: dict[int, _ActionGoal] = {}  # those that may still run, also when their end has been reported
         self._servers = 0
         self._server_seen_s = self._now_s = -math.inf
@@ -314,25 +309,23 @@ class GoalClient:
     def _meet_limits(self, goal: _ActionGoal, now_s: float) -> None:
         if goal.reported:
             return
-        limits, waited_s = self._limits, now_s - goal.since_s
+        waited_s = now_s - goal.since_s
         on_server = goal.step in (_GoalStep.SENT, _GoalStep.ACTIVE)
-        if goal.step is _GoalStep.WAITING and waited_s > limits.start_s:
+        if goal.step is _GoalStep.WAITING and waited_s > START_S:
             why = "is not there"
             if self._servers:
                 why = "does not end the goal before: cancel it there, or start the navigation again"
                 why = why if self._servers == 1 else f"has {self._servers} servers"
-            self._fail(goal, f"the navigation {why} (waited {limits.start_s:.0f} s)")
-        elif on_server and now_s - max(self._server_seen_s, goal.since_s) > limits.lost_s:
+            self._fail(goal, f"the navigation {why} (waited {START_S:.0f} s)")
+        elif on_server and now_s - max(self._server_seen_s, goal.since_s) > LOST_S:
             self._give_up(goal, Outcome.FAILED, "the navigation has gone away", now_s)
-        elif goal.step is _GoalStep.SENT and waited_s > limits.answer_s:
-            reason = f"the navigation neither accepts nor rejects the goal in {limits.answer_s:.0f} s"
+        elif goal.step is _GoalStep.SENT and waited_s > ANSWER_S:
+            reason = f"the navigation neither accepts nor rejects the goal in {ANSWER_S:.0f} s"
             self._give_up(goal, Outcome.FAILED, reason, now_s)
-        elif goal.step is _GoalStep.CHECKING and (
-            waited_s > limits.position_s or goal.positions >= limits.positions
-        ):
+        elif goal.step is _GoalStep.CHECKING and (waited_s > POSITION_S or goal.positions >= MAX_POSITIONS):
             found = f"the robot is {goal.away_m:.1f} m away from it"
             if math.isnan(goal.away_m):
-                found = f"no position came in {limits.position_s:.0f} s"
+                found = f"no position came in {POSITION_S:.0f} s"
             self._fail(goal, f"reported as reached, but {found}")
 
     def _fail(self, goal: _ActionGoal, reason: str) -> None:

@@ -240,7 +240,9 @@ class _Simulation:
             Counting(settings.cadence_s, settings.map_from == "records"),
             forecasts=self.forecasts_wanted,
             grid=self.grid,
-            certified=CertifiedStops(settings.certify, lambda: sealed_seed(seed)) if settings.certify else None,
+            certified=CertifiedStops(settings.certify, lambda: sealed_seed(seed)).plan
+            if settings.certify
+            else None,
         )
         body = VirtualRobot(settings.real_motion, start.xy)
         if settings.person is not None:

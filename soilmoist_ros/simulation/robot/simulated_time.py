@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from types import MappingProxyType
 
-from soilmoist_ros.exploration import GoalLimits, Phase
+from soilmoist_ros.exploration import MAX_POSITIONS, Phase
 from soilmoist_ros.foundation import Health, InputError, Level
 
 SHORT_S = 0.5  # longest wait for what did not come in time before [s of the wall clock]
@@ -181,7 +181,7 @@ class WaitingClock:
         # without one for long, and a long wait takes little simulated time.
         # The client doubts an arrival after this number of positions that do not agree. They come at once: if time
         # crawled, the client's limit on the computer's clock would come first, after 30 s.
-        untrue = GoalLimits.positions if progress.goal_untrue else 0
+        untrue = MAX_POSITIONS if progress.goal_untrue else 0
         epochs = untrue + math.log2(1 + (self._wall_s - self._since[key]) / max(CRAWL_S, 2 * self._answer_s))
         return progress.goal_ended_s + epochs * self._epoch_s
 

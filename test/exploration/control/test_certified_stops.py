@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration import Stop, Visit, check_places, sample_from_text, state_from_json
-from soilmoist_ros.exploration.control.certified_stops import without_visits
+from soilmoist_ros.exploration.control.explorer import without_visits
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.types import MissionRules

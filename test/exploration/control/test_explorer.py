@@ -12,14 +12,9 @@ from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
 from soilmoist_ros.exploration import Property, RequestPlan, Stop, make_strategy, parse_dwell, stops_xy
-from soilmoist_ros.exploration.control.explorer import (
-    Explorer,
-    ExplorerSettings,
-    first_forecast,
-    make_explorer,
-    nominal_rate_cps,
-)
+from soilmoist_ros.exploration.control.explorer import Explorer, ExplorerSettings, first_forecast, nominal_rate_cps
 from soilmoist_ros.exploration.control.field_access import AccessRules, FieldAccess, cell_stops
+from soilmoist_ros.exploration.control.planning_queue import make_explorer
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
 from soilmoist_ros.exploration.planning.prospect import MAX_STOPS

@@ -140,11 +140,6 @@ def test_home_is_the_stop_nearest_to_a_place():
     assert requests().command(request, 0.0).changes.home == FREE.stop("r0c0")
 
 
-@pytest.mark.parametrize("stops", [("x",), ("r0c0", "r0c0")])
-def test_an_order_of_stops_that_are_not_in_the_queue(stops):
-    refused(ReplyCode.UNKNOWN_STOP, verb="order", stops=stops)
-
-
 @pytest.mark.parametrize(
     ("code", "values", "word"),
     [
@@ -154,7 +149,6 @@ def test_an_order_of_stops_that_are_not_in_the_queue(stops):
         (ReplyCode.BAD_SETTING, {"hours": math.inf}, "above 0"),
         (ReplyCode.BAD_SETTING, {"until_gain": math.inf}, "above 0"),
         (ReplyCode.BAD_SETTING, {"until_sd": 5.0}, "not in percent: write 0.05"),
-        (ReplyCode.BAD_SETTING, {"hours": 0.1}, "0.10 h are used"),
         (ReplyCode.BAD_SETTING, {"strategy": "gredy"}, "did you mean 'greedy'"),
         (ReplyCode.BAD_SETTING, {"target": "water"}, "rate, vwc"),
         (ReplyCode.BAD_SETTING, {"target": "vwc"}, "no calibration"),

@@ -9,8 +9,15 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration import Choice, FieldAccess, PendingMeasurement, RobotMotion, Stop, parse_dwell
-from soilmoist_ros.exploration.control.explorer import ExplorerSettings, make_explorer
-from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings
+from soilmoist_ros.exploration.control.planning_queue import (
+    OWN,
+    PlanJob,
+    PlanningQueue,
+    PropertyMap,
+    answer,
+    make_explorer,
+)
 from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.foundation.geodesy import LocalFrame

@@ -491,7 +491,6 @@ def test_an_area_is_ruled_out():
     driver.plan(NORTH)
     assert "ruled out" in driver.reason
     assert not ask(driver, "measure", stop=NORTH).answer.accepted
-    assert not ask(driver, "lift", polygon=area[:3]).answer.accepted
     assert ask(driver, "lift", polygon=area).answer.accepted
     assert driver.mission.status.ruled_out == ()
     assert ask(driver, "measure", stop=NORTH).answer.accepted
@@ -512,9 +511,7 @@ def test_settings_change_while_it_runs():
     assert restored.status == driver.mission.status
 
 
-@pytest.mark.parametrize(
-    "changes", [None, Changes(), Changes(budget_s=1.0), Changes(budget_s=math.nan), Changes(dwell="often")]
-)
+@pytest.mark.parametrize("changes", [Changes(budget_s=1.0), Changes(budget_s=math.nan), Changes(dwell="often")])
 def test_settings_that_cannot_be_used_change_nothing(changes):
     driver = Driver().counting().record()
     before = driver.mission.current_rules

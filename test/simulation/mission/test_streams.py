@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration import FieldAccess, RequestPlan, RobotMotion, parse_dwell
-from soilmoist_ros.exploration.control.explorer import ExplorerSettings, make_explorer, strategy_stream
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings, strategy_stream
+from soilmoist_ros.exploration.control.planning_queue import make_explorer
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.simulation import MissionSettings, simulate_mission, surrogate_field

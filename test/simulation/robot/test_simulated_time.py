@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration import GoalClient, GoalLimits, Phase, Stop, WayPoint
+from soilmoist_ros.exploration import MAX_POSITIONS, GoalClient, Phase, Stop, WayPoint
 from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.simulation import RobotProgress, SimulatedTime, WaitingClock, end_to_react_to, read_start_time
@@ -156,17 +156,17 @@ def test_time_never_stands_forever(history, forever):
 
 def test_an_untrue_arrival_does_not_stop_time_for_the_limit_of_the_client():
     """The client doubts an arrival after ten positions, or after 30 s of the computer's clock."""
-    clock, limits = Clock(), GoalLimits()
+    clock = Clock()
     untrue = {"robot_1": replace(ARRIVAL["robot_1"], goal_untrue=True)}
     assert clock.may_run_to(0.0, ARRIVAL) == 107.0
-    assert clock.may_run_to(0.0, untrue) == 107.0 + limits.positions
-    assert limits.positions < clock.may_run_to(1.0, untrue) - 107.0 < limits.positions + 5, "then it crawls"
-    client, target = GoalClient(2.0, limits), WayPoint(Stop("far", 50.0, 0.0))
+    assert clock.may_run_to(0.0, untrue) == 107.0 + MAX_POSITIONS
+    assert MAX_POSITIONS < clock.may_run_to(1.0, untrue) - 107.0 < MAX_POSITIONS + 5, "then it crawls"
+    client, target = GoalClient(2.0), WayPoint(Stop("far", 50.0, 0.0))
     client.tick(1, 0.0)
     client.go(1, (target,), 0.0)
     client.answered(1, True, 0.0)
     client.ended(1, 4, True, 0.0)
-    reports = [client.moved((0.0, 0.0), 0.1) for _ in range(limits.positions)]
+    reports = [client.moved((0.0, 0.0), 0.1) for _ in range(MAX_POSITIONS)]
     assert [bool(report) for report in reports] == [False] * 9 + [True]
     assert reports[-1][0].outcome is Outcome.FAILED
 
