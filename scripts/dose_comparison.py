@@ -78,7 +78,7 @@ def shares(field: str, hours: float, seed: int) -> tuple[float, float, float, fl
     one = DoseSettings(**limits, root_depth_mm=DEPTH_MM, steps_mm=STEPS_MM, width_m=WIDTH_M)
     need = np.where(truth < stress, (one.full - truth) * DEPTH_MM, 0.0)
     dose = find_dose(soil_map.rate[mask], soil_map.rate_sd[mask], curve, one)
-    zones = zones_of_dose(dose, cells, soil_map.grid.cell_m, field_polygon(soil_map), one)
+    zones = zones_of_dose(dose, cells, soil_map.grid.cell_m, field_polygon(soil_map.grid), one)
     found = []
     for plan in (np.full(len(cells), need.mean()), dose_at(zones, cells)):
         found += [float(np.maximum(sign * (plan - need), 0).sum() / need.sum()) for sign in (1, -1)]

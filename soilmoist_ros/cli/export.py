@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -22,8 +23,6 @@ from soilmoist_ros.foundation import InputError, SoilmoistError
               help="Management zones of equal area, where the site file has no limits.")  # fmt: skip
 @click.option("--min-zone", "min_zone_ha", type=click.FloatRange(min=0),
               help="Area from which a part of the field is a zone [ha]. Default: 5 % of the field.")  # fmt: skip
-@click.option("--step", type=click.FloatRange(min=0, min_open=True),
-              help="Distance of contour lines [% by volume, or counts/s]. Default: a round one.")  # fmt: skip
 @click.option("--root-depth", "root_depth_mm", type=click.FloatRange(min=0, min_open=True),
               help="Depth of the root zone for the water of zones [mm]; a dose has the run's.")  # fmt: skip
 @click.option("--rate-column", default="RATE", show_default=True,
@@ -34,7 +33,7 @@ from soilmoist_ros.foundation import InputError, SoilmoistError
               help="Version of ISOXML. Terminals for version 4 read version 3 too.")  # fmt: skip
 @click.option("--isoxml-form", type=click.Choice(["grid1", "grid2", "polygons"]), default="grid1",
               show_default=True, help="Zones as a grid of their codes, a grid of rates, or polygons.")  # fmt: skip
-@click.option("--isoxml-passes", type=click.IntRange(1), default=1, show_default=True,
+@click.option("--isoxml-passes", "passes", type=click.IntRange(1), default=1, show_default=True,
               help="Passes that share a dose: ISOXML holds at most 21.47 mm in one.")  # fmt: skip
 @click.option("--max-cells", type=click.IntRange(1), default=40_000, show_default=True,
               help="Cells that the terminal takes; a larger grid gets larger cells.")  # fmt: skip
@@ -42,23 +41,7 @@ from soilmoist_ros.foundation import InputError, SoilmoistError
               help="Zones that the terminal takes.")  # fmt: skip
 @overwrite_option("Replace the files of an earlier export.")
 @answering
-def command(
-    run: Path,
-    names: tuple[str, ...],
-    out: Path | None,
-    zones: int,
-    min_zone_ha: float | None,
-    step: float | None,
-    root_depth_mm: float | None,
-    rate_column: str,
-    rate_unit: str,
-    isoxml_version: int,
-    isoxml_form: str,
-    isoxml_passes: int,
-    max_cells: int,
-    max_zones: int,
-    overwrite: bool,
-) -> None:
+def command(run: Path, names: tuple[str, ...], out: Path | None, overwrite: bool, **choices: Any) -> None:
     """Export a RUN for GIS, phones and farm terminals.
 
     RUN is the output folder of map, simulate, replay or demo. Files of each property have its name.
@@ -67,15 +50,11 @@ def command(
         raise InputError("no export is given", "name formats with --to; soilmoist list exports shows them")
     from soilmoist_ros.reporting import ExportSettings, export_run
 
-    settings = ExportSettings(
-        zones, min_zone_ha, step, root_depth_mm, rate_column, rate_unit, isoxml_version, isoxml_form,
-        isoxml_passes, max_cells, max_zones,
-    )  # fmt: skip
-
     def replaces(held: str) -> bool:
         return overwrite or confirmed(out or run / "export", held)
 
     refused: list[str] = []
+    settings = ExportSettings(**choices)
     wrote(export_run(run, names, out, settings, lambda text: warn(f"note: {text}"), replaces, refused))
     if refused:
         raise SoilmoistError(f"not written: {'; '.join(refused)}")

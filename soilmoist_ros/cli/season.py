@@ -30,7 +30,7 @@ def command(
     """Make a time series of all RUNS of one field.
 
     RUNS are output folders of map, simulate, replay or demo, recordings, or folders of such. The map of each
-    survey is made from the counts of all. Writes report.html, season.nc, season.csv and summary.json to --out.
+    survey is made from the counts of all. Writes report.html, season.csv, summary.json and survey_N.tif to --out.
     """
     prepare_output(out, overwrite)
     from soilmoist_ros.foundation import resource

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping import SoilMap
+    from soilmoist_ros.mapping import FieldGrid
 
 
-def field_polygon(soil_map: SoilMap) -> Any:
+def field_polygon(grid: FieldGrid) -> Any:
     """The field without its holes, as a shapely (multi)polygon in local metres; exteriors counter-clockwise.
 
     Holes may overlap each other and the boundary, so they are subtracted, not used as rings.
@@ -22,9 +22,7 @@ def field_polygon(soil_map: SoilMap) -> Any:
     from shapely import unary_union
     from shapely.geometry import Polygon
 
-    outlines, holes = (
-        unary_union([Polygon(r) for r in rs]) for rs in (soil_map.grid.polygons, soil_map.grid.holes)
-    )
+    outlines, holes = (unary_union([Polygon(r) for r in rs]) for rs in (grid.polygons, grid.holes))
     return right_handed(outlines.difference(holes))
 
 
@@ -40,33 +38,24 @@ def right_handed(shape: Any) -> Any:
     return shape
 
 
-def rings(soil_map: SoilMap) -> list[NDArray[np.float64]]:
+def rings(grid: FieldGrid) -> list[NDArray[np.float64]]:
     """All boundary lines of the field, each closed, shape (k, 2) [m]."""
-    shape = field_polygon(soil_map)
+    shape = field_polygon(grid)
     parts = list(getattr(shape, "geoms", [shape]))
     lines = [line for part in parts for line in (part.exterior, *part.interiors)]
     return [np.asarray(line.coords, float) for line in lines if not line.is_empty]
 
 
-def inside_field(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """True if each point (n, 2) lies in the field and in none of its holes."""
-    from shapely import contains_xy, prepare
-
-    polygon = field_polygon(soil_map)
-    prepare(polygon)
-    return np.asarray(contains_xy(polygon, xy_m[:, 0], xy_m[:, 1]), bool)
-
-
-def distances_m(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def distances_m(grid: FieldGrid, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distance of each point (n, 2) from the boundary of the field [m], shape (n,); 0 inside."""
     from shapely import Polygon, distance, points, union_all
 
-    return np.asarray(distance(union_all([Polygon(ring) for ring in soil_map.grid.polygons]), points(xy_m)), float)
+    return np.asarray(distance(union_all([Polygon(ring) for ring in grid.polygons]), points(xy_m)), float)
 
 
-def compass_part(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> str:
+def compass_part(grid: FieldGrid, xy_m: NDArray[np.float64]) -> str:
     """Part of the field where points (n, 2) lie, such as "south-west"; empty if they are all over the field."""
-    every = soil_map.grid.cells
+    every = grid.cells
     if not len(xy_m):
         return ""
     east, north = (xy_m.mean(axis=0) - every.mean(axis=0)) / np.maximum(np.ptp(every, axis=0), 1e-9)
@@ -74,9 +63,3 @@ def compass_part(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> str:
         return ""
     points = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
     return points[round(math.degrees(math.atan2(north, east)) / 45) % 8]
-
-
-def map_extent(soil_map: SoilMap) -> tuple[float, float, float, float]:
-    """Outer edges of the raster's cells: west, east, south, north [m]."""
-    x, y, half = soil_map.grid.x_m, soil_map.grid.y_m, soil_map.grid.cell_m / 2
-    return float(x[0] - half), float(x[-1] + half), float(y[0] - half), float(y[-1] + half)

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Maps, and other rasters of a field's cells, as cloud-optimised GeoTIFFs; rasters as NetCDF-3 (CF-1.8)."""
+"""Maps, and other rasters of a field's cells, as cloud-optimised GeoTIFFs."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from soilmoist_ros.foundation import InputError, LocalFrame, __version__
 from soilmoist_ros.mapping import FieldChange, FieldGrid
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, guess_text
 from soilmoist_ros.reporting.dose import DoseZone, dose_at
-from soilmoist_ros.reporting.geometry import field_polygon, inside_field
+from soilmoist_ros.reporting.geometry import field_polygon
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
@@ -93,12 +93,15 @@ def write_geotiff(
     :param zones: zones of an irrigation dose; they give the band ``dose`` [mm]
     :raises InputError: if the field has no place in ``crs``, or no raster of sensible size
     """
+    from shapely import contains_xy, prepare
+
     names = [name for name in BANDS if soil_map.curve is not None or name.startswith("rate")]
-    target = target_cells(soil_map, frame, frame.export_crs(crs))
+    target, field = target_cells(soil_map.grid, frame, frame.export_crs(crs)), field_polygon(soil_map.grid)
+    prepare(field)
     layers = np.full((len(names), target.y.size * target.x.size), np.nan, np.float32)
     for start in range(0, layers.shape[1], CELLS_AT_ONCE):
         local = target.local(start, start + CELLS_AT_ONCE)
-        inside = inside_field(soil_map, local)
+        inside = contains_xy(field, *local.T)
         if inside.any():
             found = soil_map.evaluate(local[inside])
             layers[:, start + np.flatnonzero(inside)] = np.stack([getattr(found, name) for name in names])
@@ -113,14 +116,14 @@ def write_geotiff(
 
 
 def write_cell_raster(
-    path: Path, soil_map: SoilMap, frame: LocalFrame, crs: CRS, bands: Mapping[str, Array], tags: Mapping[str, str]
+    path: Path, grid: FieldGrid, frame: LocalFrame, crs: CRS, bands: Mapping[str, Array], tags: Mapping[str, str]
 ) -> Path:
     """Write rasters of a field's cells: each cell of the file has the value of the cell at its centre.
 
     :param bands: values of shape (ny, nx) by the names of :data:`BANDS` and :data:`CHANGES`
     """
-    target = target_cells(soil_map, frame, crs)
-    cell = _cell_index(soil_map.grid, target.local()).reshape(target.y.size, target.x.size)
+    target = target_cells(grid, frame, crs)
+    cell = _cell_index(grid, target.local()).reshape(target.y.size, target.x.size)
     placed = {name: np.append(values.ravel(), np.nan)[cell].astype(np.float32) for name, values in bands.items()}
     return _write(path, target, placed, {"AREA_OR_POINT": "Area", **tags}, {}, "nearest")
 
@@ -185,7 +188,7 @@ def _map_tags(soil_map: SoilMap, frame: LocalFrame) -> dict[str, str]:
     return tags
 
 
-def target_cells(soil_map: SoilMap, frame: LocalFrame, crs: CRS) -> ExportGrid:
+def target_cells(grid: FieldGrid, frame: LocalFrame, crs: CRS) -> ExportGrid:
     """Cells of a raster in a reference system that cover the field, about as large as those of the map.
 
     :raises InputError: if the field has no place in ``crs``, or no raster of sensible size
@@ -194,14 +197,14 @@ def target_cells(soil_map: SoilMap, frame: LocalFrame, crs: CRS) -> ExportGrid:
     from shapely import get_coordinates
 
     to_local = Transformer.from_crs(crs, frame.crs, always_xy=True)
-    local = get_coordinates(field_polygon(soil_map).segmentize(soil_map.grid.cell_m))
+    local = get_coordinates(field_polygon(grid).segmentize(grid.cell_m))
     there = np.column_stack(to_local.transform(local[:, 0], local[:, 1], direction="INVERSE"))
     if not np.isfinite(there).all():
         raise InputError(
             f"the field has no place in the coordinate reference system '{crs.name}'",
             "choose one that covers the field, or none for the UTM zone of the field",
         )
-    cell_m, (x0, y0) = soil_map.grid.cell_m, local.mean(axis=0)
+    cell_m, (x0, y0) = grid.cell_m, local.mean(axis=0)
     if crs.is_projected:
         step = np.full(2, cell_m / crs.axis_info[0].unit_conversion_factor)
     else:
@@ -228,63 +231,3 @@ def _cell_index(grid: FieldGrid, xy: Array) -> NDArray[np.intp]:
     good = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     found = np.where(good, row * columns + column, -1)
     return np.where(good & grid.mask.ravel()[found], found, -1)
-
-
-# Rasters as NetCDF-3 by the CF-1.8 conventions ------------------------------------------------------------------
-
-Variable = tuple[Any, tuple[str, ...], Mapping[str, Any]]
-"""Values, names of the dimensions, and attributes."""
-
-FILL = np.float32(9.96921e36)
-"""Value of cells outside the field: the default of NetCDF."""
-UNITS = {"m3/m3": "1", "counts/s": "s-1"}
-"""Units of NetCDF for those of GeoTIFFs."""
-CLOCK = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "standard"}
-"""Attributes of a time."""
-
-
-def write_netcdf_file(path: Path, variables: Mapping[str, Variable], about: Mapping[str, str]) -> Path:
-    """Write variables in order; dimensions have the size of the first variable with them."""
-    from scipy.io import netcdf_file
-
-    with netcdf_file(path, "w", version=2) as file:
-        for key, text in {"Conventions": "CF-1.8", **about}.items():
-            setattr(file, key, text)
-        for name, (values, dimensions, attributes) in variables.items():
-            array = np.asarray(values)
-            for dimension, size in zip(dimensions, array.shape, strict=True):
-                if dimension not in file.dimensions:
-                    file.createDimension(dimension, size)
-            variable = file.createVariable(name, array.dtype, dimensions)
-            variable[...] = array
-            for key, value in attributes.items():
-                setattr(variable, key, value)
-    return path
-
-
-def axes(x: Array, y: Array, crs: CRS, lat_lon: Array) -> dict[str, Variable]:
-    """Axes of a raster, the places of its cells on earth, and its reference system.
-
-    :param x: centres of the columns, shape (nx,)
-    :param y: centres of the rows, shape (ny,)
-    :param lat_lon: latitude and longitude of each cell, shape (ny * nx, 2)
-    """
-    units = crs.axis_info[0].unit_name.replace("metre", "m")
-    kinds = (("projection_x_coordinate", units), ("projection_y_coordinate", units))
-    found: dict[str, Variable] = {}
-    for name, axis, (standard, unit) in zip("xy", (x, y), kinds, strict=True):
-        about = {"standard_name": standard, "units": unit, "long_name": standard.replace("_", " ")}
-        found[name] = axis, (name,), {"axis": name.upper(), **about}
-    earthly = (("lat", "latitude", "degrees_north"), ("lon", "longitude", "degrees_east"))
-    for (name, standard, unit), values in zip(earthly, lat_lon.T, strict=True):
-        about = {"standard_name": standard, "units": unit, "long_name": standard}
-        found[name] = values.reshape(y.size, x.size), ("y", "x"), about
-    mapping = {key: value for key, value in crs.to_cf().items() if value not in (None, "", "undefined")}
-    return {**found, "crs": (np.int32(0), (), mapping)}
-
-
-def raster(values: Array, dimensions: tuple[str, ...], unit: str, meaning: str, **further: str) -> Variable:
-    """A raster on these axes; NaN becomes :data:`FILL`."""
-    filled = np.where(np.isfinite(values), values, FILL).astype(np.float32)
-    about = {"_FillValue": FILL, "long_name": meaning, "units": unit, "grid_mapping": "crs", **further}
-    return filled if filled.ndim == len(dimensions) else filled[None], dimensions, about

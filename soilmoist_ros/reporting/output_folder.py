@@ -30,7 +30,7 @@ _LOG = logging.getLogger(__name__)
 _WORKSHOP = ".writing-"
 _LEFT_S = 3600.0
 """Age from which nobody writes such a folder any more [s]."""
-_FURTHER = ("map_*.tif", "change.tif", "change_*.tif", "samples_*.geojson", "records_*.csv")
+_FURTHER = ("map_*.tif", "change.tif", "change_*.tif", "samples_*.geojson", "records_*.csv", "survey_*.tif")
 
 
 def require_writable(folder: Path) -> None:

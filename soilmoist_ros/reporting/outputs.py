@@ -95,7 +95,9 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
                 bands = {name: np.asarray(getattr(change, name.replace("_change", ""))) for name in CHANGES
                          if change.mean_vwc is not None or name[:3] != "vwc"}  # fmt: skip
                 tags = {**_tags(one), "SOILMOIST_CHANGE_SINCE": one.change.since.survey.name}
-                write_cell_raster(workshop / _change_name(run, one), one.soil_map, one.frame, target, bands, tags)
+                write_cell_raster(
+                    workshop / _change_name(run, one), one.soil_map.grid, one.frame, target, bands, tags
+                )
         if PROJECT_NAME in names:
             names_of = ("", *(other.name for other in run.others))
             maps = [

@@ -54,7 +54,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
     soil_map, found, loo = run.soil_map, notes(run), statistics.leave_one_out(run.soil_map)
     content = {
         **_about(run, run.version), "time_zone": run.time_zone or None, "logger_format": run.logger_format,
-        **_records(run), "area_m2": float(field_polygon(soil_map).area),
+        **_records(run), "area_m2": float(field_polygon(soil_map.grid).area),
         "cells": int(np.count_nonzero(soil_map.grid.mask)), "cell_m": float(soil_map.grid.cell_m),
         "datum": {"latitude_deg": run.frame.latitude_deg, "longitude_deg": run.frame.longitude_deg},
         "crs": crs or f"EPSG:{run.frame.export_epsg()}", "variogram": model_parameters(soil_map), "fit": _fit(run),

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The output folder of a season: table, summary, stack of maps as NetCDF, and its page."""
+"""The output folder of a season: table, summary, a GeoTIFF for each survey, and its page."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,10 +18,10 @@ from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import FieldChange, SurveysEstimate
 from soilmoist_ros.pipeline import EarlierRun, local_time
 from soilmoist_ros.recording import SUMMARY
-from soilmoist_ros.reporting.certainty import calibration_state, guess_text
+from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, calibration_state, guess_text
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
-from soilmoist_ros.reporting.geotiff import BANDS, CHANGES, CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
-from soilmoist_ros.reporting.output_folder import replaced_together
+from soilmoist_ros.reporting.geotiff import BANDS, CHANGES, write_cell_raster
+from soilmoist_ros.reporting.output_folder import replaced_together, writable
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, limits_of
 from soilmoist_ros.reporting.page.frame import number, percent, render_page
 from soilmoist_ros.reporting.page.viewer import (
@@ -41,21 +41,25 @@ from soilmoist_ros.reporting.text_files import write_json, write_table
 
 Array = NDArray[np.float64]
 
-NAMES = (SUMMARY, "report.html", "season.nc", "season.csv")
+NAMES = (SUMMARY, "report.html", "season.csv")
 
 
 def write_season(folder: Path, season: Season) -> list[Path]:
-    """Write ``summary.json``, ``report.html``, ``season.nc`` and ``season.csv``: all are replaced, or none.
+    """Write ``summary.json``, ``report.html``, ``season.csv``, ``survey_1.tif`` ...: all are replaced, or none.
 
     :raises InputError: if the folder cannot be written
     """
-    with replaced_together(folder, NAMES) as workshop:
+    maps = [f"survey_{number}.tif" for number in range(1, len(season.surveys) + 1)]
+    names, crs = writable((*NAMES, *maps)), season.frame.export_crs()
+    with replaced_together(folder, names) as workshop:
         (workshop / "report.html").write_text(render_season(season), encoding="utf-8")
-        write_stack(workshop / "season.nc", season)
+        for name, survey in zip(maps, season.surveys, strict=True):
+            of_survey = _bands(season, survey), _tags(season, survey)
+            write_cell_raster(workshop / name, season.grid, season.frame, crs, *of_survey)
         table = rows(season)
         write_table(workshop / "season.csv", list(table[0]), (list(row.values()) for row in table))
-        write_json(workshop / SUMMARY, summary(season))
-    return [folder / name for name in NAMES]
+        write_json(workshop / SUMMARY, summary(season, names))
+    return [folder / name for name in names]
 
 
 def estimate_text(survey: SeasonSurvey) -> str:
@@ -77,7 +81,7 @@ def _interval(estimate: SurveysEstimate, moist: bool, sign: str = "") -> str:
     return f"{factor * estimate.value:{form}} ({low:{form}} to {high:{form}})".replace("-", "−")
 
 
-def summary(season: Season) -> dict[str, Any]:
+def summary(season: Season, outputs: Sequence[str]) -> dict[str, Any]:
     """The season in numbers, for programs."""
     persistence = season.persistence
     return {
@@ -93,8 +97,12 @@ def summary(season: Season) -> dict[str, Any]:
         "pattern_correlation": persistence.share, "pattern_correlation_sd": persistence.sd,
         "pattern_decay_days": persistence.decay_days if math.isfinite(persistence.decay_days) else None,
         "false_discovery_rate": FieldChange.FALSE_SHARE, "warnings": list(season.notes), "surveys": rows(season),
-        "outputs": list(NAMES),
+        "outputs": list(outputs),
     }  # fmt: skip
+
+
+def _utc(run: EarlierRun) -> str:
+    return f"{datetime.fromtimestamp(run.survey.stamp_s, UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
 def _calibration(season: Season) -> str:
@@ -106,7 +114,7 @@ def rows(season: Season) -> list[dict[str, Any]]:
     found = []
     for label, survey in zip(season.labels, season.surveys, strict=True):
         run, change = survey.run, survey.change
-        end = f"{datetime.fromtimestamp(run.survey.stamp_s, UTC):%Y-%m-%dT%H:%M:%SZ}" if run.date else None
+        end = _utc(run) if run.date else None
         drier, wetter = change.shares if change else (None, None)
         found.append({
             "survey": run.survey.name, "label": label, "end_utc": end, "end_stamp_s": run.survey.stamp_s,
@@ -127,42 +135,23 @@ def _columns(name: str, estimate: SurveysEstimate | None) -> dict[str, float | N
     return {name: estimate.value, f"{name}_low95": low, f"{name}_high95": high}
 
 
-def write_stack(path: Path, season: Season) -> Path:
-    """Write all maps as NetCDF over (time, y, x) in the field's own plane.
+def _bands(season: Season, survey: SeasonSurvey) -> dict[str, Array]:
+    """Rasters of a survey by the names of GeoTIFFs: moisture, rate, and their change since the survey before."""
+    found = {name: np.asarray(getattr(survey.bands, name), float) for name in BANDS}
+    if survey.change is not None:
+        found |= {name: np.asarray(getattr(survey.change, name.replace("_change", ""))) for name in CHANGES}
+    return {name: values for name, values in found.items() if season.curve is not None or name[:3] != "vwc"}
 
-    ``lat`` and ``lon`` have the place of each cell on earth.
-    """
-    grid = season.grid
-    kind = "simulation" if season.simulated else "surface observation"
-    about = {
-        "title": season.title, "calibration": _calibration(season),
-        "source": f"{kind}: cosmic-ray neutron counts, joint Poisson kriging by soilmoist_ros {__version__}",
+
+def _tags(season: Season, survey: SeasonSurvey) -> dict[str, str]:
+    """Origin of the map of a survey."""
+    tags = {
+        "SOILMOIST_SURVEY": survey.run.survey.name, "SOILMOIST_SIMULATED": "yes" if season.simulated else "no",
+        CALIBRATION_TAG: _calibration(season),
     }  # fmt: skip
-    across, up = np.meshgrid(grid.x_m, grid.y_m)
-    places = season.frame.to_geographic(np.column_stack([across.ravel(), up.ravel()]))
-    stamps = np.array([survey.run.survey.stamp_s for survey in season.surveys])
-    clock = "" if season.surveys[0].run.date else "; the clock had no date"
-    of_time = {"standard_name": "time", "long_name": f"end of the survey{clock}", **CLOCK, "axis": "T"}
-    variables: dict[str, Variable] = {"time": (stamps, ("time",), of_time)}
-    variables |= axes(grid.x_m, grid.y_m, season.frame.crs, places)
-    for name, (unit, meaning) in {**BANDS, **CHANGES}.items():
-        moist = name.startswith("vwc")
-        if season.curve is not None or not moist:
-            meaning += ", since the survey before" if name in CHANGES else ""
-            guessed = guess_text(_calibration(season)) if moist else ""
-            variables[name] = raster(
-                stack(season, name), ("time", "y", "x"), UNITS.get(unit, unit), meaning + guessed,
-                coordinates="lat lon",
-            )  # fmt: skip
-    return write_netcdf_file(path, variables, about)
-
-
-def stack(season: Season, name: str) -> Array:
-    """A raster of all surveys by its name in the NetCDF file; NaN where it does not exist."""
-    if name in BANDS:
-        return np.stack([np.asarray(getattr(one.bands, name), float) for one in season.surveys])
-    nothing, of_change = np.full(season.grid.shape, np.nan), name.replace("_change", "")
-    return np.stack([getattr(one.change, of_change) if one.change else nothing for one in season.surveys])
+    if survey.run.date:
+        tags["SOILMOIST_SURVEY_END_UTC"] = _utc(survey.run)
+    return tags
 
 
 # The page of a season: maps with a time slider, the course of the mean, and the course at a chosen place --------
@@ -200,21 +189,25 @@ def season_data(season: Season) -> dict[str, Any]:
 def _layers(season: Season) -> Iterator[dict[str, Any]]:
     """The layers; each has a raster for every survey, in one scale of colours."""
     surveys, mask = season.surveys, season.grid.mask
-    step = thinning(mask.shape)
+    step, nothing = thinning(mask.shape), np.full(mask.shape, np.nan)
+    every = [_bands(season, one) for one in surveys]
+
+    def stack(name: str) -> Array:
+        return np.stack([one.get(name, nothing) for one in every])
 
     def layer(key: str, values: Array, **more: Any) -> dict[str, Any]:
         rasters = np.where(mask, values, np.nan)[:, ::step, ::step]
         return {"key": key, "grid": 0, "maps": [pack(one) for one in rasters], **more}
 
-    moist, rate, rate_sd = season.curve is not None, stack(season, "rate"), stack(season, "rate_sd")
-    vwc_sd = 100 * stack(season, "vwc_sd")
+    moist, rate, rate_sd = season.curve is not None, stack("rate"), stack("rate_sd")
+    vwc_sd = 100 * stack("vwc_sd")
     if moist:
-        vwc, unit = 100 * stack(season, "vwc"), PERCENT + guess_text(_calibration(season))
+        vwc, unit = 100 * stack("vwc"), PERCENT + guess_text(_calibration(season))
         look = shown_as("Soil moisture", unit, 1, WATER, colour_limits(vwc, vwc_sd))
         yield layer("vwc", vwc, **look, sd="vwc_sd", fixed=FIXED_VWC, about="Pale is dry, dark blue is wet.")
     look = shown_as("Neutron rate", "counts/s", 2, RATE, colour_limits(rate, rate_sd))
     yield layer("rate", rate, **look, sd="rate_sd", about="More neutrons mean drier soil.")
-    change = 100 * stack(season, "vwc_change") if moist else stack(season, "rate_change")
+    change = 100 * stack("vwc_change") if moist else stack("rate_change")
     if np.isfinite(change).any():
         most = colour_limits(np.abs(change))[1]
         style = (PERCENT, 1, DIFFERENCE) if moist else ("counts/s", 2, f"{DIFFERENCE}_r")

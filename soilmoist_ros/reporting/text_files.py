@@ -138,7 +138,7 @@ def samples_collection(run: MapRun) -> dict[str, Any]:
     line for each robot that moved) or ``sample`` (point). Undefined values, such as the
     moisture of a rate below the curve, are ``null``. ``calibrated`` says what moisture rests on.
     """
-    points = np.vstack([*rings(run.soil_map), *run.tracks_xy, run.soil_map.samples.xy])
+    points = np.vstack([*rings(run.soil_map.grid), *run.tracks_xy, run.soil_map.samples.xy])
     features = [*_shape_features(run), *_sample_features(run)]
     bbox = _bounding_box(run.frame, points)
     return dict(jsonable({"type": "FeatureCollection", "bbox": bbox, "features": features}))
@@ -171,7 +171,7 @@ def _shape_features(run: MapRun) -> Iterator[dict[str, Any]]:
     """The field, its no-go areas, and the track of the robots that moved."""
     from shapely.geometry import LineString, MultiLineString, Polygon
 
-    polygon = field_polygon(run.soil_map)
+    polygon = field_polygon(run.soil_map.grid)
     yield _feature(
         "field", "field", _geometry(run.frame, polygon), name=run.field_name, site=run.site,
         area_m2=round(float(polygon.area), 1), simulated=run.simulated, calibrated=calibration_of(run),

@@ -144,17 +144,15 @@ def test_files_of_an_earlier_export_are_replaced_only_when_asked_to(tmp_path):
     home = tmp_path / "run"
     simulated = ("simulate", "--field", "smooth", "--hours", "0.2", "--cell", "6", "--out", home)
     assert CliRunner().invoke(main, [*map(str, simulated)]).exit_code == 0
-    assert run(home, "--to", "styled").exit_code == 0
-    path = home / "export" / "map_styled.tif"
+    assert run(home, "--to", "kmz").exit_code == 0
+    path = home / "export" / "map.kmz"
     path.write_text("mine")
-    refused = run(home, "--to", "styled", "--to", "zones")
+    refused = run(home, "--to", "kmz", "--to", "zones")
     assert refused.exit_code == 2
-    assert (
-        "has map_styled.tif of an earlier export -> choose another folder, or give --overwrite" in refused.output
-    )
+    assert "has map.kmz of an earlier export -> choose another folder, or give --overwrite" in refused.output
     assert (path.read_text(), (home / "export" / "zones.zip").exists()) == ("mine", False)
-    assert run(home, "--to", "styled", "--overwrite").exit_code == 0
-    assert path.read_bytes()[:2] == b"II"
+    assert run(home, "--to", "kmz", "--overwrite").exit_code == 0
+    assert path.read_bytes()[:2] == b"PK"
 
 
 # campaign --------------------------------------------------------------------------------------------------------

@@ -126,7 +126,7 @@ def test_every_cell_has_the_value_of_the_cell_at_its_centre(the_map, tmp_path):
     grid, crs = the_map.grid, FRAME.export_crs()
     x, y = np.meshgrid(grid.x_m, grid.y_m)
     bands = {"rate": x, "rate_sd": y, "significant": np.where(grid.mask, 1.0, 5.0)}
-    write_cell_raster(tmp_path / "cells.tif", the_map, FRAME, crs, bands, {"ABOUT": "cells"})
+    write_cell_raster(tmp_path / "cells.tif", grid, FRAME, crs, bands, {"ABOUT": "cells"})
     with rasterio.open(tmp_path / "cells.tif") as file:
         assert file.descriptions == ("rate", "rate_sd", "significant")
         assert file.units == ("counts/s", "counts/s", "1")
@@ -134,7 +134,7 @@ def test_every_cell_has_the_value_of_the_cell_at_its_centre(the_map, tmp_path):
         east, north, inside = file.read()
         rows, columns = np.nonzero(np.isfinite(east))
         there = np.column_stack(file.xy(rows, columns))
-    local = np.column_stack(target_cells(the_map, FRAME, crs).to_local.transform(*there.T))
+    local = np.column_stack(target_cells(grid, FRAME, crs).to_local.transform(*there.T))
     assert np.abs(local[:, 0] - east[rows, columns]).max() <= grid.cell_m / 2 + 1e-3
     assert np.abs(local[:, 1] - north[rows, columns]).max() <= grid.cell_m / 2 + 1e-3
     assert np.count_nonzero(np.isfinite(inside)) == pytest.approx(np.count_nonzero(grid.mask), rel=0.05)

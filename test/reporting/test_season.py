@@ -91,7 +91,7 @@ def test_doubtful_surveys_and_covariates_that_are_left_out_are_named(runs, tmp_p
     assert low.startswith("The survey tenth has 0.09")
     assert "times the count rate of the others, more than soil moisture can change" in low
     assert covariates.startswith("Covariates inform the maps of tenth, but not those of the season")
-    assert summary(season)["warnings"] == [low, covariates]
+    assert summary(season, ())["warnings"] == [low, covariates]
     assert "<strong>Please note</strong>" in render_season(season)
 
 

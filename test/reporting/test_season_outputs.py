@@ -10,18 +10,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.io import netcdf_file
+import rasterio
 
 from reporting.packed import unpack, unpack_bits
 from soilmoist_ros.reporting import estimate_text, write_season
-from soilmoist_ros.reporting.geotiff import FILL
 from soilmoist_ros.reporting.season_outputs import NAMES, mean_chart, render_season, season_data
 
 pytestmark = pytest.mark.slow  # the season that all use takes long to make
 
 
 def test_the_folder_has_all_files_and_the_table_all_surveys(season, tmp_path):
-    assert [path.name for path in write_season(tmp_path / "out", season)] == list(NAMES)
+    names = [*NAMES, "survey_1.tif", "survey_2.tif", "survey_3.tif"]
+    assert [path.name for path in write_season(tmp_path / "out", season)] == names
     with (tmp_path / "out" / "season.csv").open() as file:
         rows = list(csv.DictReader(file))
     about = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -30,45 +30,26 @@ def test_the_folder_has_all_files_and_the_table_all_surveys(season, tmp_path):
     for row, survey in zip(rows, about["surveys"], strict=True):
         assert float(row["mean_vwc"]) == pytest.approx(survey["mean_vwc"], rel=1e-7)
         assert survey["mean_vwc_low95"] < survey["mean_vwc"] < survey["mean_vwc_high95"]
-    assert about["simulated"] is True
+    assert (about["simulated"], about["outputs"]) == (True, names)
     assert 0 <= about["pattern_correlation"] <= 1
 
 
-def test_the_stack_has_every_map(season, tmp_path):
-    write_season(tmp_path, season)
-    with netcdf_file(tmp_path / "season.nc", mmap=False) as file:
-        assert file.dimensions["time"] == 3
-        vwc = file.variables["vwc"]
-        assert vwc.dimensions == ("time", "y", "x")
-        for stored, survey in zip(vwc[:], season.surveys, strict=True):
-            inside = season.grid.mask
-            np.testing.assert_allclose(stored[inside], survey.bands.vwc[inside], rtol=1e-6)
-            assert (stored[~inside] == FILL).all()
-        assert (file.variables["rate_change"][0] == FILL).all()
-        assert (file.variables["rate_change"][1][season.grid.mask] != FILL).all()
-        lat = file.variables["lat"][:]
-        assert abs(lat.mean() - season.frame.latitude_deg) < 1e-3
-
-
-def test_every_file_says_that_a_calibration_is_a_guess(season, tmp_path):
+def test_each_survey_has_a_map_and_says_that_a_calibration_is_a_guess(season, tmp_path):
     write_season(tmp_path, replace(season, illustrative=True))
+    for number, survey in enumerate(season.surveys, 1):
+        with rasterio.open(tmp_path / f"survey_{number}.tif") as raster:
+            bands, tags = dict(zip(raster.descriptions, raster.read(), strict=True)), raster.tags()
+            assert "illustrative" in raster.tags(1)["long_name"]
+        assert tags["SOILMOIST_SURVEY"] == survey.run.survey.name
+        assert tags["SOILMOIST_CALIBRATION"] == "illustrative"
+        known = set(bands["vwc"][np.isfinite(bands["vwc"])].tolist())
+        cells = set(survey.bands.vwc[season.grid.mask].astype("float32").tolist())
+        assert known <= cells
+        assert len(known) > 0.95 * len(cells)
+        assert ("rate_change" in bands) is (number > 1)
     assert json.loads((tmp_path / "summary.json").read_text())["calibration"] == "illustrative"
     with (tmp_path / "season.csv").open() as file:
         assert {row["calibration"] for row in csv.DictReader(file)} == {"illustrative"}
-    with netcdf_file(tmp_path / "season.nc", mmap=False) as file:
-        assert file.calibration == b"illustrative"
-        assert b"illustrative" in file.variables["vwc"].long_name
-
-
-def test_without_a_calibration_there_is_no_moisture(season, tmp_path):
-    surveys = [one._replace(mean_vwc=None) for one in season.surveys]
-    bare = replace(season, curve=None, surveys=surveys)
-    write_season(tmp_path, bare)
-    with netcdf_file(tmp_path / "season.nc", mmap=False) as file:
-        assert "vwc" not in file.variables
-        assert "rate" in file.variables
-    assert "counts/s" in estimate_text(surveys[1])
-    assert "% by volume" in estimate_text(season.surveys[1])
 
 
 def test_layers_have_a_map_of_every_survey_in_one_scale(season):
@@ -86,11 +67,16 @@ def test_layers_have_a_map_of_every_survey_in_one_scale(season):
     np.testing.assert_array_equal(unsure, season.surveys[1].change.significant == 0)
 
 
-def test_without_a_calibration_the_page_shows_the_rate(season):
+def test_without_a_calibration_there_are_rates_only(season, tmp_path):
     bare = replace(season, curve=None, surveys=[one._replace(mean_vwc=None) for one in season.surveys])
     assert [layer["key"] for layer in season_data(bare)["layers"]] == ["rate", "change", "rate_sd"]
     assert "mean rate" in mean_chart(bare).y_label
-    assert "counts/s" in render_season(bare)
+    write_season(tmp_path, bare)
+    assert "counts/s" in (tmp_path / "report.html").read_text()
+    with rasterio.open(tmp_path / "survey_2.tif") as raster:
+        assert raster.descriptions == ("rate", "rate_sd", "rate_change", "rate_change_sd", "significant")
+    assert "counts/s" in estimate_text(bare.surveys[1])
+    assert "% by volume" in estimate_text(season.surveys[1])
 
 
 def test_moisture_has_its_rate_in_brackets_and_the_map_comes_first(season):

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.reporting.dose import DosePlan, DoseSettings, find_dose, saved_zones, sure_share, zones_of_dose
+from soilmoist_ros.reporting.dose import DosePlan, DoseSettings, saved_zones
 from soilmoist_ros.reporting.exports.layers import Layer, origin, texts, write_layers, write_shapefile
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
-from soilmoist_ros.reporting.page.field_dose import lacking, useless
+from soilmoist_ros.reporting.page.field_dose import useless
 from soilmoist_ros.reporting.page.frame import percent
 
 RATE_UNITS: dict[str, Fraction] = {
@@ -86,19 +86,16 @@ class Plan(DosePlan):
 
 
 def irrigation_plan(source: RunSource, settings: ExportSettings) -> Plan:
-    """The plan of the first property with moisture: that of the report, made from the map if the run has none.
+    """The plan of the first property with moisture: that of the report.
 
     :raises InputError: if the run has no dose, and says what is missing; or if it is for another root depth
     """
     one = next((one for one in source.properties if one.quantity is MOISTURE), source.properties[0])
     date = source.survey[1].date().isoformat() if source.survey else ""
     about = source.run.summary
-    if "dose" in about:
-        zones = saved_zones(about, source.run.folder)
-        used, sure = DoseSettings(**about["dose"]["settings"]), float(about["dose"]["sure_share"])
-        plan = Plan(used, zones, sure, about["dose"].get("blurred", ""), one, date)
-    else:
-        plan = _plan_of_map(source, one, date)
+    zones = saved_zones(about, source.run.folder)
+    used, sure = DoseSettings(**about["dose"]["settings"]), float(about["dose"]["sure_share"])
+    plan = Plan(used, zones, sure, about["dose"].get("blurred", ""), one, date)
     if (missing := useless(plan.sure)) is not None:  # a run of a release that gave it
         raise InputError(f"there is no dose: {missing.missing}", missing.remedy, source.run.folder)
     depth_mm = plan.settings.root_depth_mm
@@ -108,22 +105,6 @@ def irrigation_plan(source: RunSource, settings: ExportSettings) -> Plan:
             "set root_depth_mm in the site file and make the map again, or leave out --root-depth",
         )
     return plan
-
-
-def _plan_of_map(source: RunSource, one: ExportedProperty, date: str) -> Plan:
-    """The plan of a run of a release without doses."""
-    about, zone = source.run.summary, source.root_zone
-    usable = (about.get("irrigation") or {}).get("moisture_usable") is not False
-    missing = lacking(one.curve, one.calibration, usable, int(about.get("n_samples") or 0), zone)
-    if missing is None and zone is not None and one.curve is not None:
-        inside, xy = one.cells
-        dose = find_dose(one.bands["rate"][inside], one.bands["rate_sd"][inside], one.curve, zone)
-        source.notes.append("the run has no dose: this one is made from its map and its site file")
-        zones = zones_of_dose(dose, xy, one.cell_m, source.boundary, zone)
-        return Plan(zone, zones, sure_share(dose), "", one, date)
-    why = f"; {source.no_site}" if zone is None and source.no_site else ""
-    assert missing is not None
-    raise InputError(f"there is no dose: {missing.missing}{why}", missing.remedy, source.run.folder)
 
 
 def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer:
@@ -154,7 +135,7 @@ def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer
         name: np.array([rate(zone.gross_mm, settings.rate_unit) for zone in zones]),
     }
     columns = {**first, **columns}
-    return Layer("dose", "Polygon", [zone.shape for zone in zones], columns, "Zones of one irrigation dose")
+    return Layer("dose", "Polygon", [zone.shape for zone in zones], columns)
 
 
 def rate(gross_mm: float, unit: str) -> float:

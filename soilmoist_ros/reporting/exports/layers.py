@@ -27,7 +27,7 @@ from soilmoist_ros.reporting.exports.source import (
     ExportSettings,
     RunSource,
 )
-from soilmoist_ros.reporting.exports.zones import Zone, contour_lines, management_zones
+from soilmoist_ros.reporting.exports.zones import Zone, management_zones
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -43,19 +43,15 @@ KEPT_SHARE = 0.9
 class Layer:
     """Shapes of one kind with their columns.
 
-    :param kind: ``Point``, ``LineString``, ``Polygon`` or ``MultiPolygon``; empty for a table without shapes
+    :param kind: ``Point``, ``LineString``, ``Polygon`` or ``MultiPolygon``
     :param shapes: shapes in the plane of the field [m], one for each row
     :param columns: name -> one value for each row; times are ``datetime64[ms]`` in UTC, dates ``datetime64[D]``
-    :param description: a sentence for readers
-    :param style: style of QGIS as QML, empty for none
     """
 
     name: str
     kind: str
     shapes: Sequence[BaseGeometry] | NDArray[Any]
     columns: Mapping[str, NDArray[Any]]
-    description: str = ""
-    style: str = ""
 
 
 def times(stamps_s: ArrayLike) -> NDArray[np.datetime64]:
@@ -107,14 +103,11 @@ def write_layers(
     # One sync of the whole file follows; a sync for each step takes seconds on a busy disk.
     optional_module("pyogrio").set_gdal_config_options({"OGR_SQLITE_SYNCHRONOUS": "OFF"})
     for number, layer in enumerate(layers):
-        table = not layer.kind
         stamped = [name for name, column in layer.columns.items() if column.dtype == np.dtype("datetime64[ms]")]
-        describe = driver == "GPKG" and layer.description
         raw.write(
-            path, None if table else to_wkb(to_crs(layer.shapes, frame, crs)), list(layer.columns.values()),
-            list(layer.columns), layer=layer.name, driver=driver, geometry_type=None if table else layer.kind,
-            crs=None if table else crs.to_wkt(), append=number > 0, dataset_options=dict(options) or None,
-            layer_options={"DESCRIPTION": layer.description} if describe else None,
+            path, to_wkb(to_crs(layer.shapes, frame, crs)), list(layer.columns.values()), list(layer.columns),
+            layer=layer.name, driver=driver, geometry_type=layer.kind, crs=crs.to_wkt(), append=number > 0,
+            dataset_options=dict(options) or None,
             gdal_tz_offsets={name: np.full(len(layer.columns[name]), _UTC) for name in stamped},
         )  # fmt: skip
     return path
@@ -141,39 +134,30 @@ def write_shapefile(path: Path, layer: Layer, frame: LocalFrame) -> Path:
     return path
 
 
-# The layers of a run: field, no-go areas, samples, records, track, visits, contours and zones -------------------
+# The layers of a run: field, no-go areas, samples, records, track, visits and zones -----------------------------
 
 
-def field_layer(source: RunSource) -> Layer:
-    """The field without its no-go areas."""
+def shape_layers(source: RunSource) -> list[Layer]:
+    """The field without its no-go areas, these areas, which were not mapped or entered, and the driven lines."""
     from shapely.geometry import MultiPolygon
 
-    shape = MultiPolygon(list(getattr(source.boundary, "geoms", [source.boundary])))
+    whole = MultiPolygon(list(getattr(source.boundary, "geoms", [source.boundary])))
     about, survey = source.run.summary, source.survey
     begin, end = (one.timestamp() for one in survey) if survey else (math.nan, math.nan)
-    columns = {
+    of_field = {
         "name": texts([source.title]), "site": texts([str(about.get("site") or "")]),
         "area_ha": np.array([source.boundary.area / 1e4]), "start_utc": times([begin]), "end_utc": times([end]),
         "simulated": np.array([int(source.simulated)], np.int32),
         "calibrated": texts([source.properties[0].calibration]),
         "software": texts([f"soilmoist_ros {about.get('version', '')}".strip()]),
     }  # fmt: skip
-    return Layer("field", "MultiPolygon", [shape], columns, "Field without its no-go areas")
-
-
-def no_go_layer(source: RunSource) -> Layer:
-    """Areas that were not mapped or entered."""
-    columns = {"area_ha": np.array([shape.area / 1e4 for shape in source.no_go], float)}
-    return Layer("no_go", "Polygon", source.no_go, columns, "Areas that were not mapped or entered")
-
-
-def track_layer(source: RunSource) -> Layer:
-    """Driven lines, one for each robot."""
-    columns = {
-        "robot": np.arange(1, len(source.tracks) + 1, dtype=np.int32),
-        "length_m": np.array([line.length for line in source.tracks], float),
-    }
-    return Layer("track", "LineString", source.tracks, columns, "Driven lines")
+    areas_ha = np.array([shape.area / 1e4 for shape in source.no_go], float)
+    lengths_m = np.array([line.length for line in source.tracks], float)
+    return [
+        Layer("field", "MultiPolygon", [whole], of_field),
+        Layer("no_go", "Polygon", source.no_go, {"area_ha": areas_ha}),
+        Layer("track", "LineString", source.tracks, {"length_m": lengths_m}),
+    ]
 
 
 def visits_layer(source: RunSource) -> Layer:
@@ -185,7 +169,7 @@ def visits_layer(source: RunSource) -> Layer:
         columns[one.name] = np.array(values, numbers) if numbers else texts(list(map(str, values)))
     columns["arrival_utc"] = times(_dated(columns["arrival_stamp_s"]))
     columns["end_utc"] = times(_dated(columns["end_stamp_s"]))
-    return Layer("visits", "Point", _points(columns["x_m"], columns["y_m"]), columns, "Stops of the robot")
+    return Layer("visits", "Point", _points(columns["x_m"], columns["y_m"]), columns)
 
 
 def samples_layer(source: RunSource, one: ExportedProperty) -> Layer:
@@ -200,7 +184,7 @@ def samples_layer(source: RunSource, one: ExportedProperty) -> Layer:
             columns[name] = columns[name].astype(np.int32)
     shapes = _points(*source.frame.to_local(latitude, longitude).T)
     columns["calibrated"] = texts([one.calibration] * len(shapes))
-    return Layer(f"samples{one.suffix}", "Point", shapes, columns, f"Counts merged by place: {one.title}")
+    return Layer(f"samples{one.suffix}", "Point", shapes, columns)
 
 
 def records_layers(one: ExportedProperty) -> list[Layer]:
@@ -219,28 +203,11 @@ def records_layers(one: ExportedProperty) -> list[Layer]:
         "rate_cps": columns["raw_counts"] / columns["effective_exposure_s"],
     }  # fmt: skip
     layers, good = [], reason == ""
-    for name, own, more, about in (
-        ("records", good, {}, "Corrected records in order of time"),
-        ("quarantined", ~good, {"reason": reason}, "Records that no map uses, with the reason"),
-    ):
+    for name, own, more in (("records", good, {}), ("quarantined", ~good, {"reason": reason})):
         if own.any():
             chosen = {key: column[own] for key, column in {**columns, **more}.items()}
-            layers.append(Layer(f"{name}{one.suffix}", "Point", shapes[own], chosen, about))
+            layers.append(Layer(f"{name}{one.suffix}", "Point", shapes[own], chosen))
     return layers
-
-
-def contours_layer(source: RunSource, one: ExportedProperty, settings: ExportSettings) -> Layer:
-    """Contour lines at round values.
-
-    :raises InputError: if the step is far too small
-    """
-    lines, values = contour_lines(one, source.boundary, settings.step)
-    unit = "%" if one.quantity is MOISTURE else one.quantity.unit
-    columns = {
-        one.quantity.column: values, "LABEL": texts([f"{value:g} {unit}" for value in values]),
-        **origin(source, one, len(lines)),
-    }  # fmt: skip
-    return Layer(f"contours{one.suffix}", "LineString", lines, columns, f"Contours: {one.title}")
 
 
 def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettings) -> Layer:
@@ -290,7 +257,7 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
     if names:
         columns["NAME"] = texts([names[zone.number - 1] for zone in zones])
     columns |= origin(source, one, len(zones))
-    return Layer(f"zones{one.suffix}", "Polygon", [zone.shape for zone in zones], columns, f"Zones: {one.title}")
+    return Layer(f"zones{one.suffix}", "Polygon", [zone.shape for zone in zones], columns)
 
 
 def of_one_place(source: RunSource) -> bool:

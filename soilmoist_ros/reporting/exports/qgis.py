@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""QGIS: styles of maps and layers (QML), the GeoPackage of all layers with their styles, and project files."""
+"""QGIS: the GeoPackage of all layers, and project files with the styles of maps and layers."""
 
 from __future__ import annotations
 
 import shutil
 import zipfile
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,14 +16,10 @@ from soilmoist_ros.reporting.certainty import NO_LEVEL, guess_text
 from soilmoist_ros.reporting.colours import UNCERTAIN, colour_ramp, hex_ramp
 from soilmoist_ros.reporting.exports.layers import (
     Layer,
-    contours_layer,
-    field_layer,
-    no_go_layer,
     of_one_place,
     records_layers,
     samples_layer,
-    texts,
-    track_layer,
+    shape_layers,
     visits_layer,
     write_layers,
     zones_layer,
@@ -42,11 +37,11 @@ from soilmoist_ros.reporting.page.frame import fill_template
 
 FILE, PROJECT = "soilmoist.gpkg", "soilmoist"
 RAMP_ITEMS = 9
-HIDDEN = ("records", "contours", "zones", "visits")
+HIDDEN = ("records", "zones", "visits")
 """Kinds of layers that are in the project but hidden at first, as samples of further properties are."""
 RUN_LAYERS = (("field", "Polygon"), ("no_go", "Polygon"), ("track", "LineString"))
 """Layers of ``samples.geojson`` other than the samples, those to draw below first, and their geometry."""
-_OF_MOISTURE = ("samples", "zones", "contours")
+_OF_MOISTURE = ("samples", "zones")
 _GEOMETRY = {"LineString": "Line", "MultiPolygon": "Polygon"}
 _INK, _WARNING, _WHITE, _GREY = "34,48,60,255", "213,94,0,255", "255,255,255,255", "93,107,120,160"
 _UNITS = dict.fromkeys(("outline_width_unit", "size_unit", "line_width_unit"), "MM")
@@ -62,7 +57,6 @@ _SYMBOLS: Final[dict[str, tuple[str, dict[str, str]]]] = {
     "samples": ("marker", {"name": "circle", "color": _WHITE, "size": "2", "outline_color": _INK,
                            "outline_width": "0.3"}),
     "visits": ("marker", {"name": "triangle", "color": _WHITE, "size": "2.6", "outline_color": _INK}),
-    "contours": ("line", {"line_color": _INK, "line_width": "0.35"}),
     "zones": ("fill", {"color": "", "outline_color": _WHITE, "outline_width": "0.3"}),
 }  # fmt: skip
 """Kind of the symbol of each kind of layer, and its options."""
@@ -85,12 +79,11 @@ def map_look(one: ExportedProperty, sd: bool = False) -> dict[str, Any]:
 
 
 def layer_look(layer: Layer) -> dict[str, Any]:
-    """Symbol, labels and categories of a layer, by its name and columns."""
+    """Symbol and categories of a layer, by its name and columns."""
     name = "no_go" if layer.name.startswith("no_go") else layer.name.split("_")[0]
     kind, options = _SYMBOLS[name]
     return {
         "kind": kind, "class": _CLASSES[kind], "options": {**_UNITS, **options},
-        "label": "LABEL" if name == "contours" else "",
         "categories": list(_zone_categories(layer)) if name == "zones" else [],
     }  # fmt: skip
 
@@ -111,27 +104,18 @@ def _zone_categories(layer: Layer) -> Iterable[tuple[int, str, str]]:
 
 
 def run_layers(source: RunSource, settings: ExportSettings) -> list[Layer]:
-    """All layers that the run has, the ones to draw below first, each with its style.
+    """All layers that the run has, the ones to draw below first.
 
     :raises InputError: if the settings are out of range
     """
-    layers = [field_layer(source)]
-    for one in source.properties:
-        layers += [] if of_one_place(source) else [zones_layer(source, one, settings)]
-        layers.append(contours_layer(source, one, settings))
-    layers += [no_go_layer(source), track_layer(source)]
-    for one in source.properties:
-        layers += [*records_layers(one), samples_layer(source, one)]
-    layers.append(visits_layer(source))
-    return [
-        replace(layer, style=fill_template("qgis.xml.j2", look=layer_look(layer)))
-        for layer in layers
-        if len(layer.shapes)
-    ]
+    field, *others = shape_layers(source)
+    zones = [] if of_one_place(source) else [zones_layer(source, one, settings) for one in source.properties]
+    points = [layer for one in source.properties for layer in (*records_layers(one), samples_layer(source, one))]
+    return [layer for layer in (field, *zones, *others, *points, visits_layer(source)) if len(layer.shapes)]
 
 
 def write_geopackage(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
-    """Write ``soilmoist.gpkg`` in the reference system of the map, with the styles of its layers.
+    """Write ``soilmoist.gpkg`` in the reference system of the map.
 
     :raises InputError: if pyogrio is not installed, or the settings are out of range
     """
@@ -139,35 +123,21 @@ def write_geopackage(source: RunSource, folder: Path, settings: ExportSettings) 
 
 
 def _write_package(source: RunSource, folder: Path, layers: Sequence[Layer]) -> Path:
-    """Write layers and the table from which QGIS takes the style of a layer when it is opened."""
-    blank, names = texts([""] * len(layers)), texts([layer.name for layer in layers])
-    columns = {
-        "f_table_catalog": blank, "f_table_schema": blank, "f_table_name": names,
-        "f_geometry_column": texts(["geom"] * len(layers)),
-        "styleName": names, "styleQML": texts([layer.style for layer in layers]), "styleSLD": blank,
-        "useAsDefault": np.ones(len(layers), bool),
-        "description": texts([layer.description for layer in layers]), "owner": blank, "ui": blank,
-        "update_time": np.full(len(layers), np.datetime64("now", "ms")),
-    }  # fmt: skip
-    crs, styles = source.properties[0].crs, Layer("layer_styles", "", (), columns)
     # Version 1.3 is read by older programs too.
-    return write_layers(folder / FILE, [*layers, styles], source.frame, crs, "GPKG", {"VERSION": "1.3"})
+    options = {"VERSION": "1.3"}
+    return write_layers(folder / FILE, layers, source.frame, source.properties[0].crs, "GPKG", options)
 
 
 def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
-    """Write ``soilmoist.qgz`` with all that it shows: the maps, a style for each, and ``soilmoist.gpkg``.
-
-    QGIS also applies ``map.qml`` when ``map.tif`` alone is opened.
+    """Write ``soilmoist.qgz`` with all that it shows: the maps and ``soilmoist.gpkg``.
 
     :raises InputError: if pyogrio is not installed, or the settings are out of range
     """
     layers = run_layers(source, settings)
     written = [_write_package(source, folder, layers)]
     for one in source.properties:
-        copy, style = folder / f"map{one.suffix}.tif", folder / f"map{one.suffix}.qml"
-        shutil.copyfile(source.run.folder / copy.name, copy)
-        style.write_text(fill_template("qgis.xml.j2", look=map_look(one)), encoding="utf-8")
-        written += [copy, style]
+        written.append(folder / f"map{one.suffix}.tif")
+        shutil.copyfile(source.run.folder / written[-1].name, written[-1])
     crs = source.properties[0].crs
     shown = [(layer, f"./{FILE}|layername={layer.name}") for layer in layers]
     path = folder / f"{PROJECT}.qgz"

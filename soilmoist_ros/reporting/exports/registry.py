@@ -17,9 +17,9 @@ from soilmoist_ros.mapping import FarmPrior
 from soilmoist_ros.recording import SUMMARY, sync_file
 from soilmoist_ros.reporting.exports.irrigation import write_dose
 from soilmoist_ros.reporting.exports.isoxml import write_isoxml
+from soilmoist_ros.reporting.exports.kmz import write_kmz
 from soilmoist_ros.reporting.exports.layers import write_zones
 from soilmoist_ros.reporting.exports.qgis import write_geopackage, write_qgis
-from soilmoist_ros.reporting.exports.rasters import write_kmz, write_styled
 from soilmoist_ros.reporting.exports.sheet import write_sheet
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, open_source
 from soilmoist_ros.reporting.opened_run import open_run
@@ -56,11 +56,7 @@ BUILT_IN = {
     ),
     "gpkg": Export(
         write_geopackage, "GeoPackage",
-        "field, no-go areas, samples, records, track, visits, contours and zones for any GIS", ".gpkg",
-    ),
-    "styled": Export(
-        write_styled, "coloured GeoTIFF",
-        "one band with a colour table, for farm software that shows pictures", ".tif",
+        "field, no-go areas, samples, records, track, visits and zones for any GIS", ".gpkg",
     ),
     "zones": Export(
         write_zones, "management zones",
@@ -79,7 +75,7 @@ BUILT_IN = {
         "one page to print: where to irrigate how much, and how sure that is", ".pdf",
     ),
     "kmz": Export(
-        write_kmz, "KMZ", "map and samples for Google Earth on a phone, without network", ".kmz",
+        write_kmz, "KMZ", "the map for Google Earth on a phone, without network", ".kmz",
     ),
     "prior": Export(
         write_prior, "prior of the farm",

@@ -4,25 +4,21 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, install
-from soilmoist_ros.mapping import SoilMap
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S, calibration_method, curve_of, is_illustrative, shape_of
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, calibration_state, class_probability, guess_text
 from soilmoist_ros.reporting.dose import DoseSettings
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
-from soilmoist_ros.reporting.page.field_dose import below_sensed
-from soilmoist_ros.sensing import MoistureCurve, Site, load_site, read_data
+from soilmoist_ros.sensing import MoistureCurve
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
@@ -39,7 +35,6 @@ class ExportSettings:
 
     :param zones: number of classes of management zones, where the site file has no limits
     :param min_zone_ha: minimum area of a part of the field that is a zone [ha]; by default 5 % of the field
-    :param step: distance of contour lines in the unit for readers; by default a round one
     :param root_depth_mm: depth of the root zone for its water [mm]; by default that of the run, else 300
     :param rate_column: name of the column with the irrigation rate, at most ten characters
     :param rate_unit: its unit, and the unit that a terminal shows: ``mm``, ``l/m2``, ``m3/ha``, ``in``, ``gal/ac``
@@ -52,7 +47,6 @@ class ExportSettings:
 
     zones: int = 3
     min_zone_ha: float | None = None
-    step: float | None = None
     root_depth_mm: float | None = None
     rate_column: str = "RATE"
     rate_unit: str = "mm"
@@ -148,13 +142,6 @@ class ExportedProperty:
         """Standard deviation of :attr:`values`."""
         return np.asarray(self.bands[f"{self.quantity.band}_sd"] * self.quantity.scale, float)
 
-    def quantile(self, end: str) -> Array:
-        """Quantile ``p05`` or ``p95`` of :attr:`values`; by the standard deviation where there is no such band."""
-        band = self.bands.get(f"{self.quantity.band}_{end}")
-        if band is not None:
-            return band * self.quantity.scale
-        return self.values + (SoilMap.QUANTILE_SD if end == "p95" else -SoilMap.QUANTILE_SD) * self.sd
-
     def probability(self, number: int, edges: Array, relative: bool, zone: DoseSettings | None = None) -> Array:
         """Probability of a class at each cell, see :func:`class_probability`; 0 outside the field.
 
@@ -229,38 +216,10 @@ class RunSource:
 
     @cached_property
     def root_zone(self) -> DoseSettings | None:
-        """Limits of the root zone: those of the run, else by the site file that it was made with."""
+        """Limits of the root zone, as the run has them."""
         about = self.run.summary
         known = (about.get("irrigation") or {}).get("root_zone") or (about.get("dose") or {}).get("settings")
-        if known:
-            return DoseSettings(**known)
-        if "dose" in about:  # the run has looked for them
-            return None
-        site = self._site
-        limits = site.irrigation if isinstance(site, Site) else None
-        if limits is None or limits.wilting_point is None:
-            return None
-        depth_cm = (((about.get("map") or {}).get("sensed") or {}).get("depth_d86_cm") or {}).get("mean")
-        below, _ = below_sensed(10 * depth_cm if depth_cm else None, limits, np.empty(0), np.empty(0))
-        return DoseSettings(**limits.model_dump(), **below)
-
-    @cached_property
-    def _site(self) -> Site | str:
-        """Site file that the run was made with, or why it is not there."""
-        for one in self.run.summary.get("inputs") or ():
-            if one.get("role") == "site":
-                path = Path(one["name"])
-                if not path.is_file():
-                    return f"its site file {path} is not here"
-                if hashlib.sha256(read_data(path)).hexdigest() != one.get("sha256"):
-                    return f"its site file {path} was changed since"
-                return load_site(path)
-        return "it does not name its site file"
-
-    @property
-    def no_site(self) -> str:
-        """Reason why the site file of the run is not used; empty if it is there."""
-        return self._site if isinstance(self._site, str) else ""
+        return DoseSettings(**known) if known else None
 
     @property
     def survey(self) -> tuple[datetime, datetime] | None:

@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Management zones and contour lines of a map, and the round values at which they lie."""
+"""Management zones of a map, and the range of its colours."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,7 +15,6 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.reporting.certainty import Certainty, certainty
 from soilmoist_ros.reporting.dose import DoseSettings, find_dose
 from soilmoist_ros.reporting.exports.source import ExportedProperty
-from soilmoist_ros.reporting.page.frame import round_step
 from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, divided, workable
 
 if TYPE_CHECKING:
@@ -24,34 +22,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MAX_LEVELS = 100
 PAD = 2
 """Cells by which a map is continued beyond the field, so that lines reach its boundary."""
-MIN_CELLS = 2.0
-"""Length below which a line is left out [cells]."""
 SMOOTHING = 0.12
 """Standard deviation of the smoothing, in widths of the smallest zone."""
-
-
-def levels(values: ArrayLike, step: float | None = None, about: int = 8) -> Array:
-    """Round values between the smallest and the largest value, for contour lines.
-
-    :param values: any shape; NaN is ignored
-    :param step: distance of the levels; by default one from the 1-2-5 series
-    :raises InputError: if the step is so small that there are more than :data:`MAX_LEVELS` levels
-    """
-    finite = _finite(values)
-    if not finite.size or np.ptp(finite) < 1e-9:
-        return np.empty(0)
-    low, high = float(finite.min()), float(finite.max())
-    chosen = step or round_step((high - low) / about)
-    if (high - low) / chosen > MAX_LEVELS:
-        raise InputError(
-            f"a step of {chosen:g} gives more than {MAX_LEVELS} contour levels between {low:.3g} and {high:.3g}",
-            "choose a larger one",
-        )
-    first, last = math.floor(low / chosen) + 1, math.ceil(high / chosen) - 1
-    return np.round(np.arange(first, last + 1) * chosen, 10)
 
 
 def zone_limits(values: ArrayLike, classes: int) -> Array:
@@ -76,9 +50,6 @@ def _finite(values: ArrayLike) -> Array:
     return found[np.isfinite(found)]
 
 
-# Contour lines of a map at round values -------------------------------------------------------------------------
-
-
 def continued(values: Array) -> Array:
     """A raster with a margin of :data:`PAD` cells; cells without a value have that of the nearest one."""
     from scipy.ndimage import distance_transform_edt
@@ -96,30 +67,6 @@ def level_lines(the_map: ExportedProperty, raster: Array, level: float) -> list[
     found = contour_generator(z=raster).lines(level)
     places = [the_map.to_local(np.asarray(line, float) - PAD) for line in found]
     return [LineString(line) for line in places if len(np.unique(line, axis=0)) > 1]
-
-
-def contour_lines(
-    the_map: ExportedProperty, boundary: BaseGeometry, step: float | None = None
-) -> tuple[list[BaseGeometry], Array]:
-    """Contour lines inside the field, and the value of each in the unit for readers.
-
-    Lines lie between the centres of cells by linear interpolation. At the boundary the map goes on with its
-    nearest values.
-
-    :param step: distance of the values; by default a round one
-    :raises InputError: if the step is far too small
-    """
-    from shapely import get_parts, line_merge
-
-    raster, min_length_m = continued(the_map.values), MIN_CELLS * the_map.cell_m
-    found = [
-        (part, level)
-        for level in levels(the_map.values, step).tolist()
-        for line in level_lines(the_map, raster, level)
-        for part in get_parts(line_merge(line.intersection(boundary)))
-        if part.geom_type == "LineString" and part.length >= min_length_m
-    ]
-    return [line for line, _ in found], np.array([level for _, level in found])
 
 
 # Management zones: classes of a map as workable polygons that share their borders and cover the field -----------

@@ -79,7 +79,7 @@ def decision(run: MapRun) -> DecisionMap | None:
     index = np.searchsorted(edges, np.nan_to_num(values), side="right")
     number = np.where(np.isfinite(values), index, np.nan)
     probability = class_probability(soil_map.rate, soil_map.rate_sd, number, edges, curve, relative=False)
-    inside, size_m2 = np.isfinite(number), float(field_polygon(soil_map).area)
+    inside, size_m2 = np.isfinite(number), float(field_polygon(soil_map.grid).area)
     zones = []
     for zone, colour in enumerate(hex_ramp(WATER if of_moisture else f"{WATER}_r", len(edges) + 1)):
         share, sure = float((number[inside] == zone).mean()), certainty(probability[number == zone])

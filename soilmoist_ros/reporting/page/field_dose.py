@@ -156,7 +156,7 @@ def field_dose(run: MapRun) -> FieldDose | NoDose:
     settings, text = zone
     try:
         known = to_capacity(run) if settings == settings.model_copy(update=_CAPACITY) else None
-        dose, area = known or _need(run, settings), field_polygon(soil_map)
+        dose, area = known or _need(run, settings), field_polygon(soil_map.grid)
         zones = zones_of_dose(dose, soil_map.grid.cells, soil_map.grid.cell_m, area, settings)
     except InputError as error:
         mistake = error.mistakes[0]
@@ -184,18 +184,7 @@ def remedy_text(run: MapRun, one: Remedy) -> str:
 def _lacking(run: MapRun) -> NoDose | None:
     """What a run lacks for a dose."""
     curve, places = run.soil_map.curve, 1 if at_one_place(run) else len(run.soil_map.samples)
-    return lacking(curve, calibration_of(run), is_usable(run.soil_map), places, run.irrigation)
-
-
-def lacking(
-    curve: MoistureCurve | None, origin: str, usable: bool, places: int, limits: Irrigation | None
-) -> NoDose | None:
-    """What a map lacks for a dose.
-
-    :param origin: of its calibration, see :func:`.calibration_state`
-    :param usable: whether the moisture is possible on most of the area
-    :param places: number of measured places
-    """
+    origin, limits = calibration_of(run), run.irrigation
     cores = "calibrate it with soil cores"
     if curve is None:
         return NoDose("the sensor is not calibrated", cores)
@@ -206,13 +195,13 @@ def lacking(
         return NoDose("the calibration is a guess", cores)
     if not curve.n0_sd_cps > 0:
         return NoDose("the calibration states no ±", "give n0_sd_cps in the site file, or run soilmoist calibrate")
-    if not usable:
+    if not is_usable(run.soil_map):
         return NoDose("the moisture is impossible on much of the area", "check N0, bulk density and tubes")
     if places == 1:
         return NoDose("all records are of one place", "drive the sensor over the field")
     if places < FEW_PLACES:
         return NoDose(f"there are fewer than {FEW_PLACES} places", "measure at more places")
-    if limits is None or limits.wilting_point is None or limits.field_capacity is None:
+    if limits.wilting_point is None or limits.field_capacity is None:
         what = "texture, or wilting_point and field_capacity, are not in the site file"
         return NoDose(what, "give irrigation: {texture: CLASS} with the class of the soil, such as loam")
     return None
@@ -370,5 +359,5 @@ def _counting(run: MapRun, soil_map: SoilMap, problem: _Decision, xy: Array, now
     for minutes, gain in gains.items():
         if gain >= max(best / 2, MIN_GAIN):
             stops = chosen[: max(minutes // MINUTES[0], 1)]
-            return Remedy("counting", now + gain, minutes, compass_part(soil_map, xy[stops]))
+            return Remedy("counting", now + gain, minutes, compass_part(soil_map.grid, xy[stops]))
     return None

@@ -237,7 +237,7 @@ def _zone(
         if need is not None:
             own = chosen[run.soil_map.grid.mask]
             known += [float(band[own].mean()) for band in (need.net_mm, need.p05_mm, need.p95_mm)]
-    size_m2, text = share * float(field_polygon(run.soil_map).area), _range_text(run, index, limits.edges)
+    size_m2, text = share * float(field_polygon(run.soil_map.grid).area), _range_text(run, index, limits.edges)
     sure = certainty(probability[chosen])
     return IrrigationZone(limits.names[index], text, COLOURS[index], size_m2, share, sure, *known)
 
@@ -424,7 +424,7 @@ def _share(run: MapRun, chosen: NDArray[np.bool_]) -> float:
 
 def _area(run: MapRun, chosen: NDArray[np.bool_]) -> str:
     """Area of cells, in the unit of the field."""
-    whole_m2 = float(field_polygon(run.soil_map).area)
+    whole_m2 = float(field_polygon(run.soil_map.grid).area)
     return part_of_area(whole_m2 * _share(run, chosen), whole_m2)
 
 
@@ -440,7 +440,7 @@ def _on_wet(found: IrrigationAdvice) -> Iterator[str]:
 
 def _where(run: MapRun, chosen: NDArray[np.bool_]) -> str:
     """Part of the field where cells lie, in words; empty if they are spread over the field."""
-    part = compass_part(run.soil_map, run.soil_map.grid.cells[chosen[run.soil_map.grid.mask]])
+    part = compass_part(run.soil_map.grid, run.soil_map.grid.cells[chosen[run.soil_map.grid.mask]])
     return f" (mostly in the {part})" if part else ""
 
 
@@ -457,7 +457,7 @@ def dose_sentence(run: MapRun) -> str:
 
 def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
     """The dose, how sure it is and what would make it surer; then what it rests on."""
-    whole_m2 = float(field_polygon(run.soil_map).area)
+    whole_m2 = float(field_polygon(run.soil_map.grid).area)
     share, area = f"decision sure on {percent(found.sure)} of the area", part_of_area(found.area_m2, whole_m2)
     doses = [zone.gross_mm for zone in found.irrigated]
     if not doses:
@@ -497,7 +497,7 @@ def _surer(run: MapRun, found: FieldDose) -> str:
 
 def dose_rows(run: MapRun, found: FieldDose) -> list[SimpleNamespace]:
     """The doses from low to high in words, each with all its zones."""
-    whole_m2, rows = float(field_polygon(run.soil_map).area), []
+    whole_m2, rows = float(field_polygon(run.soil_map.grid).area), []
     for gross, zones in zones_by_dose(found.zones).items():
         size, (net, low, high) = sum(zone.area_m2 for zone in zones), missing_mm(zones)
         rows.append(SimpleNamespace(

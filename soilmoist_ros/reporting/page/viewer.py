@@ -28,7 +28,7 @@ from soilmoist_ros.reporting.colours import (
     robust_range,
 )
 from soilmoist_ros.reporting.dose import dose_at
-from soilmoist_ros.reporting.geometry import map_extent, rings
+from soilmoist_ros.reporting.geometry import rings
 from soilmoist_ros.reporting.page.charts import round_ticks
 from soilmoist_ros.reporting.page.decision import DecisionMap, decision
 from soilmoist_ros.reporting.page.field_dose import FieldDose, has_level
@@ -96,7 +96,7 @@ def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
         "rootDepth": run.irrigation.root_depth_mm if has_level(run) else 0,
         "grids": [grid_data(one.soil_map.grid) for one in run.properties], "layers": list(_layers(run, found)),
         "zones": _legend(found.zones),
-        "edge": [rounded(ring) for ring in rings(run.soil_map)],
+        "edge": [rounded(ring) for ring in rings(run.soil_map.grid)],
         "noGo": [rounded(hole) for hole in run.soil_map.grid.holes],
         "samples": [[round(x, 1), round(y, 1), int(z), round(t, 2)] for x, y, z, t in _thinned(samples).tolist()],
         "robots": [
@@ -123,8 +123,7 @@ def _legend(zones: Sequence[IrrigationZone]) -> list[dict[str, str]]:
 
 def view(run: MapRun) -> tuple[float, float, float, float]:
     """West, east, south, north [m] of the field, the samples and the track, with a margin."""
-    corners = np.reshape(map_extent(run.soil_map), (2, 2)).T
-    points = np.vstack([corners, run.soil_map.samples.xy, *run.tracks_xy])
+    points = np.vstack([run.soil_map.grid.box, run.soil_map.samples.xy, *run.tracks_xy])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.03 * float(max(high - low))
     (west, south), (east, north) = (low - margin).tolist(), (high + margin).tolist()
@@ -337,7 +336,7 @@ def pictures(run: MapRun) -> Iterator[dict[str, Any]]:
         looks = {layer["key"]: layer for layer in _of_property(one, 0, "")}
         of_rate = {"rate": soil_map.rate, "rate_sd": soil_map.rate_sd}
         of_moisture = {"vwc": 100 * soil_map.vwc, "width": interval_width(one)}
-        west, east, _, _ = map_extent(soil_map)
+        (west, _), (east, _) = soil_map.grid.box
         for key, band in (of_moisture if one.calibrated else of_rate).items():
             look, inside = looks[key], _cells(one, np.where(soil_map.grid.mask, band, np.nan))
             colours = np.array([list(bytes.fromhex(colour[1:])) for colour in look["colours"]], np.uint8)

@@ -78,7 +78,7 @@ def facts(run: MapRun) -> list[Fact]:
     if at_one_place(run):
         return _facts_of_place(run)
     soil_map, moist = run.soil_map, run.calibrated
-    of_field = [Fact(*area(float(field_polygon(soil_map).area)), "mapped area"), *_effort_facts(run)]
+    of_field = [Fact(*area(float(field_polygon(soil_map.grid).area)), "mapped area"), *_effort_facts(run)]
     if moist and not statistics.is_usable(soil_map):
         return [Fact("impossible", "", "mean soil water content"), *of_field]
     text, unit = (volume, "% vol.") if moist else (_rate, "counts/s")
@@ -160,7 +160,7 @@ def headline(run: MapRun) -> list[str]:
     if at_one_place(run):
         return _headline_of_place(run)
     soil_map = run.soil_map
-    mapped, undefined = " ".join(area(float(field_polygon(soil_map).area))), undefined_share(soil_map)
+    mapped, undefined = " ".join(area(float(field_polygon(soil_map.grid).area))), undefined_share(soil_map)
     if not run.calibrated:
         return [
             f"{mapped} were mapped as a neutron count rate. More neutrons mean drier soil, but without a "
@@ -275,7 +275,7 @@ def _on_records(run: MapRun) -> Iterator[Note]:
             f"Only {inside} of {placed} records lie inside the field: check the field file and the positions.",
         )
     range_m = run.soil_map.variogram.practical_range_m
-    far = int(np.count_nonzero(distances_m(run.soil_map, track_xy(run.track)) > range_m))
+    far = int(np.count_nonzero(distances_m(run.soil_map.grid, track_xy(run.track)) > range_m))
     if far > FAR_SHARE * placed:
         yield Note(
             NoteCode.FAR_RECORDS,

@@ -21,7 +21,6 @@ from reporting.exports.irrigated import OUTLINE, irrigated
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import BorderSource
-from soilmoist_ros.pipeline.field_survey import input_file
 from soilmoist_ros.reporting.exports import irrigation, isoxml, sheet
 from soilmoist_ros.reporting.exports.irrigation import (
     RATE_UNITS,
@@ -37,7 +36,7 @@ from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.page.field_dose import field_dose
 from soilmoist_ros.reporting.page.irrigation import irrigation as page_irrigation
-from soilmoist_ros.sensing import Irrigation, load_site
+from soilmoist_ros.sensing import Irrigation
 
 MM = Units.of("mm")
 
@@ -190,29 +189,6 @@ def test_a_run_is_exported_as_its_zones(make_run, tmp_path):
         export_run(folder, ["dose", "isoxml"], tmp_path / "none", settings, refused=[])
     assert len(refused.value.mistakes) == 2
     assert not list((tmp_path / "none").iterdir())
-
-
-@pytest.mark.slow
-def test_a_run_of_before_gets_its_dose_from_map_and_site_file(make_run, tmp_path):
-    site = tmp_path / "site.yaml"
-    site.write_text("irrigation: {wilting_point: 0.08, field_capacity: 0.3, root_depth_mm: 400, width_m: 8}\n")
-    run = make_run(irrigation=load_site(site).irrigation, inputs=[input_file(site, "site")])
-    folder = tmp_path / "run"
-    write_outputs(folder, run)
-    about = json.loads((folder / "summary.json").read_text())
-    told = irrigation_plan(open_source(open_run(folder)), ExportSettings())
-    del about["dose"], about["irrigation"]["root_zone"]
-    about["inputs"][0]["name"] = str(site)
-    (folder / "summary.json").write_text(json.dumps(about))
-    source = open_source(open_run(folder))
-    plan = irrigation_plan(source, ExportSettings())
-    assert any("made from its map and its site file" in note for note in source.notes)
-    assert plan.settings.below_share == told.settings.below_share > 0
-    assert plan.volume_m3 == pytest.approx(told.volume_m3, rel=0.05)
-    assert plan.sure == pytest.approx(told.sure, abs=0.05)
-    site.write_text("irrigation: {texture: loam}\n")
-    with pytest.raises(InputError, match=r"texture, or wilting_point .* was changed since"):
-        irrigation_plan(open_source(open_run(folder)), ExportSettings())
 
 
 def test_sheet_task_and_report_tell_of_the_same_ground(make_run):

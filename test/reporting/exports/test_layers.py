@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""GeoPackage and shapefiles read by GDAL: vector_files.py, vectors.py and layers.py."""
+"""GeoPackage and shapefiles read by GDAL: layers.py."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 import shapely
 from pyproj import Geod, Transformer
 
-from soilmoist_ros.reporting.exports.layers import contours_layer, write_zones
+from soilmoist_ros.reporting.exports.layers import write_zones
 from soilmoist_ros.reporting.exports.qgis import write_geopackage
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.geometry import field_polygon
@@ -18,10 +18,8 @@ from soilmoist_ros.reporting.geometry import field_polygon
 pytestmark = pytest.mark.slow  # the run that all export takes long to make
 
 LAYERS = {
-    "field": "MultiPolygon", "zones": "Polygon", "contours": "LineString", "zones_salt": "Polygon",
-    "contours_salt": "LineString", "no_go": "Polygon", "track": "LineString", "records": "Point",
-    "quarantined": "Point", "samples": "Point", "records_salt": "Point", "samples_salt": "Point",
-    "visits": "Point", "layer_styles": None,
+    "field": "MultiPolygon", "track": "LineString", **dict.fromkeys(("zones", "zones_salt", "no_go"), "Polygon"),
+    **dict.fromkeys(("records", "quarantined", "samples", "records_salt", "samples_salt", "visits"), "Point"),
 }  # fmt: skip
 
 
@@ -43,9 +41,7 @@ def local(exported, shapes, crs):
 
 def test_layers_and_reference_systems(gpkg):
     assert dict(pyogrio.list_layers(gpkg).tolist()) == LAYERS
-    for name, kind in LAYERS.items():
-        if kind:
-            assert pyogrio.read_info(gpkg, layer=name)["crs"] == "EPSG:32630"
+    assert {pyogrio.read_info(gpkg, layer=name)["crs"] for name in LAYERS} == {"EPSG:32630"}
 
 
 def test_samples_have_their_places_values_and_times(gpkg, exported):
@@ -77,7 +73,7 @@ def test_records_in_quarantine_have_a_layer_with_the_reason(gpkg, exported):
 
 def test_field_and_no_go_area(gpkg, exported):
     _, (field,), columns = read(gpkg, "field")
-    expected = field_polygon(exported.run.soil_map)
+    expected = field_polygon(exported.run.soil_map.grid)
     assert columns["area_ha"][0] == pytest.approx(expected.area / 1e4, rel=1e-3)
     assert local(exported, field, "EPSG:32630").symmetric_difference(expected).area < 0.01 * expected.length
     assert columns["start_utc"][0] == np.datetime64("2023-11-14T22:07:37", "ms")
@@ -97,7 +93,7 @@ def test_zones_are_single_valid_polygons_with_their_areas(exported, tmp_path):
     assert all(len(name) <= 10 and name.isascii() for name in columns)
     areas = [abs(Geod(ellps="WGS84").geometry_area_perimeter(shape)[0]) / 1e4 for shape in shapes]
     np.testing.assert_allclose(columns["AREA_HA"], areas, atol=6e-5)
-    assert sum(areas) == pytest.approx(field_polygon(exported.run.soil_map).area / 1e4, rel=1e-3)
+    assert sum(areas) == pytest.approx(field_polygon(exported.run.soil_map.grid).area / 1e4, rel=1e-3)
     np.testing.assert_allclose(columns["WATER_MM"], 5 * columns["VWC_PCT"], atol=0.06)
     assert set(columns["DATE"]) == {np.datetime64("2023-11-14")}
     mean = np.average(columns["VWC_PCT"], weights=areas)
@@ -105,14 +101,3 @@ def test_zones_are_single_valid_polygons_with_their_areas(exported, tmp_path):
     _, _, columns = read(paths[1])
     assert "RATE_CPS" in columns
     assert "WATER_MM" not in columns
-
-
-def test_contours_have_the_values_of_the_map(exported, tmp_path):
-    layer = contours_layer(exported.source, exported.source.properties[0], ExportSettings(step=2.0))
-    assert (layer.columns["VWC_PCT"] % 2 == 0).all()
-    assert len(layer.shapes) > 1
-    inner = field_polygon(exported.run.soil_map).buffer(-2.0)
-    for shape, value in zip(layer.shapes, layer.columns["VWC_PCT"], strict=True):
-        places = shapely.get_coordinates(shape)
-        places = places[shapely.contains_xy(inner, places[:, 0], places[:, 1])]
-        np.testing.assert_allclose(100 * exported.run.soil_map.evaluate(places).vwc, value, atol=0.6)

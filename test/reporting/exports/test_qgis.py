@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""QGIS projects and styles: qgis.py and qml.py. QGIS itself is not needed."""
+"""QGIS projects: qgis.py. QGIS itself is not needed."""
 
 from __future__ import annotations
 
@@ -29,14 +29,9 @@ def project(written):
         return ET.fromstring(archive.read("soilmoist.qgs"))
 
 
-def test_files(written):
-    names = ["soilmoist.gpkg", "map.tif", "map.qml", "map_salt.tif", "map_salt.qml", "soilmoist.qgz"]
-    assert [path.name for path in written] == names
-
-
 def test_every_layer_of_the_project_is_in_its_files(written, project):
-    folder = written[0].parent
-    known = {name for name, _ in pyogrio.list_layers(folder / "soilmoist.gpkg")} - {"layer_styles"}
+    assert [path.name for path in written] == ["soilmoist.gpkg", "map.tif", "map_salt.tif", "soilmoist.qgz"]
+    known = {name for name, _ in pyogrio.list_layers(written[0])}
     sources = [element.text for element in project.iter("datasource")]
     in_package = {source.partition("|layername=")[2] for source in sources if "gpkg" in source}
     assert in_package == known

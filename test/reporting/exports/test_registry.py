@@ -22,7 +22,7 @@ WITH_DOSE = ["dose", "isoxml", "sheet"]
 
 
 def test_each_export_has_its_traits():
-    assert EXPORTS.names() == ["qgis", "gpkg", "styled", "zones", *WITH_DOSE, "kmz", "prior"]
+    assert EXPORTS.names() == ["qgis", "gpkg", "zones", *WITH_DOSE, "kmz", "prior"]
     for name in EXPORTS.names():
         kind = EXPORTS.get(name)
         assert kind.label
@@ -38,7 +38,7 @@ def test_another_run_is_not_overwritten(exported, tmp_path):
     with pytest.raises(InputError, match="holds another run"):
         export_run(exported.folder, ["qgis"], other)
     before = (other / "map.tif").read_bytes()
-    assert len(export_run(other, ["qgis"], other)) == 6
+    assert len(export_run(other, ["qgis"], other)) == 4
     assert (other / "map.tif").read_bytes() == before
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
@@ -91,7 +91,7 @@ def test_folders_of_earlier_releases_export_what_they_have(exported, tmp_path):
     notes = []
     every = [name for name in EXPORTS.names() if name not in (*WITH_DOSE, "prior")]
     written = export_run(folder, every, note=notes.append)
-    assert len(written) == 6 + 2 * 3
+    assert len(written) == 4 + 2 * 2
     assert any("has no records.csv" in text for text in notes)
     assert any("no-go areas" in text for text in notes)
     layers = {name for name, _ in pyogrio.list_layers(folder / "export" / "soilmoist.gpkg")}
@@ -99,8 +99,6 @@ def test_folders_of_earlier_releases_export_what_they_have(exported, tmp_path):
     assert "records" not in layers
     salt = registry.open_source(registry.open_run(folder)).properties[1]
     assert salt.quantity is RATE, "a band of moisture without values does not count"
-    with rasterio.open(folder / "export" / "map_styled.tif") as raster:
-        assert raster.descriptions == ("vwc",)
 
 
 @pytest.mark.parametrize(

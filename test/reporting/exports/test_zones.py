@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Zones and contours of maps: zones.py, contours.py and classes.py."""
+"""Zones of maps: zones.py."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.reporting.exports.source import ExportedProperty
-from soilmoist_ros.reporting.exports.zones import contour_lines, levels, management_zones
+from soilmoist_ros.reporting.exports.zones import management_zones
 
 FRAME = LocalFrame(53.27, -0.52)
 CELL_M = 2.0
@@ -102,24 +102,3 @@ def test_settings_out_of_range_are_refused(choice, message):
     field = shapely.box(-20, -20, 20, 20)
     with pytest.raises(InputError, match=message):
         management_zones(a_map(np.full((SIZE, SIZE), 0.2), field), field, **choice)
-
-
-def test_contours_lie_where_the_map_has_their_value():
-    field = star(np.array([26.0, 20.0, 28.0, 24.0, 27.0]))
-    slope = np.broadcast_to(0.10 + 0.005 * np.arange(SIZE), (SIZE, SIZE))
-    lines, values = contour_lines(a_map(slope, field), field, step=2.0)
-    assert set(values) <= {10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 24.0}
-    assert len(set(values)) > 4
-    for line, value in zip(lines, values, strict=True):
-        places = shapely.get_coordinates(line)
-        inner = shapely.contains_xy(field.buffer(-CELL_M), places[:, 0], places[:, 1])
-        expected = 10.0 + 0.5 * ((places[inner, 0] + 30.0) / CELL_M - 0.5)
-        np.testing.assert_allclose(expected, value, atol=1e-6)
-        assert field.buffer(1e-6).covers(line)
-
-
-def test_round_values():
-    np.testing.assert_allclose(levels([12.1, np.nan, 18.0], 2.0), [14, 16])
-    assert levels([3.0, 3.0]).size == 0
-    with pytest.raises(InputError, match="more than 100 contour levels"):
-        levels([10.0, 20.0], 1e-3)
