@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +33,6 @@ EXIT_CODES = {
 """Exit codes of every command."""
 _KEY = "soilmoist_ros.answer"
 _SHOW_S = 0.5
-_LINE_S = 1.0
 MAX_REASONS = 3
 """Number of reasons for lost records that are printed."""
 
@@ -230,7 +228,7 @@ def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None
         yield lambda step, share: bar.update(task, description=printable(step), completed=share)
 
 
-# A running mission on the terminal, or as lines of JSON ---------------------------------------------------------
+# A running mission on the terminal ------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -274,27 +272,6 @@ def live_view() -> Iterator[Callable[[LiveMission], None]]:
                 screen.update(Group(title, facts), refresh=True)
 
         yield table
-
-
-@contextmanager
-def json_lines() -> Iterator[Callable[[LiveMission], None]]:
-    """Print a mission for programs: a JSON object a line when it has changed, once a second at most."""
-    from soilmoist_ros.reporting import dumps, jsonable
-
-    printed: dict[str, Any] = {}
-    printed_s = -_LINE_S
-
-    def line(live: LiveMission) -> None:
-        nonlocal printed, printed_s
-        now_s = time.monotonic()
-        if now_s - printed_s < _LINE_S:
-            return
-        values = jsonable(live.values)  # NaN differs from itself, None does not
-        if values != printed:
-            printed, printed_s = values, now_s
-            click.echo(dumps({"time_utc": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}", **values}))
-
-    yield line
 
 
 # Lines on a map that several commands print ---------------------------------------------------------------------

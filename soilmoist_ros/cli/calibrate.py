@@ -10,13 +10,14 @@ from dataclasses import replace
 from datetime import UTC, datetime, time
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from types import SimpleNamespace as Options
+from typing import Any, Literal
 
 import click
 
 from soilmoist_ros import mapping, pipeline, reporting, sensing  # their names load on first use
 from soilmoist_ros.cli.answer import answering, put, say, warn, wrote
-from soilmoist_ros.cli.options import FILE, InputFileType, MomentType, Name
+from soilmoist_ros.cli.options import FILE, INPUT, TIME, named
 from soilmoist_ros.foundation import InputError, Mistake, listing
 
 DAY_S = 86_400.0
@@ -27,43 +28,14 @@ SAME_DENSITY = 0.02
 """Relative difference up to which the density of the site file is taken as that of the cores."""
 USUAL_SENSITIVITIES = 0.05, 30.0
 """Sensitivities of neutron sensors to the reference detector, small tubes to large rovers."""
-TIME = MomentType()
-
-
-class Options(NamedTuple):
-    """Options of ``soilmoist calibrate``, as click has checked them."""
-
-    cores: Path | None
-    site: Path | None
-    logs: tuple[Path, ...]
-    logger: str | None
-    counts: int | None
-    exposure_s: float | None
-    run: Path | None
-    start: datetime | None
-    end: datetime | None
-    curve: Literal["desilets", "universal"] | None
-    weighting: sensing.Weighting
-    dates: tuple[str, ...]
-    cores_only: bool
-    earlier: tuple[Path, ...]
-    station_logs: tuple[Path, ...]
-    station_logger: str | None
-    station_site: Path | None
-    station_sensitivity: float | None
-    station_sensitivity_sd: float | None
-    plan: Path | None
-    places: int
-    out: Path | None
-    dry_run: bool
 
 
 @click.command("calibrate")
-@click.argument("cores", type=InputFileType(), required=False)
-@click.option("--site", type=InputFileType(), help="Site file to read; N0 or the sensitivity is written to it.")
-@click.option("--log", "logs", type=InputFileType(), multiple=True,
+@click.argument("cores", type=INPUT, required=False)
+@click.option("--site", type=INPUT, help="Site file to read; N0 or the sensitivity is written to it.")
+@click.option("--log", "logs", type=INPUT, multiple=True,
               help="Neutron log of the calibration. Repeatable.")  # fmt: skip
-@click.option("--logger", type=Name("logger"), help="Logger format of --log. Default: detected from the header.")
+@click.option("--logger", type=named("logger"), help="Logger format of --log. Default: detected from the header.")
 @click.option("--counts", type=click.IntRange(min=1), help="Instead of --log: raw counts of all tubes.")
 @click.option("--exposure", "exposure_s", type=click.FloatRange(min=0, min_open=True),
               help="Effective exposure of --counts: live time over the product of the factors [s].")  # fmt: skip
@@ -79,12 +51,12 @@ class Options(NamedTuple):
 @click.option("--date", "dates", multiple=True, metavar="DAY", help="Day of the calibration; written to the site "
               "file. Chooses among the days of the cores. Repeatable.")  # fmt: skip
 @click.option("--cores-only", is_flag=True, help="Use the cores alone, not the general calibration.")
-@click.option("--earlier", type=InputFileType(), multiple=True,
+@click.option("--earlier", type=INPUT, multiple=True,
               help="Site file with an earlier calibration of this sensor, anywhere. Repeatable.")  # fmt: skip
-@click.option("--beside", "station_logs", type=InputFileType(), multiple=True,
+@click.option("--beside", "station_logs", type=INPUT, multiple=True,
               help="Instead of CORES: log of a station next to the sensor of --log. Repeatable.")  # fmt: skip
-@click.option("--station-logger", type=Name("logger"), help="Logger format of --beside. Default: detected.")
-@click.option("--station-site", type=InputFileType(), help="Site file of the station. Default: that of --site.")
+@click.option("--station-logger", type=named("logger"), help="Logger format of --beside. Default: detected.")
+@click.option("--station-site", type=INPUT, help="Site file of the station. Default: that of --site.")
 @click.option("--station-sensitivity", type=click.FloatRange(min=0, min_open=True),
               help="Sensitivity of the station to the reference detector. Default: by its site file.")  # fmt: skip
 @click.option("--station-sensitivity-sd", type=click.FloatRange(min=0),

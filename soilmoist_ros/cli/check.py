@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from soilmoist_ros.cli.answer import answering, current, put, say, warn, wrote
-from soilmoist_ros.cli.options import FILE, InputFileType, Name, position_options
+from soilmoist_ros.cli.options import FILE, INPUT, Checked, position_options
 from soilmoist_ros.foundation import InputError, Mistake
 
 if TYPE_CHECKING:
@@ -27,17 +27,17 @@ Value = TypeVar("Value")
 
 
 @click.command("check")
-@click.option("--logger", type=Name("logger", early=False), multiple=True,
+@click.option("--logger", type=Checked("logger"), multiple=True,
               help="Logger format: a shipped name or a YAML file. Repeatable.")  # fmt: skip
-@click.option("--site", type=Name("site", early=False), multiple=True,
+@click.option("--site", type=Checked("site"), multiple=True,
               help="Site file: a shipped name or a YAML file. Repeatable.")  # fmt: skip
-@click.option("--field", type=Name("field", early=False), multiple=True,
+@click.option("--field", type=Checked("field"), multiple=True,
               help="Field file: a shipped name or a YAML file. Repeatable.")  # fmt: skip
 @click.option("--graph", "graphs", type=FILE, multiple=True, help="Topological map of --field. Repeatable.")
 @click.option("--home", default="", metavar="NODE", help="Home of the robot in --graph.")
 @click.option("--robot-radius", "robot_radius_m", type=click.FloatRange(min=0), default=0.75, show_default=True,
               help="robot_radius_m of the planner [m].")  # fmt: skip
-@click.option("--log", "logs", type=InputFileType(), multiple=True,
+@click.option("--log", "logs", type=INPUT, multiple=True,
               help="Log of the probe of --site, or a folder or ZIP archive of logs. Repeatable.")  # fmt: skip
 @click.option("--nmea", "--track", type=FILE, multiple=True,
               help="Positions of --log: NMEA, GPX, CSV, RTKLIB or a bag. Repeatable.")  # fmt: skip
@@ -219,7 +219,7 @@ def _compare(
 
 
 @click.command("logger")
-@click.argument("file", type=InputFileType())
+@click.argument("file", type=INPUT)
 @click.option("--time", multiple=True, metavar="COLUMN", help="Column of the stamp. Twice for date and time.")
 @click.option("--neutrons", "counts", multiple=True, metavar="COLUMN", help="Column of the counts. Repeatable.")
 @click.option("--out", type=click.Path(path_type=Path), help="File for the draft. Default: print it.")

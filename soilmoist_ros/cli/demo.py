@@ -46,7 +46,7 @@ DEFAULTS = {"field": "farm", "hours": 1.0}
               help="Simulated seconds per real second.")  # fmt: skip
 @click.option("--navigator", type=click.Choice(["goto_node", "navigate_to_pose", "goal_pose"]),
               help="Navigation interface. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
-@click.option("--scenario", type=options.Name("scenario"), default="",
+@click.option("--scenario", type=options.named("scenario"), default="",
               help="Simulated faults: thorvald, nav2, bad_link, bad_sensor, "
               "or a file. Default: none.")  # fmt: skip
 @click.option("--console/--no-console", "console", default=True, show_default=True,

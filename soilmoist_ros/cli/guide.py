@@ -28,7 +28,7 @@ DEFAULTS = {"speed_mps": 1.2, "stop_overhead_s": 5.0}
 
 
 @click.command("guide")
-@click.option("--field", type=options.Name("field"), default="",
+@click.option("--field", type=options.named("field"), default="",
               help="Field file. Default: the border is drawn or walked on the page.")  # fmt: skip
 @click.option("--logger-uri", required=True, metavar="URI",
               help="Neutron logger: tcp://HOST:PORT, udp://0.0.0.0:PORT or serial:///dev/ttyUSB0.")  # fmt: skip
@@ -38,9 +38,9 @@ DEFAULTS = {"speed_mps": 1.2, "stop_overhead_s": 5.0}
     metavar="URI",
     help="GNSS receiver that sends NMEA, like --logger-uri; phone: for the one of the phone with the page.",
 )
-@click.option("--logger", type=options.Name("logger"), default=FORMAT_NAME, show_default=True,
+@click.option("--logger", type=options.named("logger"), default=FORMAT_NAME, show_default=True,
               help="Logger format: a shipped name or a YAML file.")  # fmt: skip
-@click.option("--site", type=options.Name("site"), default="",
+@click.option("--site", type=options.named("site"), default="",
               help="Site file: corrections, soil, calibration. Default: a rate map.")  # fmt: skip
 @options.sensor_option
 @mission_options(GUIDE, DEFAULTS)
@@ -50,8 +50,8 @@ DEFAULTS = {"speed_mps": 1.2, "stop_overhead_s": 5.0}
               help="Address of the page; 0.0.0.0 for a phone in the network of the cart.")  # fmt: skip
 @click.option("--port", type=click.IntRange(0, 65535), default=None,
               help="TCP port of the page. Default: 8050, or a free one.")  # fmt: skip
-@click.option("--certificate", type=options.InputFileType(), help="Certificate of the page (PEM), for https.")
-@click.option("--key", type=options.InputFileType(), help="Key of the certificate, if the file does not have it.")
+@click.option("--certificate", type=options.INPUT, help="Certificate of the page (PEM), for https.")
+@click.option("--key", type=options.INPUT, help="Key of the certificate, if the file does not have it.")
 @click.option("--autostart", is_flag=True, help="Start with the first position, instead of on the page.")
 @click.option("--exit", "leave", is_flag=True, help="End with the mission, also on a terminal.")
 @click.option("--out", type=options.FILE, required=True,

@@ -30,26 +30,26 @@ NO_MOISTURE = "the site file asks for the rate alone, or its soil is peat withou
 
 
 @click.command("map")
-@click.argument("logs", type=options.InputFileType(), nargs=-1, required=True)
-@click.option("--logger", type=options.Name("logger"),
+@click.argument("logs", type=options.INPUT, nargs=-1, required=True)
+@click.option("--logger", type=options.named("logger"),
               help="Logger format: a shipped name or a YAML file. Default: detected from the header.")  # fmt: skip
 @click.option(
     "--site",
-    type=options.Name("site"),
+    type=options.named("site"),
     help="Site file: corrections, soil, calibration. Default: standard corrections.",
 )
 @options.sensor_option
 @click.option(
     "--field",
-    type=options.Name("field"),
+    type=options.named("field"),
     help="Field file: boundary, cell size. Default: the surroundings of the track.",
 )
-@click.option("--nmea", "--track", type=options.InputFileType(), multiple=True,
+@click.option("--nmea", "--track", type=options.INPUT, multiple=True,
               help="Positions, for loggers without them: NMEA, GPX, CSV, "
               "RTKLIB or a bag, by content. Repeatable.")  # fmt: skip
-@click.option("--from", "start", type=options.MomentType(), metavar="TIME",
+@click.option("--from", "start", type=options.TIME, metavar="TIME",
               help="Map records after this time, such as 2026-05-02T14:30+02:00; UTC without a zone.")  # fmt: skip
-@click.option("--to", "end", type=options.MomentType(), metavar="TIME",
+@click.option("--to", "end", type=options.TIME, metavar="TIME",
               help="Map records up to this time; UTC without a zone.")  # fmt: skip
 @options.position_options
 @click.option("--preset", type=click.Choice(tuple(PRESETS)), default="recommended", show_default=True,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.options import Name
+from soilmoist_ros.cli.options import Checked, named
 from soilmoist_ros.simulation import PRESETS, SETTINGS, Setting
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _option(setting: Setting, defaults: Mapping[str, Any]) -> Callable[[Command]
         more = {"default": None}
     elif setting.kind is tuple:
         text = f"{setting.help} Repeatable."
-        more = {"multiple": True, "type": Name("surrogate"), "metavar": "FIELD[:WEIGHT]"}
+        more = {"multiple": True, "type": Checked("field"), "metavar": "FIELD[:WEIGHT]"}
     elif setting.unit:
         first, dot, rest = setting.help.partition(". ")
         text = f"{first.rstrip('.')} [{setting.unit}]. {rest if dot else ''}".strip() + f" {default}"
@@ -118,7 +118,7 @@ def _default(setting: Setting) -> str:
 
 
 irrigation_option = click.option(
-    "--site", type=Name("site"),
+    "--site", type=named("site"),
     help="Site file with irrigation keys; only these are used: the simulation calibrates its sensor. "
     "Default: loam, roots to 300 mm, depletion 0.5, efficiency 0.8.",
 )  # fmt: skip

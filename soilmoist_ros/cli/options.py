@@ -27,138 +27,118 @@ _RUN = "give the folder that --out of a run named, a recording, or a folder of s
 _SHIPPED = {"field": "fields", "site": "sites", "scenario": "scenarios"}
 
 
-class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A name, or the path of a file. The command that uses it checks it.
+class Checked(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A text that a function converts, and a check of the value before the command begins.
 
-    :param early: whether it is checked before the command begins; otherwise the command does it
+    :param name: placeholder in the help
+    :param parse: makes the value; a ``ValueError`` of it is wrong use, and says what is expected
+    :param require: raises an :class:`InputError`; without it the command checks the value
     """
 
-    def __init__(self, kind: str, early: bool = True) -> None:
-        self.name = self._kind = kind
-        self._early = early
+    def __init__(
+        self, name: str, parse: Callable[[str], Any] = str, require: Callable[[Any], object] | None = None
+    ) -> None:
+        self.name = name
+        self.require = require
+        self._parse = parse
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The value of a text."""
+        try:
+            return self._parse(value) if isinstance(value, str) else value
+        except (ValueError, InputError) as error:
+            self.fail(str(error), param, ctx)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Files that continue the word."""
         return [CompletionItem(incomplete, type="file")]
 
-    def require(self, value: str) -> None:
-        """Check a given name or path before the work; what the file says is checked later."""
-        if not self._early or not value or Path(value).is_file():
-            return
-        if self._kind in _SHIPPED:
-            from soilmoist_ros.foundation import resource
 
-            resource(_SHIPPED[self._kind], value)
-        elif self._kind == "logger":
+def named(kind: str) -> Checked:
+    """A shipped name, or the path of a file; what the file says is checked later."""
+
+    def require(value: str) -> None:
+        if not value or Path(value).is_file():
+            return
+        if kind == "logger":
             from soilmoist_ros.sensing import logger_path
 
             logger_path(value)
+        else:
+            from soilmoist_ros.foundation import resource
 
-    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        """A placeholder: reading the names would make the help slow."""
-        return {"surrogate": "field", "export": "format"}.get(self._kind, self._kind).upper()
+            resource(_SHIPPED[kind], value)
 
-
-class InputFileType(click.Path):
-    """Path of a file or folder that must exist when the command begins."""
-
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
-
-    def require(self, value: Path) -> None:
-        """Refuse the path of nothing."""
-        if not value.exists():
-            raise InputError("there is no such file", "check the path", value)
+    return Checked(kind, require=require)
 
 
-class VariogramModel(Name):
-    """Name of a registered variogram model, checked. Only a given option loads the registry: it needs numpy."""
-
-    def __init__(self) -> None:
-        super().__init__("model")
-
-    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the name if a model has it; fail otherwise."""
-        from soilmoist_ros.mapping import VARIOGRAM_MODELS
-
-        try:
-            VARIOGRAM_MODELS.get(value)
-        except InputError as error:
-            self.fail(str(error), param, ctx)
-        return value
+def _require_file(value: Path) -> None:
+    if not value.exists():
+        raise InputError("there is no such file", "check the path", value)
 
 
-# Times ----------------------------------------------------------------------------------------------------------
+INPUT = Checked("path", Path, _require_file)
+"""Path of a file or folder that must exist."""
 
 
-class MomentType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A time in ISO 8601 with or without a time zone, converted to UTC; without a zone it is UTC."""
+def _model(text: str) -> str:
+    from soilmoist_ros.mapping import VARIOGRAM_MODELS  # needs numpy: only where the option is given
 
-    name = "time"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> datetime:
-        """The time in UTC."""
-        if isinstance(value, datetime):
-            return value
-        try:
-            moment = datetime.fromisoformat(re.sub(r"\s*(UTC|GMT|Z)$", "+00:00", str(value).strip()))
-            return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
-        except (ValueError, OverflowError):
-            self.fail(
-                f"{value!r} is no time: write 2026-05-02T14:30Z, 2026-05-02T16:30+02:00 or 2026-05-02", param
-            )
+    VARIOGRAM_MODELS.get(text)
+    return text
 
 
-class SensorType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A sensor model with a known sensitivity, or a sensitivity in units of the reference detector."""
+MODEL = Checked("model", _model)
+"""Name of a registered variogram model."""
 
-    name = "sensor"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | float:
-        """The name of the model, or the sensitivity [-]."""
-        from soilmoist_ros.sensing import SENSITIVITIES
+def _moment(text: str) -> datetime:
+    """A time in ISO 8601 in UTC; without a time zone it is UTC."""
+    try:
+        moment = datetime.fromisoformat(re.sub(r"\s*(UTC|GMT|Z)$", "+00:00", text.strip()))
+        return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
+    except (ValueError, OverflowError):
+        forms = "2026-05-02T14:30Z, 2026-05-02T16:30+02:00 or 2026-05-02"
+        raise ValueError(f"{text!r} is no time: write {forms}") from None
 
-        if isinstance(value, float):
-            return value
-        name = re.sub(r"[\s_-]", "", str(value).upper())
-        for model in SENSITIVITIES:
-            if name == model.replace("-", "").upper():
-                return model
-        try:
-            number = float(value)
-        except ValueError:
-            number = 0.0
-        if not 0 < number <= 100:
-            known = ", ".join(f"{model} ({of:g})" for model, of in SENSITIVITIES.items())
-            self.fail(
-                f"{value!r} is no sensor: give {known}, or the counts of yours per count of the reference "
-                "detector, found next to a station: soilmoist calibrate --beside STATION_LOG",
-                param,
-            )
-        return number
+
+TIME = Checked("time", _moment)
+
+
+def _sensor(text: str) -> str | float:
+    """A sensor model with a known sensitivity, or a sensitivity in units of the reference detector [-]."""
+    from soilmoist_ros.sensing import SENSITIVITIES
+
+    name = re.sub(r"[\s_-]", "", text.upper())
+    if model := next((model for model in SENSITIVITIES if name == model.replace("-", "").upper()), ""):
+        return model
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number <= 100:
+        known = ", ".join(f"{model} ({of:g})" for model, of in SENSITIVITIES.items())
+        raise ValueError(
+            f"{text!r} is no sensor: give {known}, or the counts of yours per count of the reference detector, "
+            "found next to a station: soilmoist calibrate --beside STATION_LOG"
+        )
+    return number
 
 
 sensor_option = click.option(
-    "--sensor", type=SensorType(), metavar="MODEL|NUMBER",
+    "--sensor", type=Checked("sensor", _sensor), metavar="MODEL|NUMBER",
     help="Sensor of a site without calibration: CRS-1000, CRS-1000B, CRS-2000, CRS-2000B, LiFoil-2, LiFoil-3, or "
     "its counts per count of the reference detector. Gives moisture by the general calibration.",
 )  # fmt: skip
 """The sensor, where the site file does not say it."""
 
 
-class ShiftType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A duration with a sign and a unit, as seconds."""
-
-    name = "duration"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """The duration [s]."""
-        if isinstance(value, float):
-            return value
-        found = re.fullmatch(r"([+-]?\d+(?:\.\d+)?)\s*(s|min|h|d|w)", str(value).strip())
-        if found is None:
-            self.fail(f"{value!r} is no duration: write it with s, min, h, d or w, such as -18s or 1024w", param)
-        return float(found[1]) * _UNITS_S[found[2]]
+def _duration_s(text: str) -> float:
+    """A duration with a sign and a unit [s]."""
+    found = re.fullmatch(r"([+-]?\d+(?:\.\d+)?)\s*(s|min|h|d|w)", text.strip())
+    if found is None:
+        raise ValueError(f"{text!r} is no duration: write it with s, min, h, d or w, such as -18s or 1024w")
+    return float(found[1]) * _UNITS_S[found[2]]
 
 
 # The output folder ----------------------------------------------------------------------------------------------
@@ -218,7 +198,7 @@ def reported_failure(out: Path) -> Iterator[None]:
 # Positions ------------------------------------------------------------------------------------------------------
 
 gnss_shift_option = click.option(
-    "--gnss-shift", "gnss_shift_s", type=ShiftType(), metavar="DURATION", default=0.0, show_default=False,
+    "--gnss-shift", "gnss_shift_s", type=Checked("duration", _duration_s), default=0.0, show_default=False,
     help="Time added to that of the positions, such as 1024w, 2h or -18s. Default: none.",
 )  # fmt: skip
 
@@ -236,32 +216,30 @@ def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
 # Earlier surveys, covariates, a reference sensor ----------------------------------------------------------------
 
 
-class _Runs(InputFileType):
-    """A run, a folder of runs, or ``none``, checked before the command begins."""
+def _require_runs(value: Path) -> None:
+    """Refuse what has no run; ``none`` is not one."""
+    if str(value) == "none":
+        return
+    if not value.exists():
+        raise InputError("there is no such file", _RUN, value)
+    from soilmoist_ros.pipeline import find_runs
 
-    def require(self, value: Path) -> None:
-        """Refuse what has no run."""
-        if str(value) == "none":
-            return
-        if not value.exists():
-            raise InputError("there is no such file", _RUN, value)
-        from soilmoist_ros.pipeline import find_runs
-
-        find_runs(value.expanduser())
+    find_runs(value.expanduser())
 
 
-class _Covariate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A file with covariates, checked before the command begins."""
-
-    name = "FILE[:BAND]"
-
-    def require(self, value: str) -> None:
-        """Check that the file can be read and has the band."""
-        if value == "none":
-            return
+def _require_covariate(value: str) -> None:
+    """Check that a file with covariates can be read and has the band."""
+    if value != "none":
         from soilmoist_ros.mapping import CovariateSource, require_covariates
 
         require_covariates([CovariateSource.parse(value)])
+
+
+def _require_prior(value: str) -> None:
+    """Check that there is a survey of another field, or ``none``."""
+    from soilmoist_ros.mapping import FarmPrior
+
+    FarmPrior.named(value)
 
 
 def earlier_option(more: str = "") -> Callable[[Command], Command]:
@@ -270,7 +248,7 @@ def earlier_option(more: str = "") -> Callable[[Command], Command]:
         "Earlier run of the same field, whose counts inform this map: an output folder, a recording, or a folder "
         f"of runs. Repeatable.{more}"
     )
-    return click.option("--earlier", "earlier", type=_Runs(), multiple=True, metavar="RUN", help=text)
+    return click.option("--earlier", "earlier", type=Checked("run", Path, _require_runs), multiple=True, help=text)
 
 
 def covariate_option(more: str = "") -> Callable[[Command], Command]:
@@ -280,9 +258,8 @@ def covariate_option(more: str = "") -> Callable[[Command], Command]:
         "what is derived from elevations: elevation, slope, aspect, curvature, wetness. Or polygons of a soil "
         f"map, whose attribute is BAND. Repeatable.{more}"
     )
-    return click.option(
-        "--covariate", "covariates", type=_Covariate(), multiple=True, metavar="FILE[:BAND]", help=text
-    )
+    kind = Checked("FILE[:BAND]", require=_require_covariate)
+    return click.option("--covariate", "covariates", type=kind, multiple=True, help=text)
 
 
 def reference_option(command: Command) -> Command:
@@ -291,29 +268,16 @@ def reference_option(command: Command) -> Command:
         "Log of a stationary neutron sensor at the field, which counted during the survey. Its changes correct "
         "the counts to the end of the survey. The site file is used for both."
     )
-    return click.option("--reference", type=InputFileType(), metavar="LOG", help=text)(command)
+    return click.option("--reference", type=INPUT, metavar="LOG", help=text)(command)
 
 
 # The map --------------------------------------------------------------------------------------------------------
 
-
-class _FarmPrior(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """Surveys of other fields, or ``none``, read when the command begins."""
-
-    name = "FOLDER|FILE"
-
-    def require(self, value: str) -> None:
-        """Check that there is a survey."""
-        from soilmoist_ros.mapping import FarmPrior
-
-        FarmPrior.named(value)
-
-
 _NAMES = {"keep_nugget": "--nugget", "cell_m": "--cell", "merge_radius_m": "--merge"}
 """Options with other names than their settings."""
 _TYPES: Mapping[str, click.ParamType[Any]] = {
-    "model": VariogramModel(),
-    "prior": _FarmPrior(),
+    "model": MODEL,
+    "prior": Checked("FOLDER|FILE", require=_require_prior),
     "keep_nugget": click.Choice(["keep", "filter"]),
     "cell_m": click.FloatRange(min=0, min_open=True),
     "merge_radius_m": click.FloatRange(min=0),

@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 @click.command("replay")
 @click.argument("bag", type=options.FILE)
-@click.option("--field", type=options.Name("field"), help="Field file. Default: as in the run.")
+@click.option("--field", type=options.named("field"), help="Field file. Default: as in the run.")
 @click.option(
-    "--site", type=options.Name("site"), help="Site file: corrections, soil, calibration. Default: as in the run."
+    "--site", type=options.named("site"), help="Site file: corrections, soil, calibration. Default: as in the run."
 )
 @click.option("--property", "properties", multiple=True,
               help="Property of the bag to map, repeatable. Default: all.")  # fmt: skip
-@click.option("--truth", "truths", type=options.Name("surrogate"), multiple=True, metavar="[PROPERTY=]FIELD",
+@click.option("--truth", "truths", type=options.Checked("field"), multiple=True, metavar="[PROPERTY=]FIELD",
               help="Surrogate field to compare with: a built-in one, or a field file with a truth. "
               "PROPERTY defaults to the first one. Repeatable.")  # fmt: skip
 @options.map_options("as in the run")
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
               help="counts: records as the driver corrected them; raw: raw lines, corrected again.")  # fmt: skip
 @click.option(
     "--logger",
-    type=options.Name("logger"),
+    type=options.named("logger"),
     help="Logger format of the raw lines. Default: detected from the header.",
 )
 @click.option("--logger-topic", default="", metavar="TOPIC",

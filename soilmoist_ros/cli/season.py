@@ -10,16 +10,16 @@ from typing import Any
 import click
 
 from soilmoist_ros.cli.answer import answering, progress_bar, say, warn, wrote
-from soilmoist_ros.cli.options import FILE, Name, VariogramModel, output_options, prepare_output
+from soilmoist_ros.cli.options import FILE, MODEL, named, output_options, prepare_output
 
 
 @click.command("season")
 @click.argument("runs", type=FILE, nargs=-1, required=True)
-@click.option("--field", type=Name("field"), help="Field file. Default: the boundary of the last run.")
+@click.option("--field", type=named("field"), help="Field file. Default: the boundary of the last run.")
 @click.option(
-    "--site", type=Name("site"), help="Site file with the calibration. Default: the calibration of the last run."
+    "--site", type=named("site"), help="Site file with the calibration. Default: the calibration of the last run."
 )
-@click.option("--model", type=VariogramModel(), default="matern32", show_default=True, help="Variogram model.")
+@click.option("--model", type=MODEL, default="matern32", show_default=True, help="Variogram model.")
 @click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")
 @click.option("--title", help="Title of the page.")
 @output_options()

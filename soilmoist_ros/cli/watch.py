@@ -10,8 +10,8 @@ import time
 
 import click
 
-from soilmoist_ros.cli.answer import json_lines, live_view, reporting_errors
-from soilmoist_ros.cli.options import Name
+from soilmoist_ros.cli.answer import live_view, reporting_errors
+from soilmoist_ros.cli.options import named
 from soilmoist_ros.foundation import InputError
 
 _POLL_S = 0.2
@@ -19,14 +19,12 @@ _POLL_S = 0.2
 
 @click.command("watch")
 @click.option(
-    "--field", type=Name("field"), required=True, help="Field file of the nodes, or the name of a shipped one."
+    "--field", type=named("field"), required=True, help="Field file of the nodes, or the name of a shipped one."
 )
 @click.option("--robot", "robots", multiple=True, help="Namespace of a robot, repeatable. Default: none.")
 @click.option("--property", "properties", multiple=True, help="Further property to show, repeatable.")
-@click.option("--json", "as_json", is_flag=True,
-              help="Print a JSON object a line for each change, once a second at most.")  # fmt: skip
 @reporting_errors
-def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...], as_json: bool) -> None:
+def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...]) -> None:
     """Watch a running survey in a terminal, until Ctrl-C: state, forecast and numbers.
 
     It listens on the ROS domain of the shell, and changes nothing.
@@ -47,7 +45,7 @@ def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...], as
     except ValueError:
         raise InputError("ROS_DOMAIN_ID is no number", "export ROS_DOMAIN_ID=0") from None
     try:
-        with monitored(live, place.frame, domain), (json_lines if as_json else live_view)() as show:
+        with monitored(live, domain), live_view() as show:
             while True:
                 show(live)
                 time.sleep(_POLL_S)

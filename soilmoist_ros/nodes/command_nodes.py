@@ -23,7 +23,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
 from rclpy.time import Duration
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import NavSatFix, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import (
@@ -34,9 +34,9 @@ from msg_adapters import (
     soil_map_from_message,
     to_time,
 )
-from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import MapWorker
-from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, SENSOR, interface_class, published_qos
+from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, interface_class, published_qos
 from soilmoist_ros.recording import BagReader, Pacer, Playback
 from soilmoist_ros.reporting import LiveMap, LiveMission, LiveRobot
 from soilmoist_ros.sensing import logger_fault
@@ -187,15 +187,14 @@ def player_of(
 class NodeMonitor(Node):
     """Keeps a :class:`LiveMission` up to date; unreadable messages are ignored."""
 
-    def __init__(self, live: LiveMission, frame: LocalFrame, context: Context) -> None:
+    def __init__(self, live: LiveMission, context: Context) -> None:
         super().__init__("monitor", context=context)
-        self._live, self._frame = live, frame
+        self._live = live
         for robot in live.robots:
             below = f"{robot.namespace}/" if robot.namespace else ""
             self.create_subscription(
                 DiagnosticStatus, f"{below}mission", partial(self._on_mission, robot), LATCHED
             )
-            self.create_subscription(NavSatFix, f"{below}fix", partial(self._on_fix, robot), SENSOR)
         for one in live.maps:
             topic = f"{one.name}/soil_map" if one.name else "soil_map"
             self.create_subscription(PointCloud2, topic, partial(self._on_map, one), LATCHED)
@@ -215,11 +214,6 @@ class NodeMonitor(Node):
         with contextlib.suppress(ValueError):
             self._live.samples_xy = samples_from_message(message).xy
 
-    def _on_fix(self, robot: LiveRobot, message: NavSatFix) -> None:
-        if message.status.status >= 0:
-            x_m, y_m = self._frame.to_local(message.latitude, message.longitude)[0]
-            robot.xy = (float(x_m), float(y_m))
-
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         parts = diagnostics_from_message(message)
         for robot in self._live.robots:
@@ -233,7 +227,7 @@ class NodeMonitor(Node):
 
 
 @contextmanager
-def monitored(live: LiveMission, frame: LocalFrame, domain: int) -> Iterator[None]:
+def monitored(live: LiveMission, domain: int) -> Iterator[None]:
     """Run a :class:`NodeMonitor` in a thread."""
-    with _spinning(lambda context: NodeMonitor(live, frame, context), domain):
+    with _spinning(lambda context: NodeMonitor(live, context), domain):
         yield

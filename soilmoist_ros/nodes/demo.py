@@ -184,7 +184,7 @@ def run_demo(
                 page.start("console", parameters.pop("console"))
                 _wait(page, "console", lambda: _answers(settings.console_port))
                 started()
-            with ProcessGroup(environment, out / "log") as group, monitored(live, field.frame, domain):
+            with ProcessGroup(environment, out / "log") as group, monitored(live, domain):
                 for name, path in parameters.items():
                     namespace, _, node = name.rpartition("/")
                     if node == "sensor_driver":

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +13,6 @@ from numpy.typing import NDArray
 from soilmoist_ros.reporting.page.frame import duration, length
 
 Array = NDArray[np.float64]
-
-_TEXTS = ("state", "reason", "target", "forecast", "ended")
-_NUMBERS = (
-    "target_x_m", "target_y_m", "planned_dwell_s", "elapsed_dwell_s", "time_used_s", "time_left_s", "distance_m",
-    "samples", "raw_counts", "failures", "estimated_end_s", "stamp_s",
-)  # fmt: skip
-_FLAGS = ("needs_operator", "silent", "emergency")
 
 
 class LiveMap:
@@ -46,28 +38,15 @@ class LiveMap:
         return float(np.mean(error[np.isfinite(error)] ** 2)) if np.isfinite(error).any() else math.nan
 
     @property
-    def values(self) -> dict[str, Any]:
-        """Numbers of the map for programs, of the moisture, else of the rate; ``spread`` is the standard deviation
-        between its cells.
-        """
-        cells, quantity, known = self.cells, None, np.empty(0)
-        if cells is not None and (np.isfinite(cells["x"]) & np.isfinite(cells["rate"])).any():
-            quantity = "vwc" if np.isfinite(cells["vwc"]).any() else "rate"
-            known = cells[quantity][np.isfinite(cells[quantity])].astype(float)
-        return {
-            "name": self.name, "quantity": quantity, "cells": known.size,
-            "mean": float(known.mean()) if known.size else None,
-            "spread": float(known.std()) if known.size else None, "mse": self.mse,
-        }  # fmt: skip
-
-    @property
     def text(self) -> str:
-        """Mean and spread of the map, on one line; empty without a map."""
-        found = self.values
-        scale, unit = (100.0, "% by volume") if found["quantity"] == "vwc" else (1.0, "counts/s")
-        if found["mean"] is None:
+        """Mean and standard deviation of the cells, of the moisture, else of the rate; empty without a map."""
+        if self.cells is None:
             return ""
-        return f"mean {scale * found['mean']:.3g} {unit}, {scale * found['spread']:.2g} from place to place"
+        quantity, scale, unit = "vwc", 100.0, "% by volume"
+        if not np.isfinite(self.cells["vwc"]).any():
+            quantity, scale, unit = "rate", 1.0, "counts/s"
+        known = scale * self.cells[quantity][np.isfinite(self.cells[quantity])].astype(float)
+        return f"mean {known.mean():.3g} {unit}, {known.std():.2g} from place to place" if known.size else ""
 
 
 class LiveRobot:
@@ -76,25 +55,12 @@ class LiveRobot:
     def __init__(self, namespace: str = "") -> None:
         self.namespace = namespace
         self.status: Mapping[str, str] = {}
-        self.xy: tuple[float, float] | None = None
         self.sensor_fault = ""
 
     @property
     def state(self) -> str:
         """State and reason of its mission."""
         return f"{self.status['state']}: {self.status['reason']}" if self.status else "waiting for the planner"
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """Status of the mission for programs: texts, numbers and flags; ``None`` where the planner is silent."""
-        status = self.status
-        x_m, y_m = self.xy or (math.nan, math.nan)
-        return {
-            "name": self.namespace, "x_m": x_m, "y_m": y_m, **{key: status.get(key) or None for key in _TEXTS},
-            **{key: float(status[key]) if key in status else None for key in _NUMBERS},
-            **{key: status[key] == "True" if key in status else None for key in _FLAGS},
-            "sensor_fault": self.sensor_fault or None,
-        }  # fmt: skip
 
     def facts(self, status: Mapping[str, str]) -> dict[str, str]:
         """Lines of the view: state, target of a single robot, forecast, fault of the sensor."""
@@ -124,15 +90,6 @@ class LiveMission:
         """Event that simulated time has been awaiting for long, in words; empty without one."""
         self.rain = ""
         """Reason why rain is likely, and what to do; empty if it is not."""
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """The mission now, for programs: robots, maps, samples, and what it waits for."""
-        return {
-            "field": self.title.strip(), "robots": [robot.values for robot in self.robots],
-            "maps": [one.values for one in self.maps], "samples": len(self.samples_xy),
-            "clock_waits_for": self.clock_waits_for or None, "rain": self.rain or None,
-        }  # fmt: skip
 
     @property
     def facts(self) -> dict[str, str]:

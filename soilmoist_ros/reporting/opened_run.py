@@ -15,15 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import Visit, VisitEnd
-from soilmoist_ros.foundation import InputError, Mistake, optional_module, text_of_csv
+from soilmoist_ros.foundation import InputError, Mistake, text_of_csv
 from soilmoist_ros.mapping import opened_raster
 from soilmoist_ros.pipeline import REMEDY, read_features, read_summary
 from soilmoist_ros.recording import COLUMNS, SUMMARY, read_records
 
 if TYPE_CHECKING:
-    import geopandas
-    import pandas
-    import xarray
     from pyproj import CRS
 
 Columns = dict[str, NDArray[Any]]
@@ -96,31 +93,6 @@ class OpenedRun:
     def bands(self, name: str = "") -> Columns:
         """The map of a property by the names of its bands, of shape (rows, columns), north up, NaN outside."""
         return self.raster(name)[0]
-
-    def to_xarray(self, name: str = "") -> xarray.Dataset:
-        """The map of a property with the coordinates of its cells in the CRS of the file; needs xarray."""
-        module = optional_module("xarray")
-        bands, transform, crs, _ = self.raster(name)
-        height, width = next(iter(bands.values())).shape
-        places = {
-            "y": transform.f + transform.e * (np.arange(height) + 0.5),
-            "x": transform.c + transform.a * (np.arange(width) + 0.5),
-        }
-        data = {band: (("y", "x"), values) for band, values in bands.items()}
-        dataset: xarray.Dataset = module.Dataset(data, places, {"crs": crs.to_string()})
-        return dataset
-
-    def to_dataframe(self, name: str = "") -> pandas.DataFrame:
-        """The samples of a property, one row each; needs pandas."""
-        frame: pandas.DataFrame = optional_module("pandas").DataFrame(self.samples(name))
-        return frame
-
-    def to_geodataframe(self, name: str = "") -> geopandas.GeoDataFrame:
-        """The samples of a property as points in WGS-84; needs geopandas."""
-        module, columns = optional_module("geopandas"), self.samples(name)
-        points = module.points_from_xy(columns.pop("longitude_deg"), columns.pop("latitude_deg"))
-        frame: geopandas.GeoDataFrame = module.GeoDataFrame(columns, geometry=points, crs="EPSG:4326")
-        return frame
 
     def __repr__(self) -> str:
         about = self.summary

@@ -5,16 +5,14 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 
 import click
 import pytest
 from click.testing import CliRunner
 
-from soilmoist_ros.cli.answer import answering, json_lines, progress_bar, put, reporting_errors, say, warn, wrote
+from soilmoist_ros.cli.answer import answering, progress_bar, put, reporting_errors, say, warn, wrote
 from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
-from soilmoist_ros.reporting.live_view import LiveMission
 
 
 def run(body, *options):
@@ -108,19 +106,3 @@ def test_wrong_use_found_by_the_command_is_an_error_in_json():
     result = run(fail, "--json")
     assert result.exit_code == 2
     assert json.loads(result.stdout)["errors"][0]["message"] == "give one"
-
-
-# Live -----------------------------------------------------------------------------------------------------------
-
-
-def test_a_line_of_json_for_each_change_once_a_second_at_most(capsys, monkeypatch):
-    live = LiveMission(" patches ")
-    with json_lines() as show:
-        for now_s, rain in ((100.0, ""), (100.9, "likely"), (101.0, "likely"), (105.0, "likely")):
-            monkeypatch.setattr(time, "monotonic", lambda now_s=now_s: now_s)
-            live.rain = rain
-            show(live)
-    first, second = map(json.loads, capsys.readouterr().out.splitlines())
-    assert (first["field"], first["rain"], second["rain"]) == ("patches", None, "likely")
-    assert first["robots"][0]["x_m"] is None
-    assert "time_utc" in second

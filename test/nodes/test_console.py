@@ -118,16 +118,11 @@ def test_a_terminal_watches_too(ros, tmp_path):
         module = [sys.executable, "-m", "soilmoist_ros.cli.main"]
         command = [*module, "watch", "--field", str(tmp_path / "field.yaml")]
         watching = NodeProcess(command, ros.environment, tmp_path / "watch.txt")
-        program = NodeProcess([*command, "--json"], ros.environment, tmp_path / "watch.json")
-        ros.processes += [watching, program]
+        ros.processes.append(watching)
         ros.wait_for(lambda: "idle: waiting for start" in watching.output())
-        ros.wait_for(lambda: '"state": "idle"' in program.output())
         planning.accepted("start")
         ros.wait_for(lambda: "travelling: " in watching.output())
-        ros.wait_for(lambda: '"state": "travelling"' in program.output())
-    assert [watching.stop(), program.stop()] == [0, 0]
-    states = [json.loads(line)["robots"][0]["state"] for line in program.output().splitlines()]
-    assert [state for state in dict.fromkeys(states) if state][:1] == ["idle"]
+    assert watching.stop() == 0
 
 
 def test_the_token_is_not_published_and_a_map_of_elsewhere_is_named(ros, tmp_path):

@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from soilmoist_ros.reporting import DRY_TO_WET, LiveMap, LiveMission, jsonable
+from soilmoist_ros.reporting import DRY_TO_WET, LiveMission
 
 
 def lightness(colour):
@@ -55,28 +54,10 @@ def test_what_is_told():
     assert live.facts["forecast"] == "±3.0 % of the rate now"
 
 
-def test_values_for_programs_are_numbers_texts_and_flags():
-    live = LiveMission(" demo ", [LiveMap("", np.full((3, 5), 2.0))], ("", "robot_2"))
-    live.robots[0].status = {**STATUS, "silent": "False", "emergency": "True", "estimated_end_s": "nan"}
-    live.robots[0].xy = (1.0, 2.0)
-    live.maps[0].cells = cells()
-    robot, silent = jsonable(live.values)["robots"]
-    assert (robot["state"], robot["target"], robot["x_m"], robot["samples"]) == ("counting", "s17", 1.0, 7)
-    assert (robot["silent"], robot["emergency"], robot["estimated_end_s"]) == (False, True, None)
-    assert {value for key, value in silent.items() if key != "name"} == {None}
-    (one,) = live.values["maps"]
-    assert (one["quantity"], one["cells"], one["mean"]) == ("vwc", 15, 5.0)
-    assert one["mse"] == pytest.approx(live.maps[0].mse)
-    live.maps[0].cells = None
-    assert jsonable(live.values)["maps"] == [
-        {"name": "", "quantity": None, "cells": 0, "mean": None, "spread": None, "mse": None}
-    ]
-
-
 def test_several_robots_have_a_line_each():
     live = LiveMission("", namespaces=("robot_1", "robot_2"))
     assert live.facts == {"robot 1": "waiting for the planner", "robot 2": "waiting for the planner"}
-    live.robots[1].status, live.robots[1].xy = {**STATUS, "samples": "4", "time_used_s": "3540.0"}, (1.0, 2.0)
+    live.robots[1].status = {**STATUS, "samples": "4", "time_used_s": "3540.0"}
     assert live.facts["map"] == "stops: 4, samples with those on the way: 0"
     live.robots[0].status = {**STATUS, "target": "", "target_x_m": "nan", "state": "planning", "reason": "next"}
     assert live.facts == {
@@ -91,11 +72,9 @@ def test_several_robots_have_a_line_each():
     assert live.facts["clock"] == "waits for the next plan of robot_1"
 
 
-@pytest.mark.parametrize("lost", ["rate", "x"])
-def test_an_empty_map_is_none(lost):
+def test_an_empty_map_is_none():
     live = LiveMission("")
     table = cells()
-    table[lost] = np.nan
+    table["rate"] = table["vwc"] = np.nan
     live.maps[0].cells = table
-    assert live.maps[0].values["quantity"] is None
     assert "field" not in live.facts

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import fields
 
 import numpy as np
@@ -69,17 +68,7 @@ def test_damaged_tables_are_named_with_their_line(tmp_path, name, row):
         getattr(open_run(tmp_path), name)
 
 
-@pytest.mark.slow
-def test_tables_of_other_packages(run):
-    frame = run.to_dataframe()
-    assert len(frame) == len(run.samples()["raw_counts"])
-    dataset = pytest.importorskip("xarray") and run.to_xarray()
-    assert dataset["rate"].shape == run.bands()["rate"].shape
-    assert dataset.attrs["crs"].startswith("EPSG:")
-    assert float(dataset.y[0]) > float(dataset.y[-1]), "north up"
-
-
-def test_what_is_missing_is_named_with_a_remedy(run, tmp_path, monkeypatch):
+def test_what_is_missing_is_named_with_a_remedy(run, tmp_path):
     with pytest.raises(InputError, match=r"holds no summary.json -> give the folder"):
         open_run(tmp_path)
     with pytest.raises(InputError, match=r"is a file, not the folder of a run -> give "):
@@ -89,6 +78,3 @@ def test_what_is_missing_is_named_with_a_remedy(run, tmp_path, monkeypatch):
         open_run(tmp_path)
     with pytest.raises(InputError, match=r"there is no map_salt.tif -> the properties with a map are: ''"):
         run.bands("salt")
-    monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(InputError, match=r"xarray is not installed -> pip install"):
-        run.to_xarray()
