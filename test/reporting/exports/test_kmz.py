@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The KMZ, read without Google Earth."""
 
 from __future__ import annotations
