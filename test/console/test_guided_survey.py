@@ -75,6 +75,7 @@ def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
                 pages.append(page)
                 if not kill:
                     until(lambda page=page: page.sections.get("mission/", {}).get("stops", 0) >= 1)
+                    assert page.sections["mission/"]["settings"]["targets"] == ["rate", "vwc", "decision"]
                 time.sleep(moment.uniform(0.0, 4.0) if kill else 0.0)
                 shown = page.counted
                 process.kill()
@@ -82,7 +83,6 @@ def test_a_killed_survey_goes_on_and_its_map_holds_every_record(tmp_path):
             journal = (out / "records" / "sensor_driver" / "journal.jsonl").read_text()
             kept = sum(map(int, re.findall(r'"raw_counts":(\d+)', journal)))
             assert shown <= kept
-            print(f"kill {kill + 1}: {shown} counts shown, {kept} stored")
         with guided(person, out, *asked) as (process, page):
             pages.append(page)
             until(lambda: process.poll() is not None)

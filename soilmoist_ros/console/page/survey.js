@@ -312,7 +312,7 @@ function renderHome(now) {
 
 // What may be chosen instead of the present settings, in words.
 function renderChoices(now) {
-  const strategies = (sections.choices?.strategies ?? []).map(([key, text]) => [key, said(text)]), targets = ["vwc", "rate"].map((key) => [key, t(`target_${key}`)]);
+  const strategies = (sections.choices?.strategies ?? []).map(([key, text]) => [key, said(text)]), targets = (now.targets ?? ["rate"]).map((key) => [key, t(`target_${key}`)]);
   const words = (list, key) => list.find(([one]) => one === key)?.[1] ?? key;
   for (const [name, list] of [["dwell", DWELLS.map((key) => [key, dwellWords(key)])], ["strategy", strategies], ["target", targets]]) {
     const present = name === "dwell" ? dwellWords(now[name]) : words(list, now[name]);

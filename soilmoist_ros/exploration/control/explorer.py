@@ -297,18 +297,9 @@ class Explorer:
         budget_s = request.budget_left_s - self._home_s[numbers]
         travel_s = np.where(travel_s + self.rules.needed_dwell_s <= budget_s, travel_s, np.inf)
         return Prospect(
-            models[0],
-            stops,
-            self.travel,
-            position_xy,
-            travel_s,
-            budget_s,
-            self.counting,
-            cost_s,
-            of_candidates,
-            staying,
-            self.rules.min_dwell_s,
-        )
+            models[0], stops, self.travel, position_xy, travel_s, budget_s, self.counting, cost_s, of_candidates,
+            staying, self.rules.min_dwell_s,
+        )  # fmt: skip
 
     def _trips(
         self, position_xy: tuple[float, float], stops: Sequence[Stop], staying: int | None
@@ -432,9 +423,7 @@ class ExplorerSettings:
     preset: str  # one of PRESETS
     seed: int  # seed of the strategy's randomness
     motion: RobotMotion  # motion of the robot
-    curve: MoistureCurve | None = (
-        None  # calibration, if the map of the moisture rather than of the rate is to be good
-    )
+    curve: MoistureCurve | None = None  # calibration, if the map of the moisture is to be good, not of the rate
     access: AccessRules = NO_MARGIN  # rules for the region of the robot
     calibration: MoistureCurve | None = None  # for an operator who asks for the map of the moisture
     thresholds: Thresholds | None = None  # thresholds of the decision that the map is for, if it is for one
@@ -447,6 +436,11 @@ class ExplorerSettings:
         if self.thresholds is not None:
             return "decision"
         return "rate" if self.curve is None else "vwc"
+
+    @property
+    def targets(self) -> list[str]:
+        """Targets among which an operator may choose."""
+        return ["rate", *["vwc"] * (self.calibration is not None), *["decision"] * (self.thresholds is not None)]
 
     @property
     def needs_map(self) -> bool:

@@ -622,7 +622,7 @@ class MissionControl:
             "records_without_place": str(self._feed.records_without_place),
             RECORD_STAMP: repr(self._record_stamp_s),
             PLACE_TIME: repr(self._feed.place_s + offset_s),
-            "settings": json.dumps(self.settings),
+            "settings": json.dumps({**self.settings, "targets": self._settings.targets}),
             "home_place": json.dumps(home and list(home.xy)),
             "last_command": self._last_command[0],
             "last_command_s": repr(self._last_command[1]),
