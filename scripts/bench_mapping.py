@@ -1,18 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Time of kriging a raster: mean and variance of 70,000 cells, with this package and four others.
+"""Time of kriging a raster: mean and variance of 70,000 cells, with this package and three others.
 
 All packages use equal samples, equal fixed covariance parameters and one BLAS thread; nothing is fitted. The noise
 differs between samples, but the packages differ in what they support:
 
 * PyKrige has equal noise for all samples as a nugget; it is compared with this package on a task with equal noise.
 * scikit-learn has no unknown mean: it receives our mean, and its variance excludes the uncertainty of the mean.
-* libKriging's kernels are products over the axes, so only its Gaussian is the same model. Its other kernels are
-  timed for the same number of samples. It receives 1000 cells at a time: the matrix of 70,000 is too large.
 
-Times are processor times. The floor is what dtrsm alone needs for one triangular solve per cell, as every dense
-method does; ``floors`` is the time divided by the floor, below 1 for what avoids these solves. The floor, dgemm
-and the memory are measured in the same run. A line for each measurement has all of it, the table the ratios.
+Times are processor times. A line for each measurement has all of it, the table the ratios.
 
 ``growth``: time and peak memory of maps made in new processes. The robot drives lines 6 m apart, with one record
 of 10 s every 6 m. The model is Matern 3/2 with a range of 30 m; maps of up to 2000 samples are exact.
@@ -21,9 +17,7 @@ of 10 s every 6 m. The model is Matern 3/2 with a range of 30 m; maps of up to 2
 range for all directions, with the search for a direction, with the test of a variance that differs from place to
 place, and the published soft-L1 fit of the binned semivariogram.
 
-``outputs``: time of writing all files of a run with and without an irrigation dose, one after the other in turn.
-
-usage: .venv/bin/python scripts/bench_mapping.py [growth | fits | outputs] [--quick] [--repeats N]
+usage: .venv/bin/python scripts/bench_mapping.py [growth | fits] [--quick] [--repeats N]
        [--packages NAME ...] [--save]
 """
 
@@ -36,7 +30,6 @@ import os
 import resource
 import statistics
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -58,7 +51,7 @@ PATIENCE_S = 30.0
 """Processor time after which a measurement is not repeated [s]."""
 SIDE_M, RANGE_M, SILL = 300.0, 40.0, 0.3
 COLUMNS = (
-    "model", "n", "package", "seconds", "slowest_s", "ratio", "floors", "rate_difference", "variance_difference"
+    "model", "n", "package", "seconds", "slowest_s", "ratio", "rate_difference", "variance_difference"
 )  # fmt: skip
 EXTRA_COLUMNS = ("memory_mb", "remark")
 
@@ -187,35 +180,6 @@ def sklearn(task: Task) -> Run | None:
     return run
 
 
-def pylibkriging(task: Task) -> Run | None:
-    import pylibkriging
-
-    kernels = {"gaussian": "gauss", "exponential": "exp", "matern32": "matern3_2", "matern52": "matern5_2"}
-    if task.model not in kernels:
-        return None
-    theta = RANGE_M / np.sqrt(2) if task.model == "gaussian" else RANGE_M
-    parameters = {
-        "sigma2": SILL,
-        "theta": np.full((1, 2), theta),
-        "is_sigma2_estim": False,
-        "is_theta_estim": False,
-    }
-    cells = task.cells
-
-    def run() -> tuple[np.ndarray, np.ndarray]:
-        kriging = pylibkriging.Kriging(
-            task.rate, task.xy, kernels[task.model], "constant", False, "none", "LL", parameters, task.noise
-        )
-        parts = [
-            kriging.predict(part, True, False, False) for part in np.array_split(cells, -(-len(cells) // 1000))
-        ]
-        return np.concatenate([np.ravel(p[0]) for p in parts]), np.concatenate(
-            [np.ravel(p[1]) for p in parts]
-        ) ** 2
-
-    return run
-
-
 @dataclass(frozen=True)
 class Peer:
     """A package and how its task differs."""
@@ -231,7 +195,6 @@ PEERS = (
     Peer("pykrige", "PyKrige", pykrige, equal_noise=True, remark="equal noise only, compared on that task"),
     Peer("gstools", "gstools", gstools),
     Peer("sklearn", "scikit-learn", sklearn, remark="known mean (ours): smaller variance"),
-    Peer("pylibkriging", "pylibkriging", pylibkriging, remark="kernels are products over the axes"),
 )
 
 
@@ -280,40 +243,6 @@ def in_fresh_process(work: Callable[..., None], *arguments: object) -> object:
     return found
 
 
-def dtrsm_floor_s(n: int, cells: int) -> float:
-    """Time of the triangular solves of all cells in the tiles of this package; the best of a few runs [s]."""
-    from scipy.linalg.blas import dtrsm
-
-    tile = max(1, 400_000 // n)
-    factor = np.asfortranarray(np.tril(np.random.default_rng(0).random((n, n))) / n + np.eye(n))
-    right = np.zeros((n, tile), order="F")
-    seconds = []
-    for _ in range(5):
-        start = time.process_time()
-        dtrsm(1.0, factor, right, lower=1, overwrite_b=1)
-        seconds.append(time.process_time() - start)
-    return min(seconds) * cells / tile
-
-
-def roofline() -> str:
-    """Description of the machine's speed on one thread."""
-    a = np.random.default_rng(0).random((1000, 1000))
-    large = np.zeros(20_000_000)
-
-    def best(work: Callable[[], object]) -> float:
-        seconds = []
-        for _ in range(5):
-            start = time.process_time()
-            work()
-            seconds.append(time.process_time() - start)
-        return min(seconds)
-
-    dgemm = 2 * 1000**3 / best(lambda: a @ a) / 1e9
-    dtrsm = 300**2 * 70_000 / dtrsm_floor_s(300, 70_000) / 1e9
-    copy = 2 * large.nbytes / best(large.copy) / 1e9
-    return f"dgemm {dgemm:.0f} GFLOP/s, dtrsm (n = 300) {dtrsm:.0f} GFLOP/s, memory {copy:.0f} GB/s"
-
-
 def compare(model: str, n: int, cells: int, repeats: int, packages: list[str] | None) -> list[dict[str, object]]:
     task = make_task(model, n, cells)
     equal = task.with_equal_noise()
@@ -322,7 +251,6 @@ def compare(model: str, n: int, cells: int, repeats: int, packages: list[str] | 
     own = statistics.median(seconds)
     rows = [_row(model, n, "soilmoist_ros", seconds, own, None)]
     rows[0]["memory_mb"] = f"{memory_mb(model, n, cells):.0f}"
-    floor_s = dtrsm_floor_s(n, cells)
     for peer in PEERS:
         if packages is not None and peer.distribution not in packages:
             continue
@@ -340,9 +268,6 @@ def compare(model: str, n: int, cells: int, repeats: int, packages: list[str] | 
         expected = ours(equal)() if peer.equal_noise else reference
         difference = [float(np.abs(a - b).max()) for a, b in zip(found, expected, strict=True)]
         rows.append(_row(model, n, peer.distribution, seconds, own, difference, peer.remark))
-    for row in rows:
-        if "seconds" in row:
-            row["floors"] = f"{float(str(row['seconds'])) / floor_s:.2f}"
     return rows
 
 
@@ -432,37 +357,9 @@ def fits(sizes: Sequence[int], repeats: int, save: bool) -> None:
     results.publish("variogram", ("places", *kinds), rows, settings, save)
 
 
-def outputs(repeats: int, save: bool) -> None:
-    """Seconds of writing the files of a mission with and without a dose."""
-    from soilmoist_ros.mapping.kriging.poisson_kriging import _prior_covariance
-    from soilmoist_ros.reporting import mission_run, write_outputs
-    from soilmoist_ros.sensing import Irrigation
-    from soilmoist_ros.simulation import MissionSettings, simulate_mission
-
-    result = simulate_mission(MissionSettings(field="validation", hours=1.0))
-    dose = Irrigation(texture="loam", root_depth_mm=400, width_m=6)
-    seconds: dict[str, list[float]] = {"without": [], "with": []}
-    with tempfile.TemporaryDirectory() as folder:
-        for _ in range(repeats + 1):  # the first one imports
-            for name, limits in (("without", Irrigation()), ("with", dose)):
-                run = mission_run(result, irrigation=limits)
-                _prior_covariance.cache_clear()  # as for the only run of a command
-                start = time.process_time()
-                write_outputs(Path(folder), run)
-                seconds[name].append(time.process_time() - start)
-    kinds = {"minimum": min, "median": statistics.median}
-    found = [[of(seconds[name][1:]) for name in seconds] for of in kinds.values()]
-    rows = [
-        (kind, f"{old:.3f}", f"{new:.3f}", f"{new / old:.2f}")
-        for kind, (old, new) in zip(kinds, found, strict=True)
-    ]
-    columns = ("of the runs", "without dose [s]", "with dose [s]", "ratio")
-    results.publish("outputs", columns, rows, f"validation field, processor time, {repeats} runs in turn", save)
-
-
 def main() -> int:
     parser = results.parser(__doc__)
-    parser.add_argument("part", nargs="?", choices=("growth", "fits", "outputs"), help="instead of the comparison")
+    parser.add_argument("part", nargs="?", choices=("growth", "fits"), help="instead of the comparison")
     parser.add_argument("--quick", action="store_true", help="a tenth of the cells, up to 300 samples, once each")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each; the median counts (default 3)")
     parser.add_argument("--models", nargs="+", default=["gaussian", "exponential", "spherical", "matern32"])
@@ -478,9 +375,6 @@ def main() -> int:
         return 0
     if arguments.part == "fits":
         fits(sizes, repeats, arguments.save)
-        return 0
-    if arguments.part == "outputs":
-        outputs(max(repeats, 25), arguments.save)
         return 0
     if importlib.util.find_spec("threadpoolctl") is not None:
         from threadpoolctl import threadpool_limits
@@ -502,7 +396,7 @@ def main() -> int:
         ("model", "samples", "time [s]", "memory [MB]", *(f"{peer} takes" for peer in peers)),
         table(rows, peers),
         f"{cells:,} cells, fixed covariance parameters, one thread, median processor time of {repeats} runs; "
-        f"the others: times as long; {roofline()}; {versions}",
+        f"the others: times as long; {versions}",
         arguments.save,
     )
     return 0

@@ -10,9 +10,8 @@ usage: .venv/bin/python scripts/bench_missions.py lattices [--fields rough FILE.
 
 *lattices*: lattices with fixed dwells of 10, 20, 30 and 60 s run on the same fields with the same seeds. The *best
 lattice* at a time is the one with the lowest mean squared error of the rate, averaged over the seeds. Ratios are
-ratios of means over the seeds; +- is the standard error of the ratio over the pairs. Each mission is stored at
-once, under a digest of its settings and of the code; an interrupted run resumes. The lattices are mapped at a
-quarter of the time and at its end only, all others at each plan.
+ratios of means over the seeds; +- is the standard error of the ratio over the pairs. The lattices
+are mapped at a quarter of the time and at its end only, all others at each plan.
 
 *forecasts*: each mission draws its random field from its seed; every second seed has half of the field's usual
 time. A row is the forecast for the end that was made at a share of the time. ``reached`` is the standard deviation
@@ -37,8 +36,6 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
 import argparse
-import hashlib
-import json
 import math
 import statistics
 import sys
@@ -46,9 +43,9 @@ import tempfile
 import time
 from bisect import bisect
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, replace
-from itertools import pairwise, product
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -57,9 +54,7 @@ import pandas as pd
 import results
 from bench_zoo import real_surfaces, zoo_field
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
-import soilmoist_ros
 from soilmoist_ros.exploration.mission.mission import GOOD_FORECASTS, MIN_GOOD_SAMPLES
 from soilmoist_ros.exploration.planning.properties import Aim
 from soilmoist_ros.foundation.errors import InputError
@@ -68,7 +63,7 @@ from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.formulas import formula
 from soilmoist_ros.simulation.fields.surrogate_field import GridExtent, SurrogateField
-from soilmoist_ros.simulation.mission.mission_result import MissionResult, achieved, map_errors, reported
+from soilmoist_ros.simulation.mission.mission_result import MissionResult, achieved, reported
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
 
@@ -82,11 +77,6 @@ STATIONARY = (
 )  # fmt: skip
 NON_STATIONARY = ("halves", "rough-patch", "strips")
 LATTICES = tuple(f"lattice:{dwell}" for dwell in LATTICE_DWELLS)
-CODE = ("foundation", "sensing", "mapping", "exploration", "simulation")
-"""Folders that decide the result of a mission."""
-WINDOW_M = 10.0
-"""Window of the local variability of the truth [m]."""
-QUARTERS = 4
 EVERY_S = 60.0
 
 
@@ -138,90 +128,13 @@ def combination(text: str) -> tuple[str, str]:
     return strategy, dwell or "optimal"
 
 
-def digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def code_digest() -> str:
-    """Digest of the code that decides the result of a mission."""
-    root = Path(soilmoist_ros.__file__).parent
-    files = sorted(path for folder in CODE for path in (root / folder).rglob("*.py"))
-    return digest("".join(f"{path.relative_to(root)}\n{path.read_text(encoding='utf-8')}" for path in files))
-
-
-def outcome(result: MissionResult, cpu_s: float) -> dict[str, Any]:
+def outcome(result: MissionResult) -> dict[str, Any]:
     """What the tables need of a mission."""
     end_s = 3600 * result.settings.hours
     times_s = np.append(np.arange(0.0, end_s, EVERY_S), end_s)
     columns = result.columns
     last = np.clip(np.searchsorted(columns["time_s"], times_s + 1e-6, side="right") - 1, 0, None)
-    kept = {name: columns[name][last].tolist() for name in ("mse", "distance_m", "coverage95", "samples")}
-    visits = result.visits
-    again = sum(a.name == b.name for a, b in pairwise(visits))
-    return {
-        "time_s": times_s.tolist(),
-        **kept,
-        "quarters": quarters(result),
-        "ended_s": float(columns["time_s"][-1]),
-        "again": again,
-        "ended": result.ended,
-        "cpu_s": cpu_s,
-    }
-
-
-def quarters(result: MissionResult) -> list[float]:
-    """Coverage of the 95 % interval in the quarters of the field by local variability, the flattest first."""
-    soil_map = result.soil_map
-    if soil_map is None:
-        return [math.nan] * QUARTERS
-    inside = np.isfinite(result.truth_rate)
-    order = np.argsort(local_sd(result.truth_rate, soil_map.grid.cell_m)[inside], kind="stable")
-    rate, sd, truth = (band[inside] for band in (soil_map.rate, soil_map.rate_sd, result.truth_rate))
-    parts = np.array_split(order, QUARTERS)
-    return [map_errors(rate[part], sd[part], truth[part], None).coverage95 for part in parts]
-
-
-def local_sd(truth: Array, cell_m: float) -> Array:
-    """Standard deviation of the truth in a square window around each cell, shape (ny, nx) [counts/s].
-
-    :param truth: shape (ny, nx) [counts/s], NaN outside the field
-    """
-    width = 2 * max(round(WINDOW_M / cell_m / 2), 1) + 1
-    inside = np.isfinite(truth)
-    filled = np.where(inside, truth - np.nanmean(truth), 0.0)
-    share, mean, square = (
-        uniform_filter(band, width, mode="constant") for band in (inside * 1.0, filled, filled**2)
-    )
-    share = np.maximum(share, 1e-12)
-    return np.sqrt(np.maximum(square / share - (mean / share) ** 2, 0.0))
-
-
-class Cache:
-    """Outcomes of missions, one JSON file each."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._code = code_digest()
-
-    def path(self, job: Job) -> Path:
-        """File of a mission, made by this version of the code and of the field."""
-        field = Path(job.field)
-        about = repr(job) + (field.read_text(encoding="utf-8") if field.suffix else "")
-        folder = self.folder / field.stem / job.strategy.replace(":", "_")
-        return folder / f"{job.seed:03d}-{digest(about + self._code)}.json"
-
-    def read(self, job: Job) -> Row | None:
-        """Outcome of a mission, ``None`` if it is not stored."""
-        path = self.path(job)
-        return json.loads(path.read_text()) if path.exists() else None
-
-    def write(self, job: Job, row: Row) -> None:
-        """Store the outcome of a mission."""
-        path = self.path(job)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = path.with_suffix(f".{os.getpid()}")
-        unfinished.write_text(json.dumps({"job": asdict(job), **row}))
-        unfinished.replace(path)
+    return {name: columns[name][last].tolist() for name in ("mse", "distance_m", "coverage95", "samples")}
 
 
 class _MappedTwice(_Simulation):
@@ -245,32 +158,9 @@ class _MappedTwice(_Simulation):
 def run(job: Job) -> dict[str, Any]:
     """Simulate one mission."""
     settings = job.settings
-    started = time.process_time()
-    result = _MappedTwice(settings).run(lambda share: None) if job.is_lattice else simulate_mission(settings)
-    return outcome(result, time.process_time() - started)
-
-
-def all_rows(jobs: Sequence[Job], cache: Cache, processes: int) -> dict[Job, Row]:
-    """Outcomes of all missions; those not in the cache are simulated and stored."""
-    rows = {job: row for job in jobs if (row := cache.read(job)) is not None}
-    todo = [job for job in jobs if job not in rows]
-    print(f"{len(rows)} of {len(jobs)} missions are stored", file=sys.stderr)
-
-    def take(job: Job, row: Row) -> None:
-        cache.write(job, row)
-        rows[job] = row
-        print(f"\r{len(rows)} of {len(jobs)}", end="", file=sys.stderr, flush=True)
-
-    if processes < 2:
-        for job in todo:
-            take(job, run(job))
-    elif todo:
-        with ProcessPoolExecutor(processes) as pool:
-            running = {pool.submit(run, job): job for job in todo}
-            for future in as_completed(running):
-                take(running[future], future.result())
-    print(file=sys.stderr)
-    return rows
+    return outcome(
+        _MappedTwice(settings).run(lambda share: None) if job.is_lattice else simulate_mission(settings)
+    )
 
 
 def column(rows: Iterable[Row], name: str, share: float = 1.0) -> Array:
@@ -297,15 +187,12 @@ def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[tuple[Any, Sequ
 
 HEAD = (
     "field", "strategy", "error at the end", "÷ best lattice", "at a quarter ÷ best lattice then", "driven [m]",
-    "driven ÷ best lattice", "in 95 %", "flat to rough", "stops", "same stop again", "ended at",
+    "driven ÷ best lattice", "in 95 %", "stops",
 )  # fmt: skip
 
 
 def cells(about: Any, rows: Sequence[Row]) -> tuple[str, ...]:
     """One line of the table: a strategy on a field, and how it compares with the best lattices."""
-    again, ended, quarters = zip(
-        *((row["again"], row["ended_s"] / row["time_s"][-1], row["quarters"]) for row in rows), strict=True
-    )
     return (
         Path(about.field).stem,
         about.strategy if about.dwell == "optimal" else f"{about.strategy} {about.dwell}",
@@ -315,10 +202,7 @@ def cells(about: Any, rows: Sequence[Row]) -> tuple[str, ...]:
         f"{about.distance_m:.0f}",
         f"{about.distance_ratio:.2f}",
         f"{100 * column(rows, 'coverage95').mean():.1f} %",
-        " ".join(f"{100 * share:.0f}" for share in np.mean(quarters, axis=0)),
         f"{column(rows, 'samples').mean():.0f}",
-        f"{np.mean(again):.1f}",
-        f"{100 * np.mean(ended):.0f} %",
     )
 
 
@@ -331,23 +215,25 @@ def best_lattice(field: Iterable[Any]) -> tuple[str, ...]:
 
 def lattices(given: argparse.Namespace) -> None:
     """Compare strategies with the best lattices of each field."""
-    cache, fields = Cache(given.cache), given.fields or [*STATIONARY, *NON_STATIONARY]
+    fields = given.fields or [*STATIONARY, *NON_STATIONARY]
     fields = [name for one in fields for name in (ODD if one == "odd" else [one])]
     strategies = list(dict.fromkeys((*given.strategies, *LATTICES)))
     seeds = range(1, given.seeds + 1)
-    jobs = {
-        (field, strategy): [Job(field, strategy, seed, given.hours, cell_m=given.cell) for seed in seeds]
-        for field in fields
-        for strategy in strategies
-    }
-    found = all_rows([job for some in jobs.values() for job in some], cache, given.processes)
     shown, best = [], []
-    for field in fields:
-        compared = lines(
-            field, {strategy: [found[job] for job in jobs[field, strategy]] for strategy in strategies}
-        )
-        best.append(best_lattice(about for about, _ in compared))
-        shown += [cells(*one) for name, one in zip(strategies, compared, strict=True) if name in given.strategies]
+    with ProcessPoolExecutor(given.processes) as pool:
+        for field in fields:
+            rows = {
+                strategy: list(
+                    pool.map(run, [Job(field, strategy, seed, given.hours, cell_m=given.cell) for seed in seeds])
+                )
+                for strategy in strategies
+            }
+            compared = lines(field, rows)
+            best.append(best_lattice(about for about, _ in compared))
+            shown += [
+                cells(*one) for name, one in zip(strategies, compared, strict=True) if name in given.strategies
+            ]
+            print(*best[-1], flush=True)
     settings = (
         f"{given.hours:g} h, {Job.speed_mps:g} m/s, {Job.overhead_s:g} s per stop, seeds 1 to {given.seeds}, "
         f"cells of {f'at least {given.cell:g} m' if given.cell else 'the field'}"
@@ -688,7 +574,6 @@ def main() -> None:
     parser.add_argument("--cell", type=float, default=0.0, help="least cell size of lattices [m]")
     parser.add_argument("--hours", type=float, default=2.0, help="of lattices")
     parser.add_argument("--processes", type=int, default=2, help="of lattices")
-    parser.add_argument("--cache", type=Path, default=Path("bench/lattice"), help="missions of lattices")
     given = parser.parse_args()
     run_part, seeds = PARTS[given.part]
     given.seeds = given.seeds or seeds

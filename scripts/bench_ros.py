@@ -1,13 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Cost of the nodes on this machine: delay from record to map, start-up time, CPU and memory.
+"""Cost of the nodes on this machine: delay from record to map, CPU and memory.
 
 * time from a published record to the map with it, on 3,000 and on 70,000 cells
-* time from the start of each node's process to its first response, compared with a bare node of rclpy
 * CPU share and memory of the robot's nodes while it drives and counts, in real time: a record every 10 s, 10 fixes
   per second, strategy gcb, dwell optimal; with simulated time (a clock of 50 Hz) and without
 * time from a request to abort to its answer, while stops are chosen and large maps computed and published
-* first view of the operator's page in Chromium, on a phone with nothing in its cache, at 1 Mbit/s and 40 ms
 
 ``--maps`` instead: public topological maps, which are read, and which are refused and why. The folder has a folder
 ``OWNER+NAME`` for each repository, below which lie its map files, whatever their folders.
@@ -23,8 +21,6 @@ import json
 import math
 import os
 import re
-import shutil
-import signal
 import statistics
 import subprocess
 import sys
@@ -32,7 +28,7 @@ import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -48,7 +44,6 @@ import results
 
 import msg_adapters
 import soilmoist_ros
-from soilmoist_ros.console import Access, Board, ConsoleServer, SurveyFiles, choices_view, field_view
 from soilmoist_ros.exploration import read_topological_map
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation import InputError
@@ -56,7 +51,6 @@ from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
 from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
 from soilmoist_ros.recording.run_folder import write_parameters
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation import surrogate_field
 
 Row = dict[str, object]
 
@@ -181,70 +175,6 @@ def record_to_map(name: str, folder: Path, count: int) -> Row:
         "p99_ms": 1e3 * float(np.percentile(delays_s, 99)),
         "longest_ms": 1e3 * max(delays_s),
     }
-
-
-# Start-up --------------------------------------------------------------------------------------------------------
-
-
-def start_up_s(command: list[str], name: str, log: Path) -> tuple[float, float]:
-    """Time from the start of a process until its node answers (it is complete and spins), and CPU time by then."""
-    with ros_domain() as (domain, environment), Observer(domain) as observer, log.open("ab") as output:
-        from rcl_interfaces.srv import GetParameters
-
-        client = observer.node.create_client(GetParameters, f"{name}/get_parameters")
-        environment = {**os.environ, **environment}
-        started = time.perf_counter()
-        process = subprocess.Popen(command, env=environment, stdout=output, stderr=output, start_new_session=True)
-        try:
-            wait_for(lambda: client.service_is_ready() or process.poll() is not None, name)
-            future = client.call_async(GetParameters.Request(names=["use_sim_time"]))
-            wait_for(lambda: future.done() or process.poll() is not None, f"an answer of {name}")
-            elapsed_s = time.perf_counter() - started
-            if process.poll() is not None:
-                raise SystemExit(f"{name} has ended:\n{log.read_text()}")
-            used_s = cpu_s(psutil.Process(process.pid))
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-        return elapsed_s, used_s
-
-
-def start_up_rows(folder: Path, repeats: int) -> list[Row]:
-    """Median start-up time of every node and of a node that does nothing.
-
-    The nodes take turns, because the speed of the machine may change. A first round does not count.
-    """
-    parameters: Mapping[str, dict[str, object]] = {
-        "sensor_driver": {"field": "example", "logger_uri": "tcp://127.0.0.1:9", "gnss_uri": "tcp://127.0.0.1:9"},
-        "mapper": {"field": "example"},
-        "planner": {"field": "example", "navigator": "goal_pose", "graph": "free"},
-        "recorder": {"out": str(folder / "recordings")},
-        "field_simulator": {"logger_port": 0, "gnss_port": 0},
-    }
-    commands = {"bare": [sys.executable, "-c", BARE_NODE]}
-    for name, values in parameters.items():
-        file = str(write_parameters(folder, name, values))
-        commands[name] = [sys.executable, "-m", f"soilmoist_ros.nodes.{name}", "--ros-args", "--params-file", file]
-    times: dict[str, list[tuple[float, float]]] = {name: [] for name in commands}
-    for turn in range(repeats + 1):
-        for name, command in commands.items():
-            taken = start_up_s(command, name, folder / f"{name}.log")
-            if turn > 0:
-                times[name].append(taken)
-    medians = {
-        name: [statistics.median(column) for column in zip(*values, strict=True)] for name, values in times.items()
-    }
-    return [
-        {
-            "node": name,
-            "seconds": seconds,
-            "over_a_bare_node": seconds - medians["bare"][0],
-            "cpu_seconds": used_s,
-            "cpu_over_a_bare_node": used_s - medians["bare"][1],
-        }
-        for name, (seconds, used_s) in medians.items()
-    ]
 
 
 # The robot's nodes -----------------------------------------------------------------------------------------------
@@ -448,46 +378,6 @@ def aborts(folder: Path, tries: int) -> list[Row]:
     ]
 
 
-# The operator's page -------------------------------------------------------------------------------------------
-
-SLOW = {"offline": False, "latency": 40, "downloadThroughput": 1e6 / 8, "uploadThroughput": 1e6 / 8}
-SHOWN = """name => document.getElementById("field")?.textContent === name
-    && document.getElementById("map").dataset.view ? performance.now() / 1000 : 0"""
-
-
-def first_views(folder: Path, tries: int) -> Iterator[Row]:
-    """Bytes and time from the address to a page that shows its field and the state of a mission."""
-    from playwright.sync_api import sync_playwright
-
-    board = Board()
-    field = field_view(surrogate_field("half-wet").field)
-    for name, value in (("robots", ["r1"]), ("field", field), ("choices", choices_view())):
-        board.put(name, value)
-    server = ConsoleServer(board, None, Access(), lambda: None, SurveyFiles(folder, folder, folder), {})
-    address = f"http://127.0.0.1:{server.start('127.0.0.1', 0)}/"
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        for language in ("en-GB", "de-DE"):
-            seconds, sizes = [], []
-            for _ in range(tries):
-                size = {"width": 390, "height": 844}
-                page = browser.new_context(viewport=size, locale=language, bypass_csp=True).new_page()
-                devtools, got = page.context.new_cdp_session(page), list[float]()
-                devtools.on("Network.loadingFinished", lambda one, got=got: got.append(one["encodedDataLength"]))
-                devtools.send("Network.enable")
-                devtools.send("Network.emulateNetworkConditions", SLOW)
-                page.goto(address)
-                seconds.append(page.wait_for_function(SHOWN, arg=field["name"], polling=20).json_value())
-                sizes.append(sum(got))
-                page.context.close()
-            yield {
-                "language": language, "tries": tries, "kB": round(statistics.median(sizes) / 1e3),
-                "median s": f"{statistics.median(seconds):.2f}", "longest s": f"{max(seconds):.2f}",
-            }  # fmt: skip
-        browser.close()
-    server.close()
-
-
 def memory_mb(process: psutil.Process) -> tuple[float, float]:
     """Resident memory of a process, and its share of it: pages that several processes use count in part."""
     used = process.memory_full_info()
@@ -529,14 +419,14 @@ def read_maps(folder: Path, save: bool) -> None:
 
 def main() -> None:
     parser = results.parser(__doc__)
-    parser.add_argument("--quick", action="store_true", help="fewer records and repeats, shorter missions")
-    parser.add_argument("--only", choices=("latency", "start-up", "load", "abort", "page"), help="one part")
+    parser.add_argument("--quick", action="store_true", help="fewer records, shorter missions")
+    parser.add_argument("--only", choices=("latency", "load", "abort"), help="one part")
     parser.add_argument("--maps", type=Path, metavar="FOLDER", help="read topological maps instead")
     given = parser.parse_args()
     if given.maps:
         read_maps(given.maps, given.save)
         return
-    records, repeats, seconds = (60, 2, 60.0) if given.quick else (240, 7, 120.0)
+    records, seconds = (60, 60.0) if given.quick else (240, 120.0)
     # An installed package has compiled modules; compiling takes time and memory.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     for package in (soilmoist_ros, msg_adapters):
@@ -547,11 +437,6 @@ def main() -> None:
             rows = [record_to_map(name, folder / name.split(",")[0], records) for name in FIELDS_M]
             settings = "from a record to the map with it, fit included"
             results.publish("ros_latency", *results.columns_and_rows(rows), settings, given.save)
-        if given.only in (None, "start-up"):
-            settings = f"from the start of a process to its first answer, medians of {repeats}"
-            results.publish(
-                "ros_start", *results.columns_and_rows(start_up_rows(folder, repeats)), settings, given.save
-            )
         if given.only in (None, "load"):
             rows = [row for each in LOADS for row in load(each, folder / each.what.partition(" ")[0], seconds)]
             settings = (
@@ -564,13 +449,6 @@ def main() -> None:
             rows = aborts(folder / "abort", 10 if given.quick else 40)
             settings = "from a request to abort to its answer, 70,000 cells, 60 times as fast as real time"
             results.publish("ros_abort", *results.columns_and_rows(rows), settings, given.save)
-        if given.only in (None, "page"):
-            rows = list(first_views(folder, 3 if given.quick else 10))
-            settings = (
-                "operator's page in Chromium, 390 x 844, empty cache, until the field is drawn; "
-                "HTTP at 1 Mbit/s and 40 ms by its developer tools, which do not slow the WebSocket"
-            )
-            results.publish("ros_page", *results.columns_and_rows(rows), settings, given.save)
 
 
 if __name__ == "__main__":

@@ -93,6 +93,6 @@ def test_a_lattice_of_the_benchmark_ends_as_any_mission(script):
     job = benchmark.Job("rough", "lattice:fmi:60", 1, hours=0.4, cell_m=5.0)  # a quarter is an entry of the series
     last = benchmark.run(job)
     assert len({value for value in last["mse"] if value == value}) == 2
-    whole = benchmark.outcome(simulate_mission(job.settings), 0.0)
+    whole = benchmark.outcome(simulate_mission(job.settings))
     for name in ("mse", "distance_m", "coverage95", "samples"):
         assert last[name][-1] == whole[name][-1]
