@@ -202,7 +202,6 @@ SENSOR_DRIVER: Final = (
     row("gnss_frame", "gnss", "frame of the GNSS antenna"),
     *ANTENNA,
     *SENSOR,
-    row("autostart", True, "whether the driver configures and activates itself at the start"),
 )  # fmt: skip
 WATCHDOG: Final = (
     row("pose_action", "", "action of which all goals are taken for the planner's, such as navigate_to_pose, "

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Failsafes with a real planner process: those whose fault is in messages that only the node hears.
 
-One planner goes through all of them, in the order of the tests; the last one ends its mission. The others are tried
-with the mission's control, see test_watching.
+One planner goes through all of them, in the order of the tests; the last one ends its mission. The others
+are tried with the mission's control, see test_watching.
 """
 
 import contextlib

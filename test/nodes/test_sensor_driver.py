@@ -13,8 +13,6 @@ from datetime import UTC, datetime
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
 from std_msgs.msg import String
@@ -354,46 +352,6 @@ def test_it_uses_simulated_time_and_names_another_type_on_the_topic_of_fixes(ros
     assert outputs.health("records").level is Level.WARN
     said = "no fix yet: the topic fix has std_msgs/msg/String, not sensor_msgs/msg/NavSatFix"
     ros.wait_for(lambda: outputs.health("GNSS").message == said, message="the other type")
-
-
-def change(ros, transition, namespace=""):
-    request = ChangeState.Request(transition=Transition(id=transition))
-    return ros.call(ChangeState, f"{namespace}/sensor_driver/change_state", request).success
-
-
-def state(ros, namespace=""):
-    return ros.call(GetState, f"{namespace}/sensor_driver/get_state").current_state.id
-
-
-def test_its_life_cycle(ros, field, logger, outputs):
-    params = {"field": field, "logger_uri": logger.uri, "fix_wait_s": 0.0, "autostart": False}
-    process = ros.start("sensor_driver", params=params)
-    assert state(ros) == State.PRIMARY_STATE_UNCONFIGURED
-    assert change(ros, Transition.TRANSITION_CONFIGURE)
-    assert state(ros) == State.PRIMARY_STATE_INACTIVE
-    assert logger.connections == 0
-    for connection in (1, 2):
-        assert change(ros, Transition.TRANSITION_ACTIVATE)
-        ros.wait_for(lambda: logger.connections == connection)  # noqa: B023
-        logger.send(line(connection))
-        ros.wait_for(lambda: len(outputs.counts) == connection)  # noqa: B023
-        assert change(ros, Transition.TRANSITION_DEACTIVATE)
-        assert state(ros) == State.PRIMARY_STATE_INACTIVE
-    ros.wait_for(lambda: outputs.health("driver"), message="that it is not active")
-    assert change(ros, Transition.TRANSITION_CLEANUP)
-    assert state(ros) == State.PRIMARY_STATE_UNCONFIGURED
-    assert change(ros, Transition.TRANSITION_CONFIGURE)
-    assert change(ros, Transition.TRANSITION_ACTIVATE)
-    ros.wait_for(lambda: logger.connections == 3)
-    assert change(ros, Transition.TRANSITION_ACTIVE_SHUTDOWN)
-    assert state(ros) == State.PRIMARY_STATE_FINALIZED
-    assert process.stop() == 0
-    process = ros.start("sensor_driver", params={**params, "logger_uri": "file:///no/such.log"}, namespace="/r2")
-    assert not change(ros, Transition.TRANSITION_CONFIGURE, "/r2")
-    assert state(ros, "/r2") == State.PRIMARY_STATE_UNCONFIGURED
-    ros.wait_for(lambda: "is of a file, not of a device" in process.output())
-    assert process.stop() == 0
-    assert "Traceback" not in process.output()
 
 
 # The last header of a logger, for a driver that starts again ----------------------------------------------------
