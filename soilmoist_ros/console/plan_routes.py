@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Routes of the page *Plan*: forecasts, fields, walks, and the files that may be chosen."""
+"""Routes of the page *Plan*: fields, walks, and the files that may be chosen."""
 
 from __future__ import annotations
 
@@ -20,10 +20,8 @@ from soilmoist_ros.exploration import OperatorRequest
 from soilmoist_ros.foundation import InputError
 
 WORK: Final = ("-m", "soilmoist_ros.console.plan_work")
-LIMIT_S: Final = 180.0
-"""Longest wait for a forecast [s]."""
-SHORT_LIMIT_S: Final = 30.0
-"""Longest wait for all else [s]."""
+LIMIT_S: Final = 30.0
+"""Longest wait for an answer [s]."""
 START: Final = "(start)"
 """Name of the field with which the nodes were started."""
 MAX_FIELDS: Final = 500
@@ -47,13 +45,10 @@ class PlanRoutes:
         return self._web.json_response(await asyncio.to_thread(self._files.listed))
 
     async def _on_plan(self, content: Any) -> Any:
-        limit_s = LIMIT_S if content.get("task") == "forecast" else SHORT_LIMIT_S
         try:
-            code, said = await self._jobs.answer(WORK, json.dumps(content).encode(), limit_s)
+            code, said = await self._jobs.answer(WORK, json.dumps(content).encode(), LIMIT_S)
         except TimeoutError:
-            raise InputError(
-                f"not done after {limit_s:g} s", "plan a shorter mission, or a simpler field"
-            ) from None
+            raise InputError(f"not done after {LIMIT_S:g} s", "draw a simpler field") from None
         if code:
             raise InputError("this cannot be made", "look at the log of the console")
         return json.loads(said.splitlines()[-1])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Work for the page *Plan*, done in a process of its own: fields, outlines, walks, forecasts.
+"""Work for the page *Plan*, done in a process of its own: fields, outlines, walks.
 
 Reads a JSON object from its input and prints one: the answer, or ``{"error": ...}``.
 """
@@ -23,14 +23,7 @@ from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.views import PLACE_DIGITS
 from soilmoist_ros.foundation import InputError, Mistake
 
-MIN_FIELDS, MAX_FIELDS = 2, 3
-"""Simulated fields of a forecast, which is the mean of their squared errors."""
-SIMULATED_H: Final = 6.0
-"""Mission time of a forecast, in all its fields [h]; it takes about a second of processor time per hour."""
-MAX_HOURS: Final = 12.0
 MAX_BYTES: Final = 4 << 30
-_RANGE_SHARE: Final = 0.25
-"""Range parameter of the simulated patterns as a share of the field's extent."""
 MAX_CORNERS: Final = 2000
 """Corners of an outline; one with more is simplified."""
 MAX_READ: Final = 200_000
@@ -88,67 +81,6 @@ def check_field(given: Mapping[str, Any]) -> dict[str, Any]:
     left_out = shapely.union_all([shapely.Polygon(ring) for ring in field.no_go])
     area = shapely.Polygon(field.polygon).difference(left_out).area
     return {"file": text, "area_m2": round(area), "note": unreachable(field, ROBOT_RADIUS_M)}
-
-
-def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Error of the map against time, from simulated missions on fields that vary as given.
-
-    :param given: a field as for :func:`field_text`; ``hours``, ``strategy``, ``dwell``, ``until_sd``,
-        ``until_gain``; ``rate_cps`` and ``variation`` (standard deviation of the field as a share of the mean
-        rate)
-    :returns: ``points``: [time [s], root of the mean squared error as a share of the mean rate] in order of time;
-        ``stops``, ``distance_m``, ``ends_s``, ``variation``
-    :raises InputError: if a setting cannot be used
-    """
-    from soilmoist_ros.simulation import MissionSettings, simulate_mission
-
-    rate, variation = float(given.get("rate_cps") or 4.0), float(given.get("variation") or 0.12)
-    hours = float(given.get("hours") or 2.0)
-    if not (0 < hours <= MAX_HOURS and 0.01 <= rate <= 1e4 and 0.005 <= variation <= 1.0):
-        remedy = f"give up to {MAX_HOURS:g} h, a rate, and a variation of 0.5 to 100 %"
-        raise InputError("a forecast cannot be made", remedy)
-    extent = max(
-        max(corner[axis] for corner in given["boundary"]) - min(corner[axis] for corner in given["boundary"])
-        for axis in (0, 1)
-    )
-    fields = max(MIN_FIELDS, min(MAX_FIELDS, int(SIMULATED_H / hours)))
-    squares: dict[float, list[float]] = {}
-    stops, distances, ends = [], [], []
-    with tempfile.TemporaryDirectory() as folder:
-        for seed in range(1, fields + 1):
-            formula = {
-                "family": "matern32", "mean": rate, "sd": rate * variation,
-                "range_m": round(_RANGE_SHARE * extent, 1), "seed": seed,
-            }  # fmt: skip
-            path = Path(folder) / f"field{seed}.yaml"
-            truth = f"truth:\n  formula: {json.dumps(formula)}\n  hours: {hours!r}\n"
-            path.write_text(field_text(given) + truth, encoding="utf-8")
-            settings = MissionSettings(
-                field=str(path), hours=hours, seed=seed, strategy=str(given.get("strategy") or "gcb"),
-                dwell=str(given.get("dwell") or "optimal"), series_every_s=hours * 3600 / 40,
-                until_sd=float(given.get("until_sd") or 0.0), until_gain=float(given.get("until_gain") or 0.0),
-            )  # fmt: skip
-            result = simulate_mission(settings)
-            for row in result.series:
-                if math.isfinite(row.mse):
-                    step = round(row.time_s / settings.series_every_s)
-                    squares.setdefault(step * settings.series_every_s, []).append(row.mse)
-            stops.append(result.series[-1].samples)
-            distances.append(result.series[-1].distance_m)
-            ends.append(result.series[-1].time_s)
-    points = [
-        [round(time_s), round(math.sqrt(sum(found) / len(found)) / rate, 5)]
-        for time_s, found in sorted(squares.items())
-        if len(found) == fields
-    ]
-    return {
-        "points": points,
-        "stops": round(sum(stops) / len(stops)),
-        "distance_m": round(sum(distances) / len(distances)),
-        "ends_s": round(sum(ends) / len(ends)),
-        "variation": variation,
-        "rate_cps": rate,
-    }
 
 
 def _without_folder(mistake: Mistake) -> Mistake:
@@ -303,7 +235,6 @@ def walked(given: Mapping[str, Any]) -> dict[str, Any]:
 
 TASKS: Final[Mapping[str, Callable[[Mapping[str, Any]], dict[str, Any]]]] = {
     "field": check_field,
-    "forecast": forecast,
     "outline": outline,
     "walk": walked,
 }

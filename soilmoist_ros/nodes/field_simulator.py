@@ -61,10 +61,7 @@ from soilmoist_ros.simulation import (
     load_scenario,
     read_start_time,
     robot_namespaces,
-    write_field_file,
     write_ports_file,
-    write_site_file,
-    write_truth_file,
 )
 from soilmoist_ros.simulation import MAX_STEP_S as MAX_PLANNED_STEP_S
 
@@ -92,7 +89,6 @@ class FieldSimulator(Node):
         self._noted = ""
         self._started = not given.flag("start_when_connected")
         self._connected_s = math.inf
-        self._write_files(given)
 
         self._simulated_clock = self.create_publisher(Clock, "/clock", CLOCK)
         self._map = self.create_publisher(String, "/topological_map_2", LATCHED)
@@ -115,15 +111,6 @@ class FieldSimulator(Node):
         self.get_logger().info(f"simulated time waited {self._waiting.waited_s:.0f} s for planners")
         for robot in self._robots:
             robot.close()
-
-    def _write_files(self, given: Parameters) -> None:
-        field, text = self._system.field, given.text
-        if text("field_file"):
-            write_field_file(field, Path(text("field_file")))
-        if text("site_file"):
-            write_site_file(field, Path(text("site_file")), given.number("footprint_m"))
-        if text("truth_file"):
-            write_truth_file(field, self._system.grid, Path(text("truth_file")))
 
     def _tick(self) -> None:
         for robot in self._robots:

@@ -128,9 +128,6 @@ FIELD_SIMULATOR: Final = (
     of_setting("footprint_m"),
     of_setting("weather"),
     row("scenario", "", "faults of navigation, links and sensor: a name or a file; empty for none"),
-    row("field_file", "", "file to which the field is written without its truth; empty for none"),
-    row("site_file", "", "file to which soil and calibration are written; empty for none"),
-    row("truth_file", "", "file to which the field is written with its truth; empty for none"),
 )  # fmt: skip
 
 MAPPER: Final = (
@@ -167,13 +164,6 @@ RECORDER: Final = (
     row("include", ".*", "regular expression for the full names of topics to record"),
     row("exclude", "", "regular expression for the full names of topics to exclude; empty for none"),
     row("autostart", True, "whether to record from the start; otherwise the service recorder/start starts it"),
-    row("flush_period_s", 0.5, "time between flushes to the disk; a crash loses at most the messages of this "
-        "time", "s", 0.05, 60.0),
-    row("queue_mb", 64.0, "size of messages that may wait while the disk is slow or full; further messages are "
-        "lost", "MB", 1.0, 4096.0),
-    row("low_disk_mb", 500.0, "free disk space below which the recorder warns", "MB", 0.0),
-    row("full_soon_h", 1.0, "time to a full disk or to keep_gb, at the rate of the last minutes, below which "
-        "the recorder warns", "h", 0.0),
     row("file_mb", 0.0, "size of a file after which a bag continues in another file; 0 for no limit", "MB", 0.0),
     row("file_min", 0.0, "time after which a bag continues in another file; 0 for no limit", "min", 0.0),
     row("keep_gb", 0.0, "size of its bags above which the recorder warns, or deletes the oldest; 0 for no limit",

@@ -62,6 +62,10 @@ except ModuleNotFoundError as error:  # the only node that needs packages withou
 
 __all__ = ["PARAMETERS", "Recorder", "main"]
 
+_LOW_DISK_BYTES: Final = 5e8
+"""Free space below which the recorder warns: a long day of records, and room for the map at its end."""
+_FULL_SOON_S: Final = 3600.0
+"""Time to a full disk, or to ``keep_gb``, below which the recorder warns: enough to drive home [s]."""
 _RECORDED: Final = ("sensor_driver", "mapper", "planner")
 """Nodes whose parameters are stored with the bag, in addition to the parameters of the property mappers."""
 _TAKE_S: Final = 0.1  # time between two looks for messages [s]; each subscription keeps 500 messages or more
@@ -105,9 +109,9 @@ class Recorder(Node):
         check_name(text("name"))
         self._distribution = os.environ.get("ROS_DISTRO", "jazzy")
         self._recorder = BagRecorder(
-            lambda: next_bag(self._out, text("name"), self._distribution), number("flush_period_s"),
-            int(number("queue_mb") * 1e6), file_bytes=number("file_mb") * 1e6 or math.inf,
-            file_s=number("file_min") * 60 or math.inf, notes=self._notes,
+            lambda: next_bag(self._out, text("name"), self._distribution),
+            file_bytes=number("file_mb") * 1e6 or math.inf, file_s=number("file_min") * 60 or math.inf,
+            notes=self._notes,
         )  # fmt: skip
         self._limit_bytes = number("keep_gb") * 1e9 or math.inf
         self._deletes = self._settings.flag("delete_oldest")
@@ -183,13 +187,11 @@ class Recorder(Node):
         return response
 
     def _diagnose(self) -> None:
-        low_bytes = self._settings.number("low_disk_mb") * 1e6
         state, free = self._recorder.state, free_bytes(self._out)
-        soon_s = self._settings.number("full_soon_h") * 3600
         drops = self._deletes and self._splits
         limits, left = excess_text(self._excess, drops), math.inf if drops else self._excess.left_bytes
         health = recorder_health(
-            state, free, low_bytes, len(self._skipped), soon_s, limits, dict(self._gaps.lost), left
+            state, free, _LOW_DISK_BYTES, len(self._skipped), _FULL_SOON_S, limits, dict(self._gaps.lost), left
         )
         name = self.get_fully_qualified_name()
         self._diagnostics.publish(diagnostics_to_message([health], ros_now_s(self), name))

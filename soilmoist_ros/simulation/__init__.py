@@ -10,7 +10,7 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.simulation.fields.catalogue import known_field as known_field, surrogate_field as surrogate_field, surrogate_field_names as surrogate_field_names
-    from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField as SurrogateField, simulated_site as simulated_site, write_field_file as write_field_file, write_site_file as write_site_file, write_truth_file as write_truth_file
+    from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField as SurrogateField, simulated_site as simulated_site, write_field_file as write_field_file, write_site_file as write_site_file
     from soilmoist_ros.simulation.fields.truth_file import has_truth as has_truth, load_surrogate as load_surrogate
     from soilmoist_ros.simulation.mission.channel import mission_fields as mission_fields, mission_properties as mission_properties
     from soilmoist_ros.simulation.mission.efficiency import mission_efficiency as mission_efficiency
@@ -29,7 +29,7 @@ _open, __dir__, __all__ = open_door(
     __name__,
     {
         "fields.catalogue": "known_field surrogate_field surrogate_field_names",
-        "fields.surrogate_field": "SurrogateField simulated_site write_field_file write_site_file write_truth_file",
+        "fields.surrogate_field": "SurrogateField simulated_site write_field_file write_site_file",
         "fields.truth_file": "has_truth load_surrogate",
         "mission.channel": "mission_fields mission_properties",
         "mission.efficiency": "mission_efficiency",

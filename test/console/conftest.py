@@ -17,4 +17,4 @@ def urgent_jobs(monkeypatch):
     from soilmoist_ros.console import plan_routes, runs
 
     monkeypatch.setattr(runs, "_YIELDING", ())
-    monkeypatch.setattr(plan_routes, "SHORT_LIMIT_S", 300.0)
+    monkeypatch.setattr(plan_routes, "LIMIT_S", 300.0)

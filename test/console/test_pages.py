@@ -108,13 +108,6 @@ def test_a_mission_is_planned(browser, served):
         page.locator("#map").click(position={"x": x * box["width"], "y": y * box["height"]})
     page.get_by_role("button", name="Done").click()
     shows(page, "draft-about", "Drawn: a boundary with 0 no-go areas, 0.")
-    page.locator("#plan-hours").fill("0.1")
-    page.locator("#plan-wanted").fill("90")
-    page.locator("#plan-run").click()
-    shows(page, "forecast-text", "For ± 90 % you need")
-    shows(page, "forecast-error", "± ")
-    shows(page, "forecast-end", "6 min")
-    shows(page, "forecast-way", " m")
     with page.expect_download() as download:
         page.get_by_role("button", name="Download field file").click()
     assert "polygon: [[" in download.value.path().read_text()

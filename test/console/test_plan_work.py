@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Fields and forecasts for the page Plan."""
+"""Fields for the page Plan."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.console import Board, Walk
-from soilmoist_ros.console.plan_work import MAX_PLACES, STEP_M, check_field, field_text, forecast, outline, walked
+from soilmoist_ros.console.plan_work import MAX_PLACES, STEP_M, check_field, field_text, outline, walked
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.border_file import MAX_MEMBERS, MAX_UNZIPPED_BYTES
 from soilmoist_ros.mapping.field import load_field
@@ -51,20 +51,6 @@ def test_what_is_drawn_becomes_a_field_file(tmp_path):
     with pytest.raises(InputError, match="draw or walk a larger one"):
         check_field({**FIELD, "boundary": [[0, 0], [0.5, 0], [0.5, 0.5]]})
     assert field_text({**FIELD, "name": ""}).startswith('name: "drawn field"\n')
-
-
-@pytest.mark.slow
-def test_a_longer_mission_makes_a_better_map():
-    answer = forecast({**FIELD, "hours": 0.5, "variation": 0.2})
-    times, errors = zip(*answer["points"], strict=True)
-    assert times == tuple(sorted(times))
-    assert max(times) == 1800
-    assert 0 < errors[-1] < errors[0] < 0.6
-    assert answer["stops"] > 5
-    assert answer["distance_m"] > 50
-    for wrong in ({"hours": 100}, {"variation": 7}, {"strategy": "none", "hours": 0.1}):
-        with pytest.raises(InputError):
-            forecast({**FIELD, **wrong})
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def params(tmp_path, **more):
-    return {"out": str(tmp_path / "bags"), "name": "run", "flush_period_s": 0.05, **more}
+    return {"out": str(tmp_path / "bags"), "name": "run", **more}
 
 
 def on_disk(path):

@@ -12,10 +12,10 @@ let page = null, area = null, saved = "", before = {};  // saved: the file that 
 
 export const drawn = () => draft.boundary.length > 2 && draft.drawing !== draft.boundary;
 export const areaDrawn = () => (drawn() ? area : null);  // without no-go areas [m2]; null while it is unknown or refused
-export const hasDraft = () => drawn() || draft.areas.some((one) => one.length > 2 && one !== draft.drawing);
+const hasDraft = () => drawn() || draft.areas.some((one) => one.length > 2 && one !== draft.drawing);
 export const walk = () => sections[`walk/${page.robot()}`];
 
-export function field() {
+function field() {
   const own = sections.field;
   const areas = draft.areas.filter((one) => one.length > 2);
   return {
@@ -61,7 +61,7 @@ export function drawingBar() {
 
 export function clear() { Object.assign(draft, { boundary: [], areas: [], drawing: null }); changed(); }
 
-function changed() { area = null; page.changed(); draw(); page.render(); }
+function changed() { area = null; draw(); page.render(); }
 
 async function done() {
   draft.drawing = null;
@@ -165,5 +165,5 @@ export function renderFiles(files) {
 export function startOutline(given) {
   page = given;
   $("import").addEventListener("change", async (event) => { const [file] = event.target.files; event.target.value = ""; if (file) await read(file); });
-  $("field-file").addEventListener("change", (event) => { saved = event.target.value; page.changed(); page.render(); });
+  $("field-file").addEventListener("change", (event) => { saved = event.target.value; page.render(); });
 }

@@ -1,18 +1,17 @@
 // SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 // SPDX-License-Identifier: Apache-2.0
-// Plan: is everything ready, what is known before, and what will a mission of some hours bring?
+// Plan: is everything ready, what is known before, and what is the next mission?
 
-import { fixed, language, said, t } from "./texts.js";
-import { request, sections, who } from "./link.js";
-import { chart } from "./chart.js";
+import { fixed, said, t } from "./texts.js";
+import { sections, who } from "./link.js";
 import { checks } from "./checks.js";
-import { field, fieldFile, fieldIsUsed, hasDraft, renderFiles, renderOutline, startOutline } from "./outline.js";
-import { $, button, duration, element, fill, setText, slide } from "./widgets.js";
+import { fieldFile, fieldIsUsed, renderFiles, renderOutline, startOutline } from "./outline.js";
+import { $, button, element, fill, setText, slide } from "./widgets.js";
 
 export { addCorner, drawingBar } from "./outline.js";
 
 const DWELLS = { optimal: null, fmi: "60", ami: "3" };  // amounts to begin with
-let page = null, busy = false, found = null, files = null, runs = null, touched = new Set();
+let page = null, files = null, runs = null, touched = new Set();
 const known = { earlier: null, covariates: null };  // names that are chosen; null: as they are
 
 const value = (name) => $(`plan-${name}`).value.trim();
@@ -65,22 +64,6 @@ async function use() {
   return true;
 }
 
-async function forecast(event) {
-  event.preventDefault();
-  if (busy || !sections.field) return;
-  busy = true;
-  page.render();
-  found = await request("plan", {
-    task: "forecast", ...field(), hours: number("hours"), strategy: value("strategy"), dwell: dwellText(),
-    until_sd: ofMoisture() ? 0 : number("good") / 100, until_gain: number("gain"),
-    variation: number("variation") / 100, rate_cps: sections.map?.layers?.find((one) => one.key === "rate")?.mean,
-  });
-  busy = false;
-  if (found.error) { page.notice(said(found.error), true); found = null; }
-  page.render();
-  if (found) $("forecast-part").scrollIntoView({ block: "nearest" });
-}
-
 // Knowledge from before -------------------------------------------------------------------------------------------------
 
 export async function showChoices() {
@@ -114,7 +97,7 @@ function renderKnown() {
   setText("known-none", [usable.length ? "" : t("known_no_runs", { folder: runs?.folder ?? "runs" }), files?.covariates?.length ? "" : t("known_no_covariates", { folder: files?.covariates_folder ?? "covariates" })].filter(Boolean).join(" "));
 }
 
-// The form and the forecast ----------------------------------------------------------------------------------------------
+// The form ----------------------------------------------------------------------------------------------
 
 function input(name, text, attributes, hint = "") {
   const node = element("input", { id: `plan-${name}`, type: "number", ...attributes });
@@ -136,10 +119,7 @@ function makeForm() {
     element("details", {}, element("summary", {}, t("plan_more")),
       part("plan-more",
         ...input("good", "", { step: "any", min: "0", placeholder: t("never") }),
-        ...input("gain", t("plan_gain"), { step: "any", min: "0", placeholder: t("never") }))),
-    ...input("variation", t("plan_variation"), { step: "1", min: "1", max: "100", value: "12" }),
-    ...input("wanted", t("plan_wanted"), { step: "0.1", min: "0.1", value: "5" }),
-    element("button", { type: "submit", id: "plan-run", class: "primary" }, t("try")));
+        ...input("gain", t("plan_gain"), { step: "any", min: "0", placeholder: t("never") }))));
 }
 
 // The form begins with what the planner has; what an operator has typed stays.
@@ -176,10 +156,6 @@ export function renderPlan() {
   renderFiles(files);
   renderKnown();
   renderForm();
-  $("plan-run").disabled = busy || !may;
-  $("plan-run").textContent = busy ? t("simulating") : may ? t("try") : `${t("try")}: ${t("only_holder")}`;
-  $("forecast-part").hidden = !found;
-  if (found) showForecast();
   const running = now?.running ?? null;
   fill("plan-start", [may, running, now?.ready === false && now.reason], () => {
     if (!may || !now) return [];
@@ -188,36 +164,11 @@ export function renderPlan() {
   });
 }
 
-// When the error falls to what is wanted [s], and whether that is beyond the simulated time.
-function needed(wanted) {
-  const points = found.points.map(([s, e]) => [s, 100 * e]).filter(([s]) => s > 0);
-  const reached = points.findLastIndex(([, e]) => e > wanted) + 1;  // it stays below from then on
-  if (reached < points.length) return [points[reached][0], false];
-  const late = points.slice(-Math.ceil(points.length / 3)), end = late.at(-1);
-  if (late.length < 3) return [null, true];
-  const slope = Math.log(end[1] / late[0][1]) / Math.log(end[0] / late[0][0]);  // a power of time
-  const s = end[0] * (wanted / end[1]) ** (1 / slope);
-  return slope < -0.05 && s < 4 * end[0] ? [s, true] : [null, true];
-}
-
-function showForecast() {
-  const wanted = number("wanted"), end = found.points.at(-1);
-  if (!end) { setText("forecast-text", t("too_short")); $("forecast-figures").hidden = true; fill("forecast-chart", [], () => []); return; }
-  const [s, beyond] = needed(wanted);
-  $("forecast-figures").hidden = false;
-  setText("forecast-error", `± ${fixed(100 * end[1], 1)} %`); setText("forecast-stops", String(found.stops)); setText($("forecast-stops").nextElementSibling, t("stops", { n: found.stops }));
-  setText("forecast-way", found.distance_m < 1000 ? `${found.distance_m} m` : `${fixed(found.distance_m / 1000, 1)} km`); setText("forecast-end", duration(found.ends_s));
-  setText("forecast-text", t(s === null ? "wanted_never" : beyond ? "wanted_beyond" : "wanted_in", { error: wanted.toLocaleString(language), duration: duration(s) }));
-  setText("forecast-note", t("forecast_note", { rate: found.rate_cps.toLocaleString(language), variation: Math.round(100 * found.variation) }));
-  fill("forecast-chart", [found.points, wanted], () => chart(found.points.map(([t, e]) => [t / 3600, 100 * e]), wanted, beyond ? null : s / 3600));
-  $("forecast-chart").setAttribute("aria-label", `${t("forecast_chart")}: ± ${fixed(100 * end[1], 1)} %, ${duration(end[0])}`);
-}
-
 export function startPlan(given) {
-  page = { ...given, who, changed: () => { found = null; } };
+  page = { ...given, who };
   makeForm();
   startOutline(page);
-  $("plan-form").addEventListener("submit", forecast);
-  $("plan-form").addEventListener("input", (event) => { const name = event.target.id.replace("plan-", ""); touched.add(name); if (name !== "wanted") found = null; if (event.target.id === "plan-dwell") $("plan-dwell-by").value = ""; page.render(); });
+  $("plan-form").addEventListener("submit", (event) => event.preventDefault());
+  $("plan-form").addEventListener("input", (event) => { const name = event.target.id.replace("plan-", ""); touched.add(name); if (event.target.id === "plan-dwell") $("plan-dwell-by").value = ""; page.render(); });
   $("plan-form").addEventListener("change", () => page.render());
 }

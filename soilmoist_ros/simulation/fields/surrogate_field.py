@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame
-from soilmoist_ros.mapping import Field, FieldGrid, Variogram
+from soilmoist_ros.mapping import Field, Variogram
 from soilmoist_ros.sensing import Calibration, Irrigation, MoistureCurve, Site, Soil
 
 Array = NDArray[np.float64]
@@ -99,20 +99,6 @@ def write_site_file(
     :raises InputError: if it cannot be written
     """
     _write(path, _yaml(_site(field, footprint_m, irrigation)))
-
-
-def write_truth_file(field: SurrogateField, grid: FieldGrid, path: Path) -> None:
-    """Write the truth as a field file, readable as a surrogate field, and its grid as CSV in the same folder.
-
-    :raises InputError: if the files cannot be written
-    """
-    table = path.with_suffix(".csv")
-    x, y = (axis.ravel() for axis in np.meshgrid(grid.x_m, grid.y_m))
-    rate = field.rate_at(np.column_stack([x, y]))
-    rows = (f"{east!r},{north!r},{cps!r}\n" for east, north, cps in np.column_stack([x, y, rate]).tolist())
-    _write(table, "x_m,y_m,rate_cps\n" + "".join(rows))
-    truth = {"grid": table.name, "hours": field.hours, **_calibration(field)}
-    _write(path, _yaml({**_outline(field), "truth": truth}))
 
 
 def _outline(field: SurrogateField) -> dict[str, Any]:

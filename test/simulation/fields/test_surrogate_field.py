@@ -10,13 +10,7 @@ import pytest
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import Variogram, load_field
 from soilmoist_ros.sensing.moisture.site import Irrigation, load_site
-from soilmoist_ros.simulation import (
-    simulated_site,
-    surrogate_field,
-    write_field_file,
-    write_site_file,
-    write_truth_file,
-)
+from soilmoist_ros.simulation import simulated_site, surrogate_field, write_field_file, write_site_file
 from soilmoist_ros.simulation.fields.surrogate_field import CORES_SD, GridExtent, RateGrid, kriged_grid
 
 NO_GO = """
@@ -59,17 +53,6 @@ def test_the_field_file_says_all_but_the_truth(field, tmp_path):
     assert read.name == f"{field.title} (simulated)"
     with pytest.raises(InputError, match="has no truth"):
         surrogate_field(str(path))
-
-
-@pytest.mark.slow
-def test_the_truth_file_is_the_same_field_again(field, tmp_path):
-    grid = field.field.grid()
-    write_truth_file(field, grid, tmp_path / "truth.yaml")
-    read = surrogate_field(str(tmp_path / "truth.yaml"))
-    assert np.array_equal(read.rate_at(grid.cells), field.rate_at(grid.cells))
-    assert read.curve == field.curve
-    assert read.hours == field.hours
-    assert np.array_equal(load_field(tmp_path / "truth.yaml").polygon, field.polygon)
 
 
 def test_the_site_file_has_a_calibration_of_one_core_day_with_its_deviation(field, tmp_path):
