@@ -162,12 +162,11 @@ class _Rehearsal:
         if self.mapper is None:
             return
         self.mapper.store.second(0.0)
-        for where, records in self.store.stored().items():
-            self.judge.kept(now_s, self.world.published, records, where)
-            self.judge.known(now_s, records, self.world.published, where)
-            self.judge.mapped(now_s, self.mapper.map.samples, self._whole(records).samples)
-            placed = list(map(self.world.doubts.placed, records))
-            self.judge.placed(now_s, placed, self.world.truth)
+        records = self.store.stored()
+        self.judge.kept(now_s, self.world.published, records, "the driver's log")
+        self.judge.known(now_s, records, self.world.published, "the driver's log")
+        self.judge.mapped(now_s, self.mapper.map.samples, self._whole(records).samples)
+        self.judge.placed(now_s, list(map(self.world.doubts.placed, records)), self.world.truth)
         self.judge.mapped(now_s, self.mapper.map.samples, self._whole(self.world.published).samples)
 
     def _whole(self, records: Sequence[CountRecord]) -> FieldMap:

@@ -1,16 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The judge finds each kind of violation: ``judge.py``."""
+"""The judge finds violations that no rehearsal with a guard switched off has: ``judge.py``."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from rehearsal.cases import Ground
 from rehearsal.judge import Judge, Kind
-from soilmoist_ros.exploration import Alarm, Finish, MissionEnd, MissionStatus, Phase, Response, Stop, TravelGraph
+from soilmoist_ros.exploration import Finish, MissionEnd, MissionStatus, Phase, Stop
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
@@ -28,7 +27,6 @@ STATUS = MissionStatus(
 PAUSED = replace(STATUS, phase=Phase.PAUSED, reason="paused")
 COUNTING = replace(STATUS, phase=Phase.COUNTING)
 CANCELLING = replace(STATUS, phase=Phase.CANCELLING, reason="stopping")
-ALARMED = replace(STATUS, alarms=(Alarm(1.0, "in_no_go", Response.PAUSE, "in the pond"),))
 
 
 @pytest.fixture
@@ -53,19 +51,7 @@ def samples(*counts):
 
 RECORDS = [CountRecord(10.0 * number, 1.0, 2.0, 0.0, 40 + number, 10.0, 10.0) for number in range(4)]
 HERE, THERE, HOME = Stop("a", 5.0, 5.0), Stop("b", 5.0, 12.0), Stop("home", 26.0, 5.0)
-REASONED = (Phase.PAUSED, Phase.CANCELLING, Phase.WAITING, Phase.FINISHED)
 WORKED = {
-    "true ways": [
-        ("drove", (1.0, (5, 5), [(35, 5), (35, 35)], STATUS), []),
-        ("drove", (1.0, (9.9, 15), [(10.1, 15)], STATUS), []),
-        ("drove", (1.0, (5, 15), [(25, 15)], STATUS), [Kind.NO_GO]),
-        ("drove", (1.0, (5, 5), [(5, -1)], STATUS), [Kind.OUTSIDE]),
-    ],
-    "motion while it is said to stand": [
-        ("drove", (1.0, (5, 5), [], PAUSED), []),
-        ("drove", (2.0, (5, 5), [(5.3, 5)], PAUSED), []),
-        ("drove", (3.0, (5.3, 5), [(6, 5)], PAUSED), [Kind.MOVED_STANDING]),
-    ],
     "motion and goals after a stop": [
         ("stopped", (10.0, "emergency"), []),
         ("drove", (12.0, (5, 5), [(7, 5)], STATUS), []),  # it brakes
@@ -88,13 +74,6 @@ WORKED = {
         ("resumes", (31.0, lambda: False), []),
         ("sent", (32.0, (5, 5), "a"), [Kind.GOAL_STOPPED]),
     ],
-    "a wrong place must be noticed": [
-        ("said", (10.0, STATUS, 100.0), []),
-        ("said", (20.0, STATUS, 100.0), []),
-        ("said", (21.0, replace(STATUS, needs_operator=True), 100.0), []),
-        ("said", (30.0, STATUS, 100.0), []),
-        ("said", (46.0, STATUS, 100.0), [Kind.WRONG_PLACE]),
-    ],
     "counting at a wrong place": [
         ("drove", (1.0, (5, 5), [], COUNTING), []),
         ("visited", (60.0, visit()), []),
@@ -112,9 +91,7 @@ WORKED = {
     "goals": [
         ("sent", (1.0, (5, 5), "a"), []),
         ("sent", (1.0, (-9, 5), "home", (-9, 5)), []),
-        ("sent", (2.0, (15, 15), "pond"), [Kind.GOAL_OUTSIDE]),
         ("replaced", (3.0, "b"), [Kind.TWO_GOALS]),
-        ("overridden", (4.0, "goal sent"), [Kind.OVERRIDDEN]),
     ],
     "time": [
         ("said", (1.0, replace(STATUS, time_used_s=700.0), 0.0), [Kind.OVER_BUDGET]),
@@ -149,13 +126,10 @@ WORKED = {
         ("ended", (1.0, replace(PAUSED, needs_operator=True, reason="no fix")), []),
         ("ended", (1.0, STATUS), [Kind.UNENDED]),
     ],
-    **{
-        f"{phase} has a reason": [
-            ("said", (1.0, replace(STATUS, phase=phase, reason="paused by Ada"), 0.0), []),
-            ("said", (2.0, replace(STATUS, phase=phase, reason=" "), 0.0), [Kind.NO_REASON]),
-        ]
-        for phase in REASONED
-    },
+    "a pause has a reason": [
+        ("said", (1.0, PAUSED, 0.0), []),
+        ("said", (2.0, replace(PAUSED, reason=" "), 0.0), [Kind.NO_REASON]),
+    ],
 }
 """Events, and the violations that the judge finds in them."""
 
@@ -175,79 +149,9 @@ def test_a_refused_resume_sends_nothing(judge):
     assert kinds(judge) == [Kind.GOAL_STOPPED]
 
 
-def drive(judge, ways, status, **how):
-    for second, (before, place) in enumerate(pairwise(ways)):
-        judge.drove(10.0 + second, before, [place] if place != before else [], status, led=True, **how)
-
-
-INTO_THE_POND = [(8.0 + second, 15.0) for second in range(9)]
-OUT_OF_THE_FIELD = [(38.0 + 2 * second, 30.0) for second in range(9)]
-
-
-@pytest.mark.parametrize(
-    ("way", "status", "people", "found"),
-    [
-        (INTO_THE_POND[:7], STATUS, False, []),  # 3 s are allowed
-        (INTO_THE_POND, STATUS, False, [Kind.IN_NO_GO]),
-        (INTO_THE_POND, ALARMED, False, []),
-        (INTO_THE_POND, CANCELLING, False, []),
-        (INTO_THE_POND, STATUS, True, []),  # people may
-        (OUT_OF_THE_FIELD, STATUS, False, [Kind.AWAY]),
-    ],
-)
-def test_a_robot_that_is_led_astray_is_stopped_in_time(judge, way, status, people, found):
-    drive(judge, way, status, people=people)
-    assert kinds(judge) == found
-
-
-def test_a_robot_that_was_led_into_a_pond_may_leave_it_but_not_go_deeper(judge):
-    drive(judge, INTO_THE_POND[:5], STATUS)  # to 2 m
-    judge.drove(20.0, (12.0, 15.0), [(11.0, 15.0)], STATUS)
-    assert kinds(judge) == []
-    judge.drove(21.0, (11.0, 15.0), [(12.0, 15.0)], STATUS)
-    assert kinds(judge) == [Kind.NO_GO]
-
-
-@pytest.mark.parametrize(("off_m", "found"), [(10.0, []), (12.0, [Kind.OFF_ROUTE])])
-def test_a_robot_that_is_led_off_its_route_is_stopped_in_time(judge, off_m, found):
-    drive(judge, [(5.0 + second, 25.0 + off_m) for second in range(6)], STATUS, right=[(5.0, 25.0), (35.0, 25.0)])
-    assert kinds(judge) == found
-
-
-@pytest.mark.parametrize(("step_m", "found"), [(0.0, []), (0.06, [Kind.CONFIRMED]), (0.3, [Kind.CONFIRMED])])
+@pytest.mark.parametrize(("step_m", "found"), [(0.0, []), (0.06, [Kind.CONFIRMED])])
 def test_nobody_confirms_a_stop_of_a_robot_that_moves(judge, step_m, found):
-    places = [(5.0 + step_m * second, 5.0) for second in range(5)]
-    drive(judge, places[:4], CANCELLING)
-    drive(judge, places[3:], PAUSED)
+    for second, status in enumerate((CANCELLING, CANCELLING, CANCELLING, PAUSED)):
+        before, place = ((5.0 + step_m * number, 5.0) for number in (second, second + 1))
+        judge.drove(10.0 + second, before, [place] if step_m else [], status, led=True)
     assert kinds(judge) == found
-
-
-@pytest.mark.parametrize("status", [PAUSED, COUNTING, replace(STATUS, phase=Phase.IDLE)])
-def test_a_robot_that_creeps_is_noticed(judge, status):
-    places = [(5.0 + 0.2 * second, 5.0) for second in range(12)]
-    warned = replace(status, alarms=(Alarm(1.0, "moving", Response.WARN, "it moves"),))
-    drive(judge, places[:9], status)
-    drive(judge, places[8:], warned)
-    assert kinds(judge) == []
-    drive(judge, [(x + 2.2, y) for x, y in places], status)
-    assert kinds(judge) == [Kind.UNNOTICED]
-
-
-@pytest.mark.parametrize(("away_m", "found"), [(1.5, []), (2.5, [Kind.NOT_REACHED])])
-def test_a_stop_is_not_reached_at_the_next_node(away_m, found):
-    stops = [Stop("a", 5.0, 5.0), Stop("b", 7.5, 5.0)]
-    graph = TravelGraph.from_edges(stops, [("a", "b"), ("b", "a")])
-    judge = Judge(replace(GROUND, graph=graph), 600.0)
-    judge.drove(1.0, (5.0 + away_m, 5.0), [], replace(COUNTING, target=stops[0]))
-    assert kinds(judge) == found
-
-
-def test_places_of_records(judge):
-    records = [CountRecord(10.0 * number, 1.0, 2.0, 0.0, 40, 10.0, 10.0) for number in range(3)]
-    truth = {(0.0, 40): (1.0, 4.9), (10.0, 40): (1.0, 5.1), (20.0, 40): (9.0, 9.0)}
-    judge.placed(2.0, [records[0], replace(records[2], quarantine="place_jump")], truth)
-    assert kinds(judge) == []
-    judge.placed(3.0, records, truth)
-    assert [str(one) for one in judge.violations] == [
-        "record mapped at a wrong place at 3 s: 2 of 3 records, the worst 10.6 m off"
-    ]

@@ -11,7 +11,6 @@ import shapely
 from rehearsal import planner as clients
 from rehearsal.cases import (
     GRAPHS,
-    NAVIGATORS,
     OUTLINES,
     RECEIVERS,
     Fault,
@@ -56,25 +55,8 @@ def test_a_robot_can_begin(outline):
         assert ground.field.grid().mask.sum() > 20
 
 
-def test_wild_graphs_know_nothing_of_the_field_and_islands_are_not_joined():
-    ground = random_ground(np.random.default_rng(5), "holes", "wild")
-    assert not shapely.Polygon(ground.field.polygon).covers(shapely.MultiPoint(ground.graph.xy))
-    islands = random_ground(np.random.default_rng(5), "convex", "islands")
-    assert islands.graph.components().max() >= 1
-
-
 def quiet(number, **changes):
     return replace(make_case(7, number), faults=Faults(), **{"budget_s": 600.0, **changes})
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("turn", range(3), ids=NAVIGATORS)
-def test_a_mission_without_faults_measures_and_ends(rehearsed, turn):
-    outcome = rehearsed(quiet(30 + turn, strategy="greedy"))
-    assert outcome.visits >= 3
-    assert outcome.driven_m > 20
-    assert outcome.ended.startswith("finished")
-    assert not outcome.refused
 
 
 @pytest.mark.slow

@@ -325,7 +325,7 @@ class _Simulation:
             self.carry_out(robot, action)
 
     def carry_out(self, robot: _Robot, action: Action) -> None:
-        """Carry out an action; statuses, displays and saves need no action here."""
+        """Carry out an action; answers and statuses need no action here."""
         match action:
             case Publish():  # the most frequent one
                 pass
@@ -361,8 +361,6 @@ class _Simulation:
             case Finish(reason=reason):
                 robot.ended = reason
                 self.note(robot, f"end: {reason}")
-            case _:
-                pass
 
     def pending_of_others(self, robot: _Robot) -> list[PendingMeasurement]:
         """Pending measurements of all other robots."""

@@ -71,17 +71,6 @@ BANKS = {"w": (24, 20), "e": (31, 20), "nw": (24, 38), "ne": (34, 38)}
 BESIDE = Field("beside a ditch", LocalFrame(53.0, 0.0), SQUARE, (DITCH,), 4.0)
 
 
-@pytest.mark.parametrize(("x_m", "first"), [(26.0, "w"), (27.9, "w"), (28.1, "w"), (30.4, "e"), (30.8, "e")])
-@pytest.mark.parametrize("ways", [("w nw ne e",), None], ids=["graph", "free"])
-def test_a_robot_at_a_ditch_leaves_it_on_its_own_side(x_m, first, ways):
-    access = FieldAccess(BESIDE, RobotMotion(), ways and graph(BANKS, *ways), RADIUS)
-    there = Stop("w" if first == "e" else "e", *map(float, BANKS["w" if first == "e" else "e"]))
-    way = access.way((x_m, 20.0), there).corners
-    if ways:
-        assert way[1].tolist() == list(BANKS[first]), "the node on the other side may be nearer"
-    assert shapely.LineString(way).intersection(shapely.Polygon(DITCH)).length <= max(0.0, x_m - 28.0) * 2
-
-
 @pytest.mark.parametrize("by_name", [False, True])
 @pytest.mark.parametrize("radius_m", [0.75, 0.0])
 def test_a_robot_that_fixes_place_a_little_beyond_its_row_goes_on_along_the_row(radius_m, by_name):
@@ -137,19 +126,6 @@ def test_a_stop_that_a_new_map_has_moved_is_not_driven_to():
         FieldAccess(FIELD, RobotMotion(), NEW, RADIUS).way((10.0, 8.0), chosen)
     nearly = graph({"s": (10, 6), "t": (30, 6), "u": (50, 6), "b": (51.5, 20)}, "s t u b")
     assert FieldAccess(FIELD, RobotMotion(), nearly, RADIUS).way((10.0, 8.0), chosen).nodes == (chosen,)
-
-
-def test_the_way_back_into_the_field_keeps_the_margin_of_no_go_areas():
-    near = Field(
-        "near", LocalFrame(53.0, 0.0), SQUARE, (np.array([[2, 20], [6, 20], [6, 30], [2, 30]], float),), 4.0
-    )
-    access = FieldAccess(near, RobotMotion(), graph({"n": (4, 33), "m": (4, 38)}, "n m"), RADIUS)
-    for y_m, first in ((26.3, [4, 38]), (33.0, [4, 33])):
-        way = access.way((-0.5, y_m), Stop("m", 4.0, 38.0)).corners
-        assert way[1].tolist() == first
-        assert shapely.LineString(way).distance(shapely.Polygon(near.no_go[0])) >= 0.75
-    with pytest.raises(InputError, match="enters no-go area 1"):
-        access.way((-0.5, 22.0), Stop("m", 4.0, 38.0))
 
 
 def test_routes_on_a_graph_are_sent_by_name_only_where_the_navigation_takes_them_too():

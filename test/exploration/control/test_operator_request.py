@@ -311,20 +311,6 @@ def test_what_is_refused_changes_nothing():
     assert around.control.settings == settings
 
 
-def test_an_emergency_stop_lasts_until_an_operator_resumes():
-    around = Around(budget_s=3600.0)
-    around.begin()
-    around.control.emergency(True, "/emergency_stop")
-    assert around.goals[-1][1] is None, "the robot is stopped"
-    around.control.ended(around_end(around))
-    assert (around.status.phase, around.status.emergency) == (Phase.PAUSED, True)
-    assert "emergency stop" in ask(around, "resume").message
-    around.control.emergency(False, "/emergency_stop")
-    around.control.tick()
-    assert around.status.phase is Phase.PAUSED
-    assert ask(around, "resume").accepted
-
-
 def test_an_idle_mission_says_why_it_would_not_start():
     around = Around()
     around.time_s = 1000.0
@@ -340,19 +326,3 @@ def test_an_idle_mission_says_why_it_would_not_start():
     assert not around.control.command(Verb.START).accepted
     around.control._feed.give(AlarmOver(1001.0, "battery"))
     assert (around.status.reason, around.status.hindered) == ("waiting for start", False)
-
-
-def test_a_mission_to_resume_by_itself_does_not_if_people_had_paused_it():
-    mission = under_way()
-    mission.step(Command(mission.state.now_s, Verb.PAUSE))
-    around = Around()
-    around.time_s = 2000.0
-    around.control.use_graph(None)
-    around.control.take_up(mission, auto=True)
-    around.control.fix((1.0, 1.0))
-    around.control.tick()
-    assert around.status.phase is Phase.PAUSED
-    assert ask(around, "resume").accepted
-
-
-# Journal -----------------------------------------------------------------------------------------------------

@@ -309,21 +309,6 @@ def test_a_robot_does_not_start_before_it_knows_where_the_others_are_unless_they
     assert one.control.command(Verb.START).accepted, "it is not there today"
 
 
-@pytest.mark.slow
-def test_a_way_leads_past_the_stop_that_another_robot_drives_to():
-    """Two that set off to the middle of a field would stop beside each other, each in the other's way."""
-    one, two = robots = begun(Robot("/robot_1", (2.5, 32.5)), Robot("/robot_2", (57.5, 32.5)))
-    one.asked((42.5, 32.5))
-    together(robots, lambda: ("/robot_1", (42.5, 32.5)) in two.control.team.standing(), 10)
-    two.asked((32.5, 32.5))
-    together(robots, lambda: two.way[-1:] == [(32.5, 32.5)], 60)
-    way = Way(np.array([two.place, *two.way]))
-    assert way.passes_m((42.5, 32.5)) >= APART_M
-    before = len(one.visits)
-    together(robots, lambda: len(one.visits) > before, 200)
-    assert not any(robot.shown.needs_operator for robot in robots)
-
-
 def test_a_robot_that_falls_silent_is_lost_and_its_place_stays_taken_until_somebody_releases_it():
     one, two = Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0))
     begun(one, two)

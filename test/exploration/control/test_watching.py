@@ -11,7 +11,7 @@ from stand_in import AtOnce, StandIn, square_setup
 
 from soilmoist_ros.exploration import ANYBODYS, FAILSAFES, Cause, Mission, MissionClock, MissionControl, Watch
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
-from soilmoist_ros.exploration.mission.types import MissionEnd, Phase, Response, Verb
+from soilmoist_ros.exploration.mission.types import Phase, Response, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.mapping.samples import as_samples
@@ -161,31 +161,6 @@ def goes_on(farm):
     assert farm.health.level is Level.OK
 
 
-@pytest.mark.slow
-def test_a_mission_in_which_nothing_happens_has_no_alarm(farm):
-    seen = set()
-    while farm.finished is None:
-        farm.second()
-        seen |= set(farm.alarms)
-    assert seen == set()
-    assert farm.finished.code is MissionEnd.TIME_UP
-
-
-def test_a_fix_far_outside_that_runs_away_stops_the_robot_and_is_not_its_place(farm):
-    """2 km outside, at 200 m/s: the mission must not travel on."""
-    place, distance_m, began_s = farm.place, farm.status.distance_m, farm.steady_s
-    farm.fix = lambda true: (2000.0 + 200.0 * (farm.steady_s - began_s), 25.0)
-    farm.run(lambda: farm.alarms, 10)
-    assert farm.alarms == {"jump": Response.HOLD}
-    farm.pass_by(120)
-    assert farm.status.phase is Phase.CANCELLING, "its standstill cannot be confirmed"
-    assert farm.goal is None
-    assert farm.status.distance_m == distance_m
-    assert all(math.dist(each, place) < 20 for each in farm.moves[-5:])
-    farm.fix = lambda true: true
-    goes_on(farm)
-
-
 def test_fixes_that_repeat_in_one_short_goal_after_the_other_are_frozen(farm):
     frozen, goals = farm.place, set()
     farm.fix = lambda true: frozen
@@ -219,26 +194,6 @@ def test_frozen_fixes_wait_for_an_operator(farm):
     farm.fix = lambda true: true
     farm.run(lambda: not farm.alarms, 120)
     farm.run(lambda: farm.control.command(Verb.RESUME).accepted, 60)
-    goes_on(farm)
-
-
-def test_a_robot_outside_the_field_waits_for_an_operator(farm):
-    """The receiver drifts slowly, so that each fix is plausible."""
-    drift_m = 0.0
-
-    def to(end_m):
-        nonlocal drift_m
-        while drift_m != end_m:
-            drift_m += math.copysign(1.0, end_m - drift_m)
-            farm.second()
-
-    farm.fix = lambda true: (true[0] - drift_m, true[1])
-    to(115.0)
-    assert "outside the field" in stands_because_of(farm, Cause.OUTSIDE)
-    to(0.0)
-    farm.run(lambda: not farm.alarms, 60)
-    assert farm.status.phase is Phase.PAUSED, "somebody has to look first"
-    assert farm.control.command(Verb.RESUME).accepted
     goes_on(farm)
 
 
@@ -281,15 +236,6 @@ def test_while_another_client_drives_the_planner_waits_for_people(farm, phase):
     assert farm.status.phase is Phase.PAUSED, "people resume"
     assert farm.control.command(Verb.RESUME).accepted
     goes_on(farm)
-
-
-def test_a_low_battery_sends_the_robot_home(farm):
-    farm.charge = 0.2
-    farm.run(lambda: farm.finished is not None, 400)
-    assert farm.alarms == {"battery_low": Response.RETURN}
-    assert farm.finished.code is MissionEnd.FAILSAFE
-    assert math.dist(farm.place, (2.5, 2.5)) < 3
-    assert "20%" in farm.control.command(Verb.START).message
 
 
 @pytest.mark.slow
@@ -344,19 +290,6 @@ def test_quarantined_records_do_not_count_and_too_many_of_them_wait_for_an_opera
     assert set(farm.alarms) == {"counts_bad"}, "the sensor is there, and the map has all that it should"
     assert farm.status.raw_counts == counted
     farm.quarantine = ""
-    farm.run(lambda: not farm.alarms, 100)
-    assert farm.control.command(Verb.RESUME).accepted
-    goes_on(farm)
-
-
-def test_another_map_of_the_navigation_is_used_once_the_robot_stands(farm):
-    assert not farm.control.takes_graph
-    farm.control.watch.report(Cause.MAP_CHANGED, "the navigation has another map than the planner")
-    farm.pass_by(1)
-    assert "another map" in stands_because_of(farm, "map_changed")
-    assert farm.control.takes_graph
-    farm.control.use_graph(None)
-    farm.control.watch.report(Cause.MAP_CHANGED, "")
     farm.run(lambda: not farm.alarms, 100)
     assert farm.control.command(Verb.RESUME).accepted
     goes_on(farm)
@@ -433,6 +366,7 @@ def pressed_and_released(control):
         (lambda control: None, Phase.COUNTING),
         (lambda control: control.command(Verb.PAUSE), Phase.PAUSED),
         (pressed_and_released, Phase.PAUSED),
+        (lambda control: control.watch.note(Cause.MAP_CHANGED, "the navigation has another map"), Phase.PAUSED),
     ],
 )
 def test_an_interrupted_mission_that_people_stop_does_not_resume_by_itself(farm, people, phase):
@@ -443,15 +377,6 @@ def test_an_interrupted_mission_that_people_stop_does_not_resume_by_itself(farm,
     people(again.control)
     again.pass_by(20)
     assert again.status.phase is phase
-
-
-def test_an_interrupted_mission_with_an_alarm_that_needs_people_does_not_resume_by_itself(farm):
-    again = Farm()
-    again.steady_s, again.place = farm.steady_s, farm.place
-    again.control.take_up(Mission(again.control._mission.rules, farm.control._mission.state), auto=True)
-    again.control.watch.note(Cause.MAP_CHANGED, "the navigation has another map")
-    again.pass_by(60)
-    assert (again.alarms, again.status.phase, again.status.needs_operator) == ({}, Phase.PAUSED, True)
 
 
 @pytest.mark.parametrize("receiver_s", [0.0, -1024 * 604800.0, 3600.0])
@@ -485,12 +410,6 @@ def strays(farm, mps, to=(50.0, 1e6), noise_m=0.02):
     return farm
 
 
-def stopped(farm, cause, within_s):
-    farm.run(lambda: cause in farm.alarms, within_s)
-    farm.stray = None
-    return farm
-
-
 @pytest.mark.parametrize(("noise_m", "sd_m"), [(0.02, 0.02), (0.1, 0.1), (0.02, math.nan), (0.02, 0.0)])
 def test_a_robot_that_drives_into_a_small_pond_is_stopped(noise_m, sd_m):
     farm = Farm(no_go=(POND,))
@@ -503,43 +422,6 @@ def test_a_robot_that_drives_into_a_small_pond_is_stopped(noise_m, sd_m):
     assert farm.goal is None
     left_m = 1.0 if sd_m == 0.02 else 0.3  # what is not stated well is not known as well
     assert math.dist(farm.place, (32.5, 63.0)) > left_m, "it is 3 m from the middle to the border"
-
-
-def test_a_robot_far_off_its_route_waits_for_an_operator(farm):
-    strays(farm, 1.0, (0.0, 100.0) if farm.goal[1][1] < 50 else (0.0, 0.0))
-    stopped(farm, "off_route", 40)
-    assert farm.goal is not None, "it may be the way around an obstacle"
-    strays(farm, 1.0, (0.0, 100.0) if farm.goal[1][1] < 50 else (0.0, 0.0))
-    stopped(farm, "far_off_route", 40)
-    assert "off its route" in stands_because_of(farm, Cause.FAR_OFF_ROUTE)
-
-
-@pytest.mark.parametrize("speed_mps", [0.05, 0.2])
-def test_the_pause_of_a_creeping_robot_is_not_confirmed(farm, speed_mps):
-    strays(farm, speed_mps)
-    assert farm.control.command(Verb.PAUSE).accepted
-    farm.pass_by(60)
-    assert farm.status.phase is Phase.CANCELLING
-    assert "it still moves" in farm.status.reason
-    farm.stray = None
-    farm.run(lambda: farm.status.phase is Phase.PAUSED, 20)
-
-
-def test_a_paused_robot_that_moves_is_stopped_again_until_it_stands(farm):
-    strays(farm, 0.0).control.command(Verb.PAUSE)
-    farm.run(lambda: farm.status.phase is Phase.PAUSED, 30)
-    assert farm.pass_by(60).alarms == {}
-    before = farm.cancelled
-    strays(farm, 0.4).run(lambda: "moving" in farm.alarms, 5)
-    assert farm.cancelled == before + 1
-    assert (farm.status.phase, farm.status.needs_operator) == (Phase.PAUSED, True)
-    farm.pass_by(30)
-    assert before + 3 <= farm.cancelled <= before + 4, "people may tow it"
-    assert not farm.control.command(Verb.RESUME).accepted
-    farm.stray = None
-    farm.run(lambda: not farm.alarms, 60)
-    assert farm.control.command(Verb.RESUME).accepted
-    goes_on(farm)
 
 
 def test_a_robot_that_moves_while_its_place_is_not_believed_is_stopped(farm):

@@ -56,17 +56,6 @@ def test_without_tf_nothing_is_checked_and_nothing_refused():
     assert robot.fault == robot.waiting_for == ""
 
 
-def test_a_shifted_navigation_is_a_fault_with_numbers():
-    robot = frames()
-    _, now_s = drive(robot, PlaneMove(0.0, (0.0, 30.0)))
-    assert "TF places the robot 30.0 m north of its fix" in robot.fault
-    assert robot.fault in robot.waiting_for
-    health = robot.health(now_s)
-    assert health.level is Level.ERROR
-    assert health.values["TF minus fix, north [m]"] == "30.00"
-    assert health.message == robot.fault
-
-
 def test_a_wrong_frame_stays_a_fault_until_it_is_seen_to_be_right():
     robot = frames()
     _, now_s = drive(robot)
@@ -344,23 +333,7 @@ def test_a_distance_that_varies_is_no_datum():
     assert "navigation_datum" not in message
 
 
-def test_little_is_known_from_few_or_old_pairs():
-    check, verdict = checked(STANDING[:4], PlaneMove())
-    assert verdict.agrees is None
-    assert "4 pairs of TF and fix of 5" in verdict.message
-    check, verdict = checked(STANDING, PlaneMove())
-    assert verdict.agrees is True
-    assert check.verdict(100.0).agrees is None
-    assert check.fitted() is None  # it has not moved
-
-
 @pytest.mark.parametrize("text", ["", "52.0", "north", "52,13,0,0", "95,13", "52,13,nan", "-52.466,-167.042"])
 def test_what_is_no_datum_is_refused(text):
     with pytest.raises(InputError, match="LAT,LON"):
         parse_datum(text, PLANE)
-
-
-def test_a_datum_is_read_back():
-    move = parse_datum("52.467,12.959,30", PLANE)
-    assert datum_text(PLANE, move) == "52.4670000,12.9590000,30.0000"
-    assert parse_datum("52.4660,12.9580", PLANE).is_identity

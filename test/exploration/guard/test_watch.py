@@ -28,7 +28,7 @@ class Observed:
         self.alarms, self.overs, self.events = [], [], []
         self.fixes = self.records = self.maps = True
         self.place = (0.0, 0.0)
-        self.frozen = False
+        self.frozen, self.battery = False, ()
 
     def run(self, seconds):
         for _ in range(seconds):
@@ -40,6 +40,8 @@ class Observed:
                 self.watch.record(self.now_s, self.now_s, True)
                 if self.maps:
                     self.watch.map(self.now_s, self.now_s)
+            if self.battery:
+                self.watch.battery(self.now_s, *self.battery)
             self.check()
         return self
 
@@ -61,22 +63,9 @@ def test_nothing_is_wrong_while_all_is_there():
     assert health.values["charge"].startswith("not watched")
 
 
-def test_what_was_never_there_is_not_missed():
-    observed = Observed(doing=IDLE)
-    observed.fixes = observed.records = False
-    observed.run(1000)
-    assert observed.events == []
-
-
 def test_each_cause_has_a_text_and_a_remedy():
     assert set(FAILSAFES) == set(Cause)
     assert all(row.about and row.remedy for row in FAILSAFES.values())
-
-
-def test_an_ignored_cause_is_no_alarm():
-    observed = Observed(responses={Cause.OUTSIDE: Response.IGNORE}).run(1)
-    observed.watch.report(Cause.OUTSIDE, "wrong")
-    assert observed.watch.check(observed.now_s, IDLE) == ()
 
 
 @pytest.mark.parametrize("away_m", [16.0, 30.0, 60.0, 2000.0])
@@ -86,19 +75,6 @@ def test_fixes_that_agree_on_another_place(away_m):
     observed.run(13)
     assert observed.on() & {Cause.RELOCATED, Cause.SPEED}
     assert observed.watch.responses[Cause.RELOCATED] is Response.PAUSE
-    observed.run(30)
-    assert observed.on() == set()
-
-
-@pytest.mark.parametrize("driving", [False, True])
-def test_frozen_fixes_of_a_driving_robot(driving):
-    observed = Observed(doing=Doing(under_way=True, driving=driving))
-    observed.frozen = True
-    observed.run(int(LIMITS.fix_frozen_s))
-    assert observed.on() == set()
-    observed.run(5)
-    assert observed.on() == ({Cause.FIX_FROZEN} if driving else set())
-    observed.frozen = False
     observed.run(30)
     assert observed.on() == set()
 
@@ -258,19 +234,6 @@ def test_speed():
     assert observed.events[0].response is Response.PAUSE
 
 
-def test_old_fix():
-    observed = Observed().run(5)
-    observed.fixes = False
-    observed.run(10)
-    assert observed.alarms == []
-    observed.run(1)
-    assert observed.alarms == ["fix_old"]
-    assert observed.events[0].response is Response.HOLD
-    observed.fixes = True
-    observed.run(11)
-    assert observed.overs == ["fix_old"]
-
-
 def test_places_that_come_too_late_make_the_last_one_old():
     observed = Observed().run(5)
     observed.fixes = False
@@ -292,198 +255,95 @@ def test_silence_needs_checks_and_not_only_time():
     assert observed.alarms == []
 
 
-def test_old_records_only_in_a_mission():
-    observed = Observed(doing=IDLE).run(20)
-    observed.records = False
-    observed.run(100)
-    assert observed.alarms == []
+# Courses: what changes, the seconds that pass then, and the alarms that begin (+) and end (-) meanwhile
+
+
+def now(**values):
+    """A change of what the robot has; of its activity where that has the name."""
+
+    def change(observed):
+        does = {name: value for name, value in values.items() if hasattr(observed.doing, name)}
+        observed.doing = replace(observed.doing, **does)
+        vars(observed).update({name: value for name, value in values.items() if name not in does})
+
+    return change
+
+
+def heard(name, **values):
+    return lambda observed: (observed.watch.hear(name, observed.now_s), now(**values)(observed))
+
+
+def absent(observed):
+    observed.watch.operator_absent(observed.now_s)
     observed.doing = MISSION
-    observed.run(61)
-    assert observed.alarms == []
-    observed.run(1)
-    assert observed.alarms == ["records_old"]
-    assert observed.events[0].response is Response.WARN
-    observed.doing = IDLE
-    observed.run(12)
-    assert observed.overs == ["records_old"]
 
 
-def test_a_dead_mapper():
-    observed = Observed().run(100)
-    observed.maps = False
-    observed.run(9 + 301)
-    assert observed.alarms == []
-    observed.run(10)
-    assert observed.alarms == ["map_old"]
-    observed.maps = True
-    observed.run(21)
-    assert observed.overs == ["map_old"]
+NAN, NOTHING = math.nan, now()
+DEMANDED = {"responses": {Cause.OPERATOR_GONE: Response.HOLD}}
+COURSES = {
+    "what was never there is not missed": ({"doing": IDLE}, [(now(fixes=False, records=False), 1000, "")]),
+    "fixes": ({}, [(NOTHING, 5, ""), (now(fixes=False), 10, ""), (NOTHING, 1, "+fix_old"),
+                   (now(fixes=True), 11, "-fix_old")]),
+    "frozen fixes": ({}, [(now(frozen=True, driving=True), 12, ""), (NOTHING, 5, "+fix_frozen"),
+                          (now(frozen=False), 30, "-fix_frozen")]),
+    "frozen fixes of a robot that stands": ({}, [(now(frozen=True), 60, "")]),
+    "records, only in a mission": ({"doing": IDLE}, [
+        (NOTHING, 20, ""), (now(records=False), 100, ""), (now(under_way=True), 61, ""),
+        (NOTHING, 1, "+records_old"), (now(under_way=False), 12, "-records_old")]),
+    "a dead mapper": ({}, [(NOTHING, 100, ""), (now(maps=False), 310, ""), (NOTHING, 10, "+map_old"),
+                           (now(maps=True), 21, "-map_old")]),
+    **{name: ({"doing": IDLE}, [
+        (NOTHING, 30, ""), (heard(name), 30, ""), (heard(name, under_way=True), 10, ""), (NOTHING, 1, f"+{cause}"),
+        (heard(name), 9, ""), (heard(name), 3, f"-{cause}")])
+       for name, cause in (("watchdog", "watchdog_silent"), ("operator", "operator_gone"))},
+    "an operator who is demanded": ({"doing": IDLE, **DEMANDED}, [
+        (NOTHING, 3, "+operator_gone"), (heard("operator"), 10, "-operator_gone"),
+        (NOTHING, 5, "+operator_gone")]),
+    "a released switch is no absent one": ({"doing": IDLE}, [(NOTHING, 3, ""), (absent, 12, "+operator_gone")]),
+    "a navigation that goes away with a goal": ({"doing": replace(MISSION, waiting_for="the navigation /nav")}, [
+        (NOTHING, 100, ""), (now(driving=True), 12, "+navigation_silent"), (now(driving=False), 100, ""),
+        (now(waiting_for=""), 12, "-navigation_silent")]),
+    "feedback": ({"doing": replace(MISSION, driving=True)}, [
+        (NOTHING, 100, ""), (now(feedback_age_s=9.0), 1, ""),
+        (now(feedback_age_s=11.0), 1, "+navigation_silent")]),
+    "charge": ({}, [
+        (now(battery=(0.26, NAN)), 3, ""), (now(battery=(0.24, NAN)), 2, ""), (now(battery=(0.26, NAN)), 3, ""),
+        (now(battery=(0.24, NAN)), 3, "+battery_low"), (now(battery=(0.28, NAN)), 20, ""),
+        (now(battery=(0.09, NAN)), 3, "+battery_empty"),
+        (now(battery=(0.9, NAN)), 20, "-battery_low -battery_empty")]),
+    "a low voltage with a good charge": ({"limits": WatchLimits(battery_low_v=46.0)}, [
+        (now(battery=(0.8, 45.5)), 3, "+battery_low"), (now(battery=(0.8, NAN)), 30, ""),
+        (now(battery=(0.8, 49.0)), 20, "-battery_low")]),
+    "no limits of the battery": ({"limits": WatchLimits(battery_low=0.0, battery_empty=0.0)}, [
+        (now(battery=(0.0, NAN)), 3, "")]),
+    "a silent battery": ({"doing": IDLE}, [
+        (now(battery=(0.43, 48.0)), 1, ""), (now(battery=()), 1000, ""),
+        (now(under_way=True, battery=(NAN, 46.5)), 1, ""), (now(battery=(NAN, NAN)), 60, ""),
+        (NOTHING, 1, "+battery_silent"), (now(battery=(NAN, 46.5)), 11, "-battery_silent")]),
+    "reserve of time": ({"doing": replace(MISSION, way_home_s=300.0, time_left_s=301.0)}, [
+        (NOTHING, 5, ""), (now(time_left_s=299.0), 1, "+reserve"), (now(going_home=True), 12, "-reserve")]),
+    "reserve of charge": ({
+        "limits": WatchLimits(battery_silent_s=0.0), "doing": replace(MISSION, way_home_s=7300.0),
+    }, [
+        (NOTHING, 1, ""), (now(battery=(0.6, NAN)), 3, ""), (now(battery=()), 3597, ""),
+        (now(battery=(0.5, NAN)), 3, ""), (now(battery=()), 3597, ""), (now(battery=(0.4, NAN)), 3, ""),
+        (now(battery=()), 3597, "+reserve")]),
+}  # fmt: skip
+TEXTS = {"reserve of charge": "the charge is 30%, and", "charge": "the battery is at 24%",
+         "feedback": "no feedback of the navigation for 11 s",
+         "a silent battery": "no state of the battery for 61 s; the last one was 43%"}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "cause", "response"),
-    [("watchdog", "watchdog_silent", Response.WARN), ("operator", "operator_gone", Response.WARN)],
-)
-def test_who_was_there_is_missed_in_a_mission_only(name, cause, response):
-    observed = Observed(doing=IDLE).run(30)
-    observed.watch.hear(name, observed.now_s)
-    observed.run(30)
-    assert observed.alarms == []
-    observed.doing = MISSION
-    observed.watch.hear(name, observed.now_s)
-    observed.run(10)
-    assert observed.alarms == []
-    observed.run(1)
-    assert [(one.cause, one.response) for one in observed.events] == [(cause, response)]
-    observed.watch.hear(name, observed.now_s)
-    observed.run(9)
-    observed.watch.hear(name, observed.now_s)
-    observed.run(3)
-    assert observed.overs == [cause]
-
-
-def test_an_operator_who_is_demanded_is_missed_before_a_mission_and_if_none_ever_was():
-    observed = Observed(doing=IDLE, responses={Cause.OPERATOR_GONE: Response.HOLD}).run(3)
-    assert observed.alarms == ["operator_gone"]
-    observed.watch.hear("operator", observed.now_s)
-    observed.run(10)
-    assert observed.overs == ["operator_gone"]
-    observed.run(5)
-    assert observed.alarms == ["operator_gone"] * 2
-    unasked = Observed(doing=IDLE).run(3)
-    unasked.watch.operator_absent(unasked.now_s)
-    unasked.doing = MISSION
-    unasked.run(12)
-    assert unasked.alarms == ["operator_gone"], "a released switch is no absent one"
-
-
-def test_navigation_that_goes_away_with_a_goal():
-    observed = Observed(doing=replace(MISSION, waiting_for="the navigation /nav")).run(100)
-    assert observed.alarms == [], "nothing drives the robot"
-    observed.doing = replace(observed.doing, driving=True)
-    observed.run(12)
-    assert observed.alarms == ["navigation_silent"]
-    assert "the navigation /nav" in observed.events[0].reason
-    observed.doing = replace(observed.doing, driving=False)
-    observed.run(100)
-    assert observed.overs == [], "the goal was cancelled because of it, and it is still not there"
-    observed.doing = replace(observed.doing, waiting_for="")
-    observed.run(12)
-    assert observed.overs == ["navigation_silent"]
-
-
-def test_navigation_without_feedback():
-    observed = Observed(doing=replace(MISSION, driving=True)).run(100)
-    assert observed.alarms == [], "this one sends no feedback"
-    observed.doing = replace(observed.doing, feedback_age_s=9.0)
-    observed.run(1)
-    assert observed.alarms == []
-    observed.doing = replace(observed.doing, feedback_age_s=11.0)
-    observed.run(1)
-    assert observed.alarms == ["navigation_silent"]
-    assert observed.events[0].reason == "no feedback of the navigation for 11 s"
-
-
-def drain(observed, charge, volts=math.nan, times=3):
-    for _ in range(times):
-        observed.watch.battery(observed.now_s, charge, volts)
-        observed.run(1)
-
-
-def test_battery_low_and_empty():
-    observed = Observed()
-    drain(observed, 0.26)
-    drain(observed, 0.24, times=2)
-    drain(observed, 0.26)
-    assert observed.alarms == [], "a peak load"
-    drain(observed, 0.24)
-    assert observed.alarms == ["battery_low"]
-    assert observed.events[0].response is Response.RETURN
-    assert observed.events[0].reason == "the battery is at 24%"
-    drain(observed, 0.28, times=20)
-    assert observed.overs == [], "not yet charged"
-    drain(observed, 0.09)
-    assert observed.alarms == ["battery_low", "battery_empty"]
-    assert observed.events[1].response is Response.ABORT
-    drain(observed, 0.9, times=20)
-    assert observed.overs == ["battery_low", "battery_empty"]
-
-
-def test_a_low_voltage_with_a_good_charge():
-    observed = Observed(WatchLimits(battery_low_v=46.0))
-    drain(observed, 0.8, 45.5)
-    drain(observed, 0.8, times=30)
-    assert (observed.alarms, observed.overs) == (["battery_low"], [])
-    drain(observed, 0.8, 49.0, times=20)
-    assert observed.overs == ["battery_low"]
-
-
-@pytest.mark.parametrize("between", [1, 2, 5])
-def test_messages_with_either_charge_or_voltage(between):
-    """A charge comes now and then, with a voltage in between: that is no charged battery."""
-    observed = Observed()
-    for time in range(3):
-        assert observed.alarms == [], f"{time} messages with a low charge"
-        drain(observed, 0.24, times=1)
-        drain(observed, math.nan, 48.0, times=between)
-    assert observed.alarms == ["battery_low"]
-    drain(observed, math.nan, 48.0, times=30)
-    drain(observed, math.nan, times=30)
-    assert observed.overs == []
-    drain(observed, 0.9, times=20)
-    assert observed.overs == ["battery_low"]
-
-
-def test_a_limit_of_zero_ignores_the_battery():
-    observed = Observed(WatchLimits(battery_low=0.0, battery_empty=0.0))
-    drain(observed, 0.0)
-    assert observed.alarms == []
-
-
-@pytest.mark.slow
-def test_reserve_of_charge():
-    """10 % an hour: 40 % suffice for a way home of two hours, 30 % do not."""
-    observed = Observed(WatchLimits(battery_silent_s=0.0), doing=replace(MISSION, way_home_s=7300.0))
-    observed.run(1)
-    drain(observed, 0.6)
-    for hour in (1, 2):
-        observed.run(3600 - 3)
-        drain(observed, 0.6 - 0.1 * hour)
-    assert observed.alarms == []
-    observed.run(3600 - 3)
-    drain(observed, 0.3)
-    assert observed.alarms == ["reserve"]
-    assert "the charge is 30%, and" in observed.events[0].reason
-
-
-@pytest.mark.parametrize(("charge", "volts", "last"), [(0.43, 48.0, "43%"), (math.nan, 46.5, "46.5 V")])
-def test_a_silent_battery(charge, volts, last):
-    observed = Observed(doing=IDLE)
-    drain(observed, charge, volts, times=1)
-    observed.run(1000)
-    assert observed.alarms == [], "there is no mission"
-    observed.doing = MISSION
-    drain(observed, charge, volts, times=1)
-    drain(observed, math.nan, times=58)
-    assert observed.alarms == []
-    drain(observed, math.nan, times=3)
-    assert observed.alarms == ["battery_silent"]
-    assert observed.events[0].response is Response.WARN
-    assert observed.events[0].reason == f"no state of the battery for 61 s; the last one was {last}"
-    drain(observed, charge, volts, times=11)
-    assert observed.overs == ["battery_silent"]
-
-
-def test_reserve_of_time():
-    observed = Observed(doing=replace(MISSION, way_home_s=300.0, time_left_s=301.0)).run(5)
-    assert observed.alarms == []
-    observed.doing = replace(observed.doing, time_left_s=299.0)
-    observed.run(1)
-    assert observed.alarms == ["reserve"]
-    assert observed.events[0].response is Response.RETURN
-    observed.doing = replace(observed.doing, going_home=True)
-    observed.run(12)
-    assert observed.overs == ["reserve"]
+@pytest.mark.parametrize("name", COURSES)
+def test_what_is_missing_or_low_is_an_alarm_until_it_is_over_for_some_time(name):
+    given, steps = COURSES[name]
+    observed = Observed(**given)
+    for change, seconds, expected in steps:
+        change(observed)
+        before = len(observed.events)
+        observed.run(seconds)
+        assert " ".join(("+-"[isinstance(e, AlarmOver)]) + e.cause for e in observed.events[before:]) == expected
+    assert not observed.events or observed.events[0].reason.startswith(TEXTS.get(name, ""))
 
 
 def test_a_cause_of_others_and_one_of_a_moment():

@@ -16,7 +16,6 @@ from soilmoist_ros.exploration.mission.events import (
     Command,
     Finish,
     GoalFailed,
-    GoalReached,
     GoTo,
     Moved,
     PlanFailed,
@@ -556,14 +555,6 @@ def test_after_a_cancel_without_a_result_nothing_is_sent_before_the_end_is_known
     assert driver.mission.status.needs_operator
     driver.send(Moved, 3.0, 0.0, after=1.0)
     assert driver.send(GoalFailed, 1, "cancelled").kinds() == [RequestPlan, Publish]
-
-
-def test_a_mission_that_stays_does_not_wait_for_the_end_of_its_goal():
-    driver = Driver().travelling().command("pause")
-    assert driver.send(Tick, after=29.0).kinds() == []
-    assert driver.send(Tick, after=1.0).phase is Phase.PAUSED
-    assert "was not reported in 30 s" in driver.reason
-    assert driver.send(GoalReached, 1, EAST.x_m, EAST.y_m).kinds() == []
 
 
 def test_planning_that_fails_or_hangs_is_repeated_then_handed_to_the_operator():

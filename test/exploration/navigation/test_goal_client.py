@@ -205,19 +205,6 @@ def test_already_there_needs_no_goal_unless_another_one_may_still_drive():
     assert client.ended(2, CANCELED, False, 3.0) == (SendGoal(3, A),)
 
 
-@pytest.mark.parametrize("at", ["driving", "checking"])
-def test_after_a_cancellation_no_further_way_point_is_sent(at):
-    client = client_with_goal(A, B)
-    if at == "checking":
-        client.ended(1, SUCCEEDED, True, 1.0)
-        assert outcomes(client.cancel(1, 1.1)) == [Outcome.CANCELED]
-    else:
-        assert client.cancel(1, 1.0) == (CancelSent(1, True),)
-        assert outcomes(client.ended(1, SUCCEEDED, True, 1.1)) == [Outcome.CANCELED]
-    assert client.moved((0.0, 0.0), 2.0) == ()
-    assert client.tick(1, 3.0) == ()
-
-
 def test_a_way_point_that_fails_ends_the_goal():
     client = client_with_goal(A, B)
     (end,) = client.ended(1, ABORTED, False, 5.0, "no valid path (code 208)")

@@ -112,16 +112,6 @@ def test_without_a_plausible_place_nothing_is_published_until_there_is_one():
     assert client.caution == ""
 
 
-def test_positions_that_stopped_coming_are_no_place():
-    client = make()
-    client.go(1, TO_GOAL)
-    drive(client, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
-    assert client.tick(False, 7.0) == ()
-    assert client.cancel(1) == ()
-    assert "could not be stopped" not in client.caution
-    assert "is not asked to stop" in client.caution
-
-
 def test_a_navigation_with_an_action_is_stopped_by_cancelling_its_goals():
     client = make()
     client.go(1, TO_GOAL)
@@ -227,13 +217,6 @@ def test_a_jump_is_left_out_however_often_it_is_repeated():
     made = track((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), *far)
     assert made.place is None, "the last plausible place is too old by now"
     assert track((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), far[0]).place == (0.0, 0.0)
-
-
-def test_a_robot_that_was_carried_away_is_believed_in_the_end():
-    made = track((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
-    for number in range(60):
-        made.moved((60.0, 0.0), 10.0 + number)
-    assert made.place == (60.0, 0.0)
 
 
 def test_age():
