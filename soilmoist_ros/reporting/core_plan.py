@@ -34,8 +34,6 @@ from soilmoist_ros.reporting.page.statistics import MAX_UNUSABLE
 Array = NDArray[np.float64]
 N0_SD = math.hypot(sensing.GENERAL_SD, sensing.SCALING_SD, sensing.GIVEN_SD)
 """Standard deviation of log N0 where the run knows none: that of the general calibration of a given sensor."""
-SHAPE_SHARE = 0.25
-"""Worth of a share of the density's variance relative to that of the level's: the level comes first."""
 MAX_CANDIDATES, MAX_SAMPLES = 600, 2000
 """Number of cells, about, among which places are chosen, every second or third ... of larger maps; and of samples
 up to which errors of the map are correlated between places."""
@@ -89,51 +87,23 @@ class CorePlan:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class LevelModel:
-    """Linear Gaussian model of the evidence about the level in one core at each of n candidates.
+class LevelModel(NamedTuple):
+    """Evidence about the level in one core at each of n candidates; all errors are normal.
 
     :param map_covariance: covariance of the errors of the logarithm of the map's rate, shape (n, n)
     :param core_variance: variance of log N0 from the core alone, shape (n,)
-    :param density_effect: d(log N0)/d(bulk density) at the moisture of each candidate, shape (n,) [1/(g/cm^3)]
     :param prior_sd: standard deviation of log N0 before the cores
-    :param density_sd: standard deviation of the bulk density before the cores [g/cm^3]
     """
 
     map_covariance: Array
     core_variance: Array
-    density_effect: Array
     prior_sd: float
-    density_sd: float = sensing.PROFILE_DENSITY_SD_GCM3
-
-    def start(self) -> Array:
-        """Prior covariance of log N0, the bulk density, and log N0 as the map shows it at each candidate."""
-        design = np.vstack([np.eye(2), [(1.0, effect) for effect in self.density_effect]])
-        covariance = design * [self.prior_sd**2, self.density_sd**2] @ design.T
-        covariance[2:, 2:] += self.map_covariance
-        return np.asarray(covariance)
-
-    def gain(self, covariance: Array) -> Array:
-        """Expected drop of the variances of level and density relative to their priors, weighed; shape (n,)."""
-        variance = np.diag(covariance)[2:] + self.core_variance
-        worth = np.array([1 / self.prior_sd**2, SHAPE_SHARE / self.density_sd**2])
-        return np.asarray(worth @ covariance[:2, 2:] ** 2 / variance)
-
-    def after(self, covariance: Array, candidate: int) -> Array:
-        """Covariance after cores at a candidate; their density is weighed, too."""
-        for row, noise in (
-            (candidate + 2, self.core_variance[candidate]),
-            (1, sensing.PROFILE_DENSITY_SD_GCM3**2),
-        ):
-            gained = covariance[row]
-            covariance = covariance - np.multiply.outer(gained, gained) / (gained[row] + noise)
-        return covariance
 
 
 def choose_places(
     model: LevelModel, xy_m: Array, vwc: Array, count: int, spacing_m: float, free: NDArray[np.bool_] | None = None
 ) -> tuple[list[int], list[float]]:
-    """Places of the largest gain, one after the other: a greedy design.
+    """Places that lower the variance of the level most, one after the other: a greedy design.
 
     Of two and more places, one is of the driest and one of the moistest third of the candidates: cores in one
     moisture only do not show a wrong curve.
@@ -147,12 +117,16 @@ def choose_places(
     free = np.ones(len(vwc), bool) if free is None else free
     low, high = np.quantile(vwc[free], [1 / 3, 2 / 3])
     missing = [vwc <= low, vwc >= high] if count > 1 else []
-    covariance, chosen, level_sd = model.start(), list[int](), list[float]()
+    # Of log N0, and of log N0 as the map shows it at each candidate.
+    covariance = np.pad(model.map_covariance, (1, 0)) + model.prior_sd**2
+    chosen, level_sd = list[int](), list[float]()
     while len(chosen) < count and free.any():
         wanted = free & np.logical_or.reduce(missing) if len(missing) >= count - len(chosen) else free
         allowed = wanted if wanted.any() else free
-        best = int(np.argmax(np.where(allowed, model.gain(covariance), -1.0)))
-        covariance = model.after(covariance, best)
+        gain = covariance[0, 1:] ** 2 / (np.diag(covariance)[1:] + model.core_variance)
+        best = int(np.argmax(np.where(allowed, gain, -1.0)))
+        row = covariance[best + 1]
+        covariance = covariance - np.multiply.outer(row, row) / (row[best + 1] + model.core_variance[best])
         chosen.append(best)
         level_sd.append(math.sqrt(covariance[0, 0]))
         missing = [mask for mask in missing if not mask[best]]
@@ -185,16 +159,13 @@ def plan_cores(source: RunSource, count: int) -> CorePlan:
     vwc = np.nan_to_num(curve.vwc(rate), nan=limits.saturation)  # below the curve, as on the map
     xy, vwc = xy[kept], np.clip(vwc, DRIEST, limits.saturation)
     per_level = _per_level(curve, curve.rate_cps(vwc))
-    heavier = replace(curve, bulk_density_gcm3=curve.bulk_density_gcm3 + 1e-3)
-    effect = np.log(curve.rate_cps(vwc) / heavier.rate_cps(vwc)) / 1e-3
     known = curve.n0_sd_cps / curve.n0_cps
     if is_illustrative(about):
         notes.append("the calibration is a guess: so are the moistures, and any level that the pores allow may be")
         known = sensing.unknown_share(curve)
     if not known:
         notes.append(f"the error of N0 is not known: {100 * N0_SD:.1f} % is assumed, as between sites")
-    density_sd = curve.bulk_density_sd_gcm3 or sensing.PROFILE_DENSITY_SD_GCM3
-    model = LevelModel(covariance, (sensing.PROFILE_SD / per_level) ** 2, effect, known or N0_SD, density_sd)
+    model = LevelModel(covariance, (sensing.PROFILE_SD / per_level) ** 2, known or N0_SD)
     reach = ((about.get("map") or {}).get("sensed") or {}).get("radius_r86_m") or {}
     radius = float(reach.get("mean") or SHIELDED_M)
     if not reach.get("mean"):

@@ -198,7 +198,7 @@ def test_level_of_a_guess_is_not_known(make_run, the_map):
     assert "N0 is a guess" in found.text
     assert found.largest == N0
     assert "soil cores" in found.remedy
-    assert "<strong>unknown</strong>" in render_report(guess)
+    assert '<td class="n">unknown</td>' in render_report(guess)
     assert all(one.level == 0 for one in found.parts)
 
 

@@ -35,15 +35,9 @@ from soilmoist_ros.simulation import MissionSettings, simulate_mission
 UNIT = sensing.CalibrationCurve(1.0, 1.4)
 
 
-def per_level(curve, vwc):
-    rate = curve.rate_cps(vwc)
-    return -curve.slope(rate) * rate
-
-
 def model_of(curve, vwc, covariance):
-    heavier = replace(curve, bulk_density_gcm3=curve.bulk_density_gcm3 + 1e-3)
-    effect = np.log(curve.rate_cps(vwc) / heavier.rate_cps(vwc)) / 1e-3
-    return LevelModel(covariance, (sensing.PROFILE_SD / per_level(curve, vwc)) ** 2, effect, N0_SD)
+    rate = curve.rate_cps(vwc)
+    return LevelModel(covariance, (sensing.PROFILE_SD / (curve.slope(rate) * rate)) ** 2, N0_SD)
 
 
 # -- Design ----------------------------------------------------------------------------------------------------
@@ -70,7 +64,7 @@ def test_the_stated_error_is_that_of_the_regression():
     vwc, xy = np.linspace(0.1, 0.4, 12), rng.uniform(0, 100, (12, 2))
     root = 0.02 * rng.standard_normal((12, 12)) / 3
     covariance = root @ root.T
-    model = replace(model_of(UNIT, vwc, covariance), density_sd=1e-9)
+    model = model_of(UNIT, vwc, covariance)
     chosen, sd = choose_places(model, xy, vwc, 4, 0.0)
     of_core = covariance[np.ix_(chosen, chosen)] + np.diag(model.core_variance[chosen])
     assert sd[-1] == pytest.approx((np.linalg.inv(of_core).sum() + N0_SD**-2) ** -0.5)

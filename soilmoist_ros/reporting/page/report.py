@@ -46,7 +46,7 @@ from soilmoist_ros.reporting.page.frame import (
 )
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.statistics import covariate_importance, leave_one_out, truth_score
-from soilmoist_ros.reporting.page.variogram_charts import variogram_charts
+from soilmoist_ros.reporting.page.variogram_chart import sample_variogram, variogram_chart
 from soilmoist_ros.reporting.page.viewer import pictures, viewer_data
 from soilmoist_ros.reporting.page.wording import Fact, notes
 from soilmoist_ros.simulation import MissionResult, forecast_texts, mission_efficiency, series_columns
@@ -63,7 +63,7 @@ def write_report(path: Path, run: MapRun) -> Path:
 def render_report(run: MapRun) -> str:
     """The report as HTML."""
     found, still = irrigation(run), at_one_place(run)  # a probe that stays at one place has no map
-    variograms, curve = list(variogram_charts(run)), run.soil_map.curve
+    classes, curve = sample_variogram(run.soil_map), run.soil_map.curve
     return render_page(
         "report.html.j2", title=run.title, version=run.version, place=run.field_name,
         when=wording.survey_time(run), where=wording.place(run), simulated=run.simulated, run=run, curve=curve,
@@ -74,8 +74,7 @@ def render_report(run: MapRun) -> str:
         pictures=() if still else list(pictures(run)),
         budgets=[part for one in run.properties if (part := budget_part(one)) is not None],
         certified=certificate_text(run), earlier=earlier_part(run), mission=mission_part(run),
-        variograms=[chart for chart, _ in variograms],
-        classes=[classes for _, classes in variograms], charts=list(_charts(run)),
+        variogram=classes and variogram_chart(run.soil_map, classes), classes=classes, charts=list(_charts(run)),
         truths=[
             (one.label or one.name or "the map", truth_score(one.soil_map, one.truth_rate))
             for one in run.properties
@@ -111,7 +110,7 @@ def budget_part(run: MapRun) -> Part | None:
     level = "unknown" if moist and math.isnan(found.level_sd) else shown(found.level_sd)
     return Part(
         name=run.label or run.name, unit="% vol." if moist else "% of the rate",
-        rows=rows, sums=(level, shown(found.place_sd)), beyond=beyond, text=found.text,
+        rows=[*rows, ("Sum", "", level, shown(found.place_sd))], beyond=beyond, text=found.text,
         largest=found.largest, remedy=found.remedy,
     )  # fmt: skip
 

@@ -209,13 +209,12 @@ def test_fitted_variogram_and_truth(make_run, the_map):
         assert text in page.text
 
 
-def test_an_anisotropic_model_is_shown_along_both_directions(make_run, the_map):
+def test_an_anisotropic_model_has_its_range_in_both_directions(make_run, the_map):
     variogram = Variogram("spherical", 0.0, 20.0, 0.3, 4.0, 90.0)
     soil = make_soil_map(the_map.samples, the_map.grid, variogram, the_map.curve)
     page = Page(render_report(make_run(soil_map=soil)))
-    assert {"variogram", "variogram-2"} <= set(ids(page))
+    assert "variogram" in ids(page)
     assert "40.0 along 90°, 10.0 across" in page.text
-    assert "Along the longest range: 90° anticlockwise from east" in page.text
 
 
 def test_quarantined_records_are_shown_and_listed(make_run):
