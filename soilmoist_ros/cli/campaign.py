@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from soilmoist_ros.cli.answer import answering, current, echo, progress_bar, put, say, warn, wrote
-from soilmoist_ros.cli.options import Checked, confirmed, output_options, prepare_output
+from soilmoist_ros.cli.options import Checked, output_options, prepare_output
 from soilmoist_ros.foundation import THREADS, InputError
 
 if TYPE_CHECKING:
@@ -93,7 +93,6 @@ def _prepare(plan: Campaign, out: Path, overwrite: bool) -> None:
 
         prepare_output(out, overwrite)
         remove_earlier(out, earlier_outputs(out), ())
-    elif stored and stored.isdisjoint(mission.key for mission in missions(plan)):
-        held = "the results of another campaign"
-        if not (overwrite or confirmed(out, held)):
-            raise InputError(f"has {held}", "choose another output folder, or give --overwrite", out)
+    elif stored and stored.isdisjoint(mission.key for mission in missions(plan)) and not overwrite:
+        remedy = "choose another output folder, or give --overwrite"
+        raise InputError("has the results of another campaign", remedy, out)

@@ -139,7 +139,6 @@ def _prepare(out: Path, overwrite: bool) -> None:
         raise InputError(
             "has a recording that is not of a demo", "choose another folder: it is never replaced", out
         )
-    overwrite = overwrite or (recorded and options.confirmed(out, "the recording of a demo"))
     if recorded and not overwrite:
         raise InputError("has the recording of a demo", "choose another folder, or give --overwrite", out)
     options.prepare_output(out, overwrite)

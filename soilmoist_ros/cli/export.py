@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from soilmoist_ros.cli.answer import answering, warn, wrote
-from soilmoist_ros.cli.options import FILE, Checked, confirmed, overwrite_option
+from soilmoist_ros.cli.options import FILE, Checked, overwrite_option
 from soilmoist_ros.foundation import InputError, SoilmoistError
 
 
@@ -50,11 +50,8 @@ def command(run: Path, names: tuple[str, ...], out: Path | None, overwrite: bool
         raise InputError("no export is given", "name formats with --to; soilmoist list exports shows them")
     from soilmoist_ros.reporting import ExportSettings, export_run
 
-    def replaces(held: str) -> bool:
-        return overwrite or confirmed(out or run / "export", held)
-
     refused: list[str] = []
     settings = ExportSettings(**choices)
-    wrote(export_run(run, names, out, settings, lambda text: warn(f"note: {text}"), replaces, refused))
+    wrote(export_run(run, names, out, settings, lambda text: warn(f"note: {text}"), overwrite, refused))
     if refused:
         raise SoilmoistError(f"not written: {'; '.join(refused)}")

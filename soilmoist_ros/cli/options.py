@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
@@ -160,25 +159,10 @@ def overwrite_option(text: str) -> Callable[[Command], Command]:
 
 
 def prepare_output(out: Path, overwrite: bool) -> None:
-    """Check the output folder before the work; ask on a terminal before earlier results are replaced."""
-    from soilmoist_ros.reporting import require_free, require_writable, results_in
+    """Check the output folder before the work."""
+    from soilmoist_ros.reporting import require_free
 
-    if not overwrite:
-        require_writable(out)
-        overwrite = confirmed(out, results_in(out))
     require_free(out, overwrite)
-
-
-def confirmed(out: Path, held: str) -> bool:
-    """True if the user agrees, on a terminal, that results are replaced; false without a terminal.
-
-    :param held: the results, in words; empty if there is nothing to ask
-    """
-    if not held or not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return False
-    if click.confirm(f"{out} has {held}. Replace them?", err=True):
-        return True
-    raise InputError("nothing was changed", "choose another output folder", out)
 
 
 @contextmanager
@@ -248,7 +232,9 @@ def earlier_option(more: str = "") -> Callable[[Command], Command]:
         "Earlier run of the same field, whose counts inform this map: an output folder, a recording, or a folder "
         f"of runs. Repeatable.{more}"
     )
-    return click.option("--earlier", "earlier", type=Checked("run", Path, _require_runs), multiple=True, help=text)
+    return click.option(
+        "--earlier", "earlier", type=Checked("path", Path, _require_runs), multiple=True, metavar="RUN", help=text
+    )
 
 
 def covariate_option(more: str = "") -> Callable[[Command], Command]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.live_view import LiveMap as LiveMap, LiveMission as LiveMission, LiveRobot as LiveRobot
     from soilmoist_ros.reporting.moisture_steps import at_one_place as at_one_place, moisture_of_all as moisture_of_all, moisture_series as moisture_series
     from soilmoist_ros.reporting.opened_run import OpenedRun as OpenedRun, open_run as open_run
-    from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs, remove_earlier as remove_earlier, require_free as require_free, require_writable as require_writable, results_in as results_in
+    from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs, remove_earlier as remove_earlier, require_free as require_free
     from soilmoist_ros.reporting.outputs import mission_run as mission_run, write_failed as write_failed, write_mission as write_mission, write_outputs as write_outputs
     from soilmoist_ros.reporting.page.charts import Area as Area, Chart as Chart, ChartColour as ChartColour, Line as Line, Mark as Mark, limits_of as limits_of
     from soilmoist_ros.reporting.page.decision import decision as decision
@@ -47,7 +47,7 @@ _open, __dir__, __all__ = open_door(
         "live_view": "LiveMap LiveMission LiveRobot",
         "moisture_steps": "at_one_place moisture_of_all moisture_series",
         "opened_run": "OpenedRun open_run",
-        "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",
+        "output_folder": "earlier_outputs remove_earlier require_free",
         "outputs": "mission_run write_failed write_mission write_outputs",
         "page.charts": "Area Chart ChartColour Line Mark limits_of",
         "page.decision": "decision",

@@ -33,24 +33,7 @@ _LEFT_S = 3600.0
 _FURTHER = ("map_*.tif", "change.tif", "change_*.tif", "samples_*.geojson", "records_*.csv", "survey_*.tif")
 
 
-def require_writable(folder: Path) -> None:
-    """Check that a folder can be made or written, without making it.
-
-    :raises InputError: if it is a file, lies below a file, or must not be written
-    """
-    home = folder.absolute()
-    try:
-        while not home.exists() and home != home.parent:
-            home = home.parent
-        if not stat.S_ISDIR(home.stat().st_mode):
-            raise InputError("is a file, not a folder", "choose another output folder", home)
-        if not os.access(home, os.W_OK | os.X_OK):
-            raise InputError("must not be written", "choose another output folder", home)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
-
-
-def results_in(folder: Path) -> str:
+def _results_in(folder: Path) -> str:
     """The results of a run in a folder, in words for the user; empty if there are none.
 
     :raises InputError: if the folder has files with the names of results that no run of this package wrote
@@ -78,8 +61,17 @@ def require_free(folder: Path, overwrite: bool = False) -> None:
     :raises InputError: if the folder cannot be written, has results that must not be replaced, or has files of
         others with the names of results
     """
-    require_writable(folder)
-    if (held := results_in(folder)) and not overwrite:
+    home = folder.absolute()
+    try:
+        while not home.exists() and home != home.parent:
+            home = home.parent
+        if not stat.S_ISDIR(home.stat().st_mode):
+            raise InputError("is a file, not a folder", "choose another output folder", home)
+        if not os.access(home, os.W_OK | os.X_OK):
+            raise InputError("must not be written", "choose another output folder", home)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
+    if (held := _results_in(folder)) and not overwrite:
         remedy = "choose another output folder, or give --overwrite to replace them"
         raise InputError(f"has {held}", remedy, folder)
 

@@ -140,7 +140,8 @@ def samples_collection(run: MapRun) -> dict[str, Any]:
     """
     points = np.vstack([*rings(run.soil_map.grid), *run.tracks_xy, run.soil_map.samples.xy])
     features = [*_shape_features(run), *_sample_features(run)]
-    bbox = _bounding_box(run.frame, points)
+    places = _lon_lat(run.frame, points)
+    bbox = [*places.min(axis=0).tolist(), *places.max(axis=0).tolist()]
     return dict(jsonable({"type": "FeatureCollection", "bbox": bbox, "features": features}))
 
 
@@ -192,39 +193,16 @@ def _feature(key: str, kind: str, geometry: dict[str, Any], **about: Any) -> dic
     return {"type": "Feature", "id": key, "geometry": geometry, "properties": {"kind": kind, **about}}
 
 
-def _unwrapped(frame: LocalFrame, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Longitude and latitude (n, 2); longitudes are continuous about the datum and may exceed +-180."""
+def _lon_lat(frame: LocalFrame, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Longitude and latitude (n, 2) [deg]; longitudes are continuous about the datum, and may exceed +-180."""
     lat, lon = frame.to_geographic(xy_m).T
     lon = frame.longitude_deg + (lon - frame.longitude_deg + 180) % 360 - 180
-    return np.column_stack([lon, lat])
-
-
-def _lon_lat(frame: LocalFrame, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    lon_lat = _unwrapped(frame, xy_m)
-    lon_lat[:, 0] = (lon_lat[:, 0] + 180) % 360 - 180
-    return np.round(lon_lat, DIGITS)
-
-
-def _bounding_box(frame: LocalFrame, xy_m: NDArray[np.float64]) -> list[float]:
-    """West, south, east, north; west > east when the antimeridian lies between (RFC 7946, 5.2)."""
-    lon, lat = _unwrapped(frame, xy_m).T
-    west, east = ((value + 180) % 360 - 180 for value in (lon.min(), lon.max()))
-    return [round(float(value), DIGITS) for value in (west, lat.min(), east, lat.max())]
+    return np.round(np.column_stack([lon, lat]), DIGITS)
 
 
 def _geometry(frame: LocalFrame, shape: Any) -> dict[str, Any]:
-    """A local shape as GeoJSON geometry: right-hand rule, cut at the antimeridian (RFC 7946, 3.1.9)."""
-    from shapely import make_valid, transform
-    from shapely.geometry import box, mapping
+    """A local shape as GeoJSON geometry: right-hand rule."""
+    from shapely import transform
+    from shapely.geometry import mapping
 
-    there = transform(shape, lambda xy: _unwrapped(frame, xy))
-    if there.geom_type.endswith("Polygon"):
-        there = make_valid(there)  # about a pole the outline crosses itself
-    west, _, east, _ = there.bounds
-    if west < -180 or east > 180:
-        beyond = -360.0 if east > 180 else 360.0
-        world = box(-180, -90, 180, 90)
-        moved = transform(there, lambda ll: ll + np.array([beyond, 0.0]))
-        there = there.intersection(world).union(moved.intersection(world))
-    rounded = transform(there, lambda ll: np.round(ll, DIGITS))
-    return dict(mapping(right_handed(rounded)))
+    return dict(mapping(right_handed(transform(shape, lambda xy: _lon_lat(frame, xy)))))

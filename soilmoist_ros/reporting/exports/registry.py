@@ -109,7 +109,7 @@ def export_run(
     folder: Path | None = None,
     settings: ExportSettings | None = None,
     note: Callable[[str], None] = lambda text: None,
-    replaces: Callable[[str], bool] = lambda held: True,
+    overwrite: bool = True,
     refused: list[str] | None = None,
 ) -> list[Path]:
     """Export a run into files for other programs.
@@ -118,7 +118,7 @@ def export_run(
     :param names: names of exports, see :data:`EXPORTS`
     :param folder: folder for the files; made if missing; by default ``export`` in the folder of the run
     :param note: is called with what the user should know, such as what the run lacks
-    :param replaces: whether files of earlier exports, named in words, may be replaced; when all are complete
+    :param overwrite: whether other files of earlier exports may be replaced; when all are complete
     :param refused: gets the name of each export that the run does not allow, and the reason, while others are
         written; without a list, the first of them is an error
     :raises InputError: for an unknown name, a run without a map, exports that are all refused, a missing library,
@@ -149,7 +149,7 @@ def export_run(
                 refused.append(f"{name}: {error}")
         final = {path: target / path.relative_to(workshop) for path in paths}
         held = [end.name for path, end in final.items() if end.exists() and not cmp(path, end, shallow=False)]
-        if held and not replaces(f"{', '.join(held)} of an earlier export"):
+        if held and not overwrite:
             message = f"has {', '.join(held)} of an earlier export"
             raise InputError(message, "choose another folder, or give --overwrite to replace them", target)
         for path in final:
