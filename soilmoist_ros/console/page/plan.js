@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Plan: is everything ready, what is known before, and what is the next mission?
 
-import { fixed, said, t } from "./texts.js";
+import { said, t } from "./texts.js";
 import { sections, who } from "./link.js";
 import { checks } from "./checks.js";
 import { fieldFile, fieldIsUsed, renderFiles, renderOutline, startOutline } from "./outline.js";
@@ -24,17 +24,10 @@ function dwellText() {
   return value("dwell") === "fmi" ? `fmi:${number("dwell-by")}` : `ami:${number("dwell-by")}%`;
 }
 
-// A rule as the planner writes it, as a sentence.
-export function dwellWords(text = "") {
-  const [kind, amount] = text.split(":");
-  if (kind === "fmi") return t("dwell_words_fmi", { n: Number(amount) });
-  return kind === "ami" ? t("dwell_words_ami", { error: fixed(+(parseFloat(amount) * (text.endsWith("%") ? 1 : 100)).toPrecision(3), 1) }) : t("dwell_words_optimal");
-}
-
 // What is changed with "change": what differs from what the planner has.
 function changes() {
   const now = settings(), good = number("good") / 100;
-  const all = { hours: number("hours"), strategy: value("strategy"), dwell: dwellText(), until_sd: good, until_gain: number("gain") };
+  const all = { hours: number("hours"), strategy: value("strategy"), dwell: dwellText(), target: value("target"), until_sd: good, until_gain: number("gain") };
   const same = (name, one) => (name === "dwell" ? sameDwell(one, now.dwell) : typeof one === "number" ? Math.abs(one - now[name]) < 1e-9 : one === now[name]);
   return Object.fromEntries(Object.entries(all).filter(([name, one]) => !same(name, one)));
 }
@@ -116,6 +109,7 @@ function makeForm() {
     ...choice("strategy", t("strategy"), []),
     ...choice("dwell", t("dwell"), Object.keys(DWELLS).map((key) => [key, t(`dwell_${key}`)])),
     part("plan-dwell-part", ...input("dwell-by", "", { step: "any", min: "0.1" })),
+    ...choice("target", t("target"), []),
     element("details", {}, element("summary", {}, t("plan_more")),
       part("plan-more",
         ...input("good", "", { step: "any", min: "0", placeholder: t("never") }),
@@ -127,8 +121,9 @@ function prefill() {
   const now = settings();
   fill("plan-strategy", sections.choices?.strategies ?? [], () => (sections.choices?.strategies ?? []).map(([key, label], index) => element("option", { value: key }, index ? said(label) : t("recommended", { label: said(label) }))));
   if (now.hours === undefined) return;
+  fill("plan-target", now.targets ?? ["rate"], () => (now.targets ?? ["rate"]).map((key) => element("option", { value: key }, t(`target_${key}`))));
   const [kind, amount] = now.dwell.split(":");
-  const given = { hours: now.hours, strategy: now.strategy, dwell: kind, good: +(100 * now.until_sd).toPrecision(6) || "", gain: now.until_gain || "" };
+  const given = { hours: now.hours, strategy: now.strategy, target: now.target, dwell: kind, good: +(100 * now.until_sd).toPrecision(6) || "", gain: now.until_gain || "" };
   if (amount) given["dwell-by"] = kind === "ami" ? +(100 * amount).toPrecision(6) : amount;
   for (const [name, one] of Object.entries(given)) {
     const node = $(`plan-${name}`);

@@ -5,13 +5,11 @@
 import { fixed, forPerson, language, languages, loadRare, said, t } from "./texts.js";
 import { command, connect, connected, emergency, listen, lost, nowS, sections, silence, takeControls, valuesAt } from "./link.js";
 import { draft, draw, fit, insideOf, load, mark, onPlace, showLayer, shownLayer, showRobot, zoom } from "./map.js";
-import { addCorner, drawingBar, dwellWords, know, renderPlan, showChoices, startPlan } from "./plan.js";
+import { addCorner, drawingBar, know, renderPlan, showChoices, startPlan } from "./plan.js";
 import { renderResults, reportSince, showRuns, startResults } from "./results.js";
 import { $, button, duration, element, fill, guard, metres, setText, slide } from "./widgets.js";
 
 const OLD_S = 10, GONE_S = 30, SNAP_M = 12, RETRY_MS = 1000, LOOK_MS = 5000;
-const SETTINGS = [["hours", { type: "number", step: "0.1", min: "0.1" }], ["dwell"], ["strategy"], ["target"]];
-const DWELLS = ["optimal", "fmi:30", "fmi:60", "fmi:120", "fmi:300", "ami:5%", "ami:3%", "ami:2%"];
 const TABS = ["plan", "survey", "results"];
 let tab = "survey", robot = "", place = null, picking = false, stopping = null, noticeTimer = 0, wasStale = "", wasPressed = false, report = {}, lookedMs = 0;
 
@@ -279,7 +277,6 @@ function renderMission() {
   setText("ends", now?.running && now.left_s ? t("ends", { duration: duration(now.left_s) }) : "");
   setText("last-command", now?.last_command ? t("last_command", { command: said(now.last_command) }) : "");
   renderHome(now);
-  if (now?.settings?.dwell) renderChoices(now.settings);
   const ruled = sections[`ruled_out/${robot}`] ?? [];
   $("ruled-part").hidden = !ruled.length;
   fill("ruled", [ruled, maySteer()], () => ruled.map((polygon, index) => {
@@ -297,7 +294,6 @@ function renderMission() {
     [[up, "queue_up"], [down, "queue_down"], [remove, "queue_remove"]].forEach(([node, key]) => node.setAttribute("aria-label", `${name}: ${t(key)}`));
     return element("li", {}, name, up, down, remove);
   }));
-  $("change").hidden = !maySteer();
 }
 
 function renderHome(now) {
@@ -308,26 +304,6 @@ function renderHome(now) {
     button(t(now?.running ? "home_start" : "home_stands"), () => ask("change", { place: begun }), "", begun ? "" : t("not_seen")),
     button(t("home_tap"), () => { picking = true; render(); }),
   ]));
-}
-
-// What may be chosen instead of the present settings, in words.
-function renderChoices(now) {
-  const strategies = (sections.choices?.strategies ?? []).map(([key, text]) => [key, said(text)]), targets = (now.targets ?? ["rate"]).map((key) => [key, t(`target_${key}`)]);
-  const words = (list, key) => list.find(([one]) => one === key)?.[1] ?? key;
-  for (const [name, list] of [["dwell", DWELLS.map((key) => [key, dwellWords(key)])], ["strategy", strategies], ["target", targets]]) {
-    const present = name === "dwell" ? dwellWords(now[name]) : words(list, now[name]);
-    fill(`set-${name}`, [present, list], () => [["", t("as_it_is", { name: present })], ...list].map(([key, text]) => element("option", { value: key }, text)));
-  }
-}
-
-function settingsForm() {
-  const inputs = SETTINGS.map(([name, attributes]) => [name, element(attributes ? "input" : "select", { id: `set-${name}`, ...attributes })]);
-  $("settings").append(...inputs.flatMap(([name, input]) => [element("label", { for: input.id }, t(name)), input]), element("button", { type: "submit", class: "primary" }, t("change")));
-  $("settings").addEventListener("submit", async (event) => {
-    event.preventDefault();
-    const given = inputs.filter(([, input]) => input.value.trim()).map(([name, input]) => [name, input.type === "number" ? Number(input.value) : input.value.trim()]);
-    if (await ask("change", Object.fromEntries(given))) event.target.reset();
-  });
 }
 
 // Health, map, frame ---------------------------------------------------------------------------------------------------------
@@ -495,7 +471,6 @@ $("zoom-out").addEventListener("click", () => zoom(1 / 1.4));
 $("zoom-fit").addEventListener("click", fit);
 $("who").value = localStorage.getItem("who") || "";
 $("who").addEventListener("change", () => localStorage.setItem("who", $("who").value));
-settingsForm();
 onPlace(onMap);
 startPlan({ ask, ruleOut, open: (name) => { showTab(name); scrollTo(0, 0); }, notice, maySteer, mission, render, robot: () => robot });
 startResults({ notice, maySteer, know: (names) => { know(names); showTab("plan"); scrollTo(0, 0); $("known").open = true; $("known").scrollIntoView(); } });
