@@ -48,8 +48,8 @@ not watched: no message has come | {} m off its route{} | , {} so far | not sinc
 no plausible position for | no record for | the map has taken in no record for | no watchdog for |
 aborted the goal{} | ended the goal without success{} | the goal to {} | a goal of before |
 reported as reached, but {} | {} of the last {} records are quarantined{} |
-: datagrams of {} were refused; compare 'from' in the address {} | incoming intensity | none yet |
-age of the intensity [s] | last loss | last quarantine | age of the last record [s] |
+: datagrams of {} were refused; compare 'from' in the address {} |
+last loss | last quarantine | age of the last record [s] |
 : mixes the lines of {} senders ({}); name the right one in the address, such as {}from={} |
 not used: {}; check its high voltage and its cable | {}, and by this computer {} (UTC) |
 {} is not a valid name of a bag | use letters, digits, '_' and '-' | %s: %s deleted for space | bag writer |
