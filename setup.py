@@ -9,7 +9,7 @@ from setuptools import find_packages, setup
 
 NAME = "soilmoist_ros"
 NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console", "watchdog")
-BAGS = ["mcap>=1.2", "rosbags>=0.10", "lz4>=4.0", "zstandard>=0.20"]
+BAGS = ["mcap>=1.2", "rosbags>=0.11", "lz4>=4.0", "zstandard>=0.20"]
 TEST = ["pytest>=8", "pytest-xdist>=3.5", "hypothesis>=6.100", "mpmath>=1.3"]
 ROOT = Path(__file__).resolve().parent  # colcon build --symlink-install runs a link to this file
 VERSION_FILE = ROOT / NAME / "foundation" / "version.py"

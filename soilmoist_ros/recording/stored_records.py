@@ -113,7 +113,7 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountR
             try:
                 cloud = _store().deserialize_cdr(message.data, CLOUD)
                 if frame in ("", cloud.header.frame_id):
-                    records += count_records(cloud, len(records))
+                    records += count_records(cloud)
             except (ValueError, LookupError, TypeError, struct.error) as error:
                 _log.warning("%s: a message of %s is skipped: %s", path, message.topic.name, error)
     return records

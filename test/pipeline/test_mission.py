@@ -61,15 +61,14 @@ def message_of(status):
     return STORE.serialize_cdr(STORE.types[STATUS](0, "mission", "", "", values), STATUS)
 
 
-@pytest.mark.parametrize("storage", list(StoragePlugin))
 @pytest.mark.parametrize("step_s", [-1.5, -3600.0, 3600.0])
-def test_a_clock_that_is_set_does_not_divide_a_mission(tmp_path, storage, step_s):
+def test_a_clock_that_is_set_does_not_divide_a_mission(tmp_path, step_s):
     def status(used_s):
         now_s = START_S + used_s + (step_s if used_s > 40 else 0.0)
         return Status("counting", "", "a", 0.0, 0.0, 0.0, used_s, 0.0, 0.0, 0, 0.0, 0, now_s)
 
     mission = [status(float(used_s)) for used_s in range(60)]
-    with Writer(tmp_path / "bag", version=9, storage_plugin=storage) as writer:
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         topic = writer.add_connection("/mission", STATUS, typestore=STORE)
         for one in mission:
             writer.write(topic, int(one.stamp_s * 1e9), message_of(one))

@@ -134,18 +134,16 @@ def bag(path, types, topics, packed=True, **how):
                 made[topic] = made.get(topic) or writer.add_connection(topic, kind, typestore=types.store)
                 writer.write(made[topic], round(time_s * 1e9), types.data(message))
         return path
-    ros1 = types.ros == 1
     with path.open("wb") as file:
         writer = McapWriter(file, **how)
-        writer.start("ros1" if ros1 else "ros2")
+        writer.start("ros2")
         made = {}
         for topic, time_s, message in messages:
             kind = message.__msgtype__
             if topic not in made:
-                text, _ = types.store.generate_msgdef(kind, ros_version=types.ros)
-                name = kind.replace("/msg/", "/") if ros1 else kind
-                schema = writer.register_schema(name, "ros1msg" if ros1 else "ros2msg", text.encode())
-                made[topic] = writer.register_channel(topic, "ros1" if ros1 else "cdr", schema)
+                text, _ = types.store.generate_msgdef(kind, ros_version=2)
+                schema = writer.register_schema(kind, "ros2msg", text.encode())
+                made[topic] = writer.register_channel(topic, "cdr", schema)
             ns = round(time_s * 1e9)
             writer.add_message(made[topic], ns, types.data(message), ns)
         writer.finish()
@@ -164,7 +162,7 @@ KINDS = {
 NO_INDEX = {"use_chunking": False, "index_types": IndexType.NONE, "use_statistics": False}
 FILES = {
     "a.mcap": (2, {}), "lz4.mcap": (2, {"compression": CompressionType.LZ4}), "noindex.mcap": (2, NO_INDEX),
-    "ros1.mcap": (1, {}), "a.bag": (1, {}), "folder": (2, {}),
+    "a.bag": (1, {}), "folder": (2, {}),
 }  # fmt: skip
 
 
@@ -323,6 +321,7 @@ def test_older_bags_have_no_definitions(tmp_path, kind, code):
     (file,) = folder.glob("*.db3")
     with closing(sqlite3.connect(file)) as base, base:
         base.execute("DROP TABLE message_definitions")
+        base.execute("UPDATE schema SET schema_version = 3")
     found, said = run("check", "--log", file)
     assert found == code
     assert ("12 records at 53.27 N" if code == 0 else "has no definition of gps_msgs/msg/GPSFix") in said

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from types import MappingProxyType
 from typing import Any, Final, Protocol
 
@@ -41,9 +40,6 @@ _KINDS: Final = (
 REASONS: Final[Mapping[int, str]] = MappingProxyType({number: kind.value for number, kind in enumerate(_KINDS, 1)})
 """Reason codes by number. Bags hold the numbers: they never change, new ones are added at the end."""
 UNKNOWN_REASON: Final = "unknown_reason"  # reason code of a number that is not in the table, such as 0
-_MAX_RECORDS: Final = 10_000  # records of a message at most; a day has 8640. Drivers publish one in each message
-_MAX_IN_ALL: Final = 3_000_000
-"""Records of a bag at most, about a year of them: a small file could unpack to more than the memory has."""
 
 
 class PointCloud(Protocol):
@@ -62,10 +58,10 @@ class PointCloud(Protocol):
 def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
     """Points as a structured array of shape (height, width) with the message's fields.
 
-    :raises ValueError: if its data are too short, the datatype of a field is unknown, or fields overlap
+    :raises ValueError: if its data are too short, or the datatype of a field is unknown
     """
     order = ">" if cloud.is_bigendian else "<"
-    names, formats, offsets, places = [], [], [], []
+    names, formats, offsets = [], [], []
     for field in cloud.fields:
         kind = _TYPES.get(int(field.datatype))
         if kind is None:
@@ -73,10 +69,6 @@ def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
         names.append(field.name)
         formats.append((order + kind, (int(field.count),)) if int(field.count) > 1 else order + kind)
         offsets.append(int(field.offset))
-        places.append((offsets[-1], offsets[-1] + np.dtype(formats[-1]).itemsize))
-    places.sort()
-    if any(end > begin for (_, end), (begin, _) in pairwise(places)):
-        raise ValueError("its fields overlap")
     layout = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": int(cloud.point_step)})
     data = bytes(cloud.data)
     height, width = int(cloud.height), int(cloud.width)
@@ -88,18 +80,13 @@ def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
     return np.ndarray((height, width), layout, data, strides=(row_step, layout.itemsize)).copy()
 
 
-def count_records(cloud: PointCloud, had: int = 0) -> list[CountRecord]:
+def count_records(cloud: PointCloud) -> list[CountRecord]:
     """Counted records of a message of ``counts`` or, with a field ``reason``, ``quarantined_counts``.
 
-    Records of a message without ``stamp_offset_s`` get the stamp of the message. ``had`` records came before it.
+    Records of a message without ``stamp_offset_s`` get the stamp of the message.
 
-    :raises ValueError: if a field of counted records is missing, or it or the bag has too many
+    :raises ValueError: if a field of counted records is missing
     """
-    count = int(cloud.height) * int(cloud.width)
-    if count > _MAX_RECORDS:
-        raise ValueError(f"it has {count} records, more than {_MAX_RECORDS}")
-    if had + count > _MAX_IN_ALL:
-        raise ValueError(f"the bag has more than {_MAX_IN_ALL} records")
     table = points(cloud).ravel()
     names = table.dtype.names or ()
     missing = [name for name in _COUNTS if name not in names]

@@ -8,9 +8,8 @@ import json
 import os
 import re
 import sys
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from io import StringIO
 from pathlib import Path
@@ -23,7 +22,6 @@ from soilmoist_ros.foundation import InputError
 _SEPARATOR: Final = "=" * 80
 _PRIMITIVE: Final = re.compile(r"bool|byte|char|float(32|64)|u?int(8|16|32|64)|w?string")
 _FIELD: Final = re.compile(r"^\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]\w*")
-_MAX_FIELDS: Final = 100_000
 _TYPE: Final = re.compile(r"(\w+)/msg/(\w+)")
 INFINITE_NS: Final = 2**63 - 1  # an infinite duration, as ROS writes it [ns]
 
@@ -97,34 +95,6 @@ def _type_hash(path: Path, type_name: str) -> str:
         return ""  # distributions before Iron have none
 
 
-def require_small(types: Mapping[str, Any], names: Iterable[str]) -> None:
-    """Refuse types with very many fields: rosbags writes code for each element of a fixed array, and runs it."""
-    from rosbags.interfaces import Nodetype  # light: the recorder imports this module
-
-    sizes: dict[str, int] = {}
-
-    def fields_of(name: str) -> int:
-        if name not in sizes:
-            sizes[name] = max(1, sum(parts_of(*description) for _, description in types[name][1]))
-            if sizes[name] > _MAX_FIELDS:
-                raise ValueError(f"a {name} would have more than {_MAX_FIELDS:,} fields")
-        return sizes[name]
-
-    def parts_of(kind: Nodetype, about: Any) -> int:
-        if kind == Nodetype.NAME:
-            return fields_of(about)
-        if kind == Nodetype.BASE:
-            return 1
-        (inner, detail), length = about
-        if inner == Nodetype.BASE and detail[0] != "string":
-            return 1  # numbers are one numpy array, and need their bytes in the message
-        one = parts_of(inner, detail)
-        return int(length) * one if kind == Nodetype.ARRAY else one
-
-    for name in names:
-        fields_of(name)
-
-
 @dataclass(frozen=True)
 class Qos:
     """Quality of service, in the words of rosbag2; any word may also be ``system_default`` or ``unknown``.
@@ -185,17 +155,8 @@ class Extent:
         return self.end_ns - self.start_ns
 
 
-@dataclass
-class Content:
-    """Topics of a file, the number of messages of each by name, and all its messages."""
-
-    topics: list[Topic] = field(default_factory=list)
-    counts: Counter[str] = field(default_factory=Counter)
-    extent: Extent = field(default_factory=Extent)
-
-
 class BagMessage(NamedTuple):
-    """A message in CDR, with topic, type as in ROS 2, and the time of its receipt [ns since 1970-01-01 UTC]."""
+    """A message (CDR, or as in ROS 1) with topic, type, and the time of its receipt [ns since 1970-01-01 UTC]."""
 
     topic: str
     type_name: str
@@ -272,14 +233,24 @@ def to_yaml(content: object) -> str:
     return stream.getvalue()
 
 
+def qos_of(qos: Any) -> Qos:
+    """A quality of service as rosbags has read it."""
+    times = ((one.sec, one.nsec) for one in (qos.deadline, qos.lifespan, qos.liveliness_lease_duration))
+    deadline, lifespan, lease = (min(INFINITE_NS, sec * _GIGA + nsec) for sec, nsec in times)
+    words = (one.name.lower() for one in (qos.history, qos.reliability, qos.durability, qos.liveliness))
+    history, reliability, durability, liveliness = words
+    return Qos(history, qos.depth, reliability, durability, deadline, lifespan, liveliness, lease)
+
+
 @lru_cache(maxsize=256)
 def qos_from_yaml(text: str) -> tuple[Qos, ...]:
-    """Qualities of service from the text in a bag; numbers of older versions become words."""
-    from soilmoist_ros.foundation import parse_yaml
+    """Qualities of service from the text in a bag, empty if it is damaged."""
+    from rosbags.rosbag2.errors import ReaderError
+    from rosbags.rosbag2.metadata import parse_qos
 
     try:
-        return tuple(_qos(entry) for entry in parse_yaml(text) or ())
-    except (InputError, KeyError, TypeError, ValueError, AttributeError):
+        return tuple(map(qos_of, parse_qos(text)))
+    except (ReaderError, KeyError, TypeError, ValueError, AttributeError):
         return ()
 
 
@@ -309,37 +280,8 @@ def request_for(offered: Sequence[Qos]) -> Request:
     )
 
 
-_WORDS: Final = {
-    "history": {0: "system_default", 1: "keep_last", 2: "keep_all"},
-    "reliability": {0: "system_default", 1: "reliable", 2: "best_effort"},
-    "durability": {0: "system_default", 1: "transient_local", 2: "volatile"},
-    "liveliness": {0: "system_default", 1: "automatic", 3: "manual_by_topic"},
-}
-
-
-def _qos(entry: Mapping[str, Any]) -> Qos:
-    def word(key: str) -> str:
-        value = entry[key]
-        return value if isinstance(value, str) else _WORDS[key].get(value, "unknown")
-
-    return Qos(
-        word("history"),
-        int(entry["depth"]),
-        word("reliability"),
-        word("durability"),
-        _nanoseconds(entry["deadline"]),
-        _nanoseconds(entry["lifespan"]),
-        word("liveliness"),
-        _nanoseconds(entry["liveliness_lease_duration"]),
-    )
-
-
 def _duration(time_ns: int) -> dict[str, int]:
     return {"sec": time_ns // _GIGA, "nsec": time_ns % _GIGA}
-
-
-def _nanoseconds(duration: Mapping[str, int]) -> int:
-    return min(INFINITE_NS, duration["sec"] * _GIGA + duration["nsec"])
 
 
 def _span(extent: Extent) -> dict[str, dict[str, int]]:

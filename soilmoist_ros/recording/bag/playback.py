@@ -57,10 +57,13 @@ def _compiled(what: str, pattern: str) -> re.Pattern[str]:
 class Playback:
     """Messages of a bag whose topics match an expression, from a time after its beginning on [s].
 
-    :raises InputError: if the expression is invalid, no topic matches, or the bag ends before the start
+    :raises InputError: for a bag of ROS 1, an invalid expression, one that no topic matches, or a start after the
+        end
     """
 
     def __init__(self, reader: BagReader, topics: str = INPUTS, start_s: float = 0.0) -> None:
+        if reader.of_ros1:
+            raise InputError("is a bag of ROS 1", "convert it by rosbags-convert --src BAG --dst DIR", reader.path)
         self._reader = reader
         choice = TopicChoice(topics)
         chosen = {name: kind for name, kind in reader.topics.items() if kind != CLOCK and choice.wanted(name)}

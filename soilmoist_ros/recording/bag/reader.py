@@ -12,17 +12,29 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, Self
 
+from rosbags import rosbag1
+from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.messages import CLOUD, VISIT, count_records, quarantined_topic, visit_of
-from soilmoist_ros.recording.bag.metadata import BagMessage, Definition, Qos, joined, require_small
-from soilmoist_ros.recording.bag.ros1 import ROS1
-from soilmoist_ros.recording.bag.storage import FAULTS, Storage, listed_files, open_file, remedy_of
+from soilmoist_ros.recording.bag.metadata import BagMessage, Qos, joined, qos_of
+from soilmoist_ros.recording.bag.scan import McapScan
+from soilmoist_ros.recording.bag.storage import (
+    BagFileReader,
+    counts_of,
+    extent_of,
+    listed_files,
+    messages_of,
+    open_file,
+    remedy_of,
+    topic_name,
+)
 from soilmoist_ros.recording.run_folder import BAG_FILES
 from soilmoist_ros.sensing import CountRecord
 
+_HEADER: Final = "std_msgs/msg/Header"
 _SENTENCE: Final = "std_msgs/Header header\nstring sentence"
 GIVE: Final = "give the folder of a bag, or an MCAP, db3 or ROS 1 .bag file"
 
@@ -37,34 +49,37 @@ class BagReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._bags: list[list[Storage]] = []
+        self._bags: list[list[BagFileReader]] = []
         with ExitStack() as stack:  # closes the files of a bag that cannot be read
             try:
                 for bag in bags_of(path):
                     files = listed_files(bag) if bag.is_dir() else [bag]
                     self._bags.append([open_file(file, stack) for file in files])
-                contents = [storage.content for storages in self._bags for storage in storages]
-            except FAULTS as error:
+                readers = [reader for bag in self._bags for reader in bag]
+                self.extent = joined(list(map(extent_of, readers)))
+                """All messages."""
+            except Exception as error:  # a stranger's file: rosbags does not check everything
                 raise _damaged(path, error) from None
             self._stack = stack.pop_all()
+        self.of_ros1 = any(isinstance(reader, rosbag1.Reader) for reader in readers)
+        """True if the messages have the format of ROS 1, not CDR."""
         self.topics: dict[str, str] = {}
         """Names of topics, and their types."""
         self.offered: dict[str, tuple[Qos, ...]] = {}
         """Quality of service that the publishers of each topic offered, if the bag has it."""
         self.counts: Counter[str] = Counter()
         """Number of messages of each topic."""
-        self.extent = joined([content.extent for content in contents])
-        """All messages."""
-        self._definitions: dict[str, Definition] = {}
-        for content in contents:
-            self.counts.update(content.counts)
-            for topic in content.topics:
-                kind, had = topic.definition.type_name, self.offered.get(topic.name, ())
-                self.topics[topic.name] = kind
-                self.offered[topic.name] = had + tuple(qos for qos in topic.offered if qos not in had)
-                if topic.definition.text:
-                    self._definitions[kind] = topic.definition
-        self.definition_texts = {kind: definition.text for kind, definition in self._definitions.items()}
+        self._definitions: dict[str, MessageDefinition] = {}
+        for reader in readers:
+            self.counts.update(counts_of(reader))
+        for one in (connection for reader in readers for connection in reader.connections):
+            name = topic_name(one.topic)
+            self.topics[name], had = one.msgtype, self.offered.get(name, ())
+            profiles = map(qos_of, getattr(one.ext, "offered_qos_profiles", ()))
+            self.offered[name] = had + tuple(qos for qos in profiles if qos not in had)
+            if one.msgdef.data:
+                self._definitions[one.msgtype] = one.msgdef
+        self.definition_texts = {kind: definition.data for kind, definition in self._definitions.items()}
         """Definitions of types, with those of the types in them, if the bag has them."""
         self._types = get_typestore(Stores.EMPTY if self._definitions else Stores.ROS2_JAZZY)
         if not self._definitions:  # SQLite before ROS 2 Iron has none
@@ -73,21 +88,23 @@ class BagReader:
     def messages(self, topics: Sequence[str] | None = None, by_time: bool = True) -> Iterator[BagMessage]:
         """Messages of topics by their full names, or all, in the order of the times at which they were received.
 
-        Without ``by_time`` those of each bag come as they were written: another order if the clock was set back.
+        Without ``by_time`` those of MCAP come as they were written: another order if the clock was set back.
 
         :raises InputError: if the bag is damaged
         """
-        wanted = set(self.topics if topics is None else topics)
-        if not wanted & set(self.topics):
-            return
 
-        def of_bag(storages: list[Storage]) -> Iterator[BagMessage]:
-            for storage in storages:
-                yield from storage.messages(wanted, by_time)
+        def of_bag(readers: list[BagFileReader]) -> Iterator[BagMessage]:
+            for reader in readers:
+                path = Path(str(reader.path))
+                if by_time or path.suffix != ".mcap":
+                    yield from messages_of(reader, topics)
+                else:
+                    for one in McapScan(path).messages(topics):
+                        yield BagMessage(one.topic.name, one.topic.definition.type_name, one.log_ns, one.data)
 
         try:
             yield from merge(*map(of_bag, self._bags), key=attrgetter("log_ns"))
-        except FAULTS as error:
+        except Exception as error:  # a stranger's file: rosbags does not check everything
             raise _damaged(self.path, error) from None
 
     def decode(self, message: BagMessage) -> Any:
@@ -97,20 +114,18 @@ class BagReader:
             if message.type_name not in self._types.fielddefs:
                 remedy = "convert it to MCAP by 'ros2 bag convert' where ROS has this type"
                 raise InputError(f"has no definition of {message.type_name}", remedy, self.path)
-            return self._types.deserialize_cdr(message.data, message.type_name)
+            decoded = self._types.deserialize_ros1 if self.of_ros1 else self._types.deserialize_cdr
+            return decoded(message.data, message.type_name)
         except Exception as error:  # a stranger's definition and data: rosbags does not check everything
             raise _damaged(self.path, error) from None
 
     def _learn(self, type_name: str) -> None:
         definition = self._definitions.pop(type_name, None)
         if definition is not None:
-            new, known = _types_in(definition), get_typestore(Stores.ROS2_JAZZY).fielddefs
-            if definition.encoding == ROS1:  # its messages were converted to the types of ROS 2
-                new = {name: known.get(name, fields) for name, fields in new.items()}
-            for name in new.keys() & known.keys():
-                if new[name][1] != known[name][1]:  # who reads a message relies on the fields of its type
+            new, known = _types_in(definition, type_name), get_typestore(Stores.ROS2_JAZZY).fielddefs
+            for name in (new.keys() & known.keys()) - {_HEADER}:  # ROS 2 has dropped a number of the header
+                if str(new[name][1]) != str(known[name][1]):  # who reads a message relies on its fields
                     raise ValueError(f"its definition of {name} is not that of ROS 2")
-            require_small({**new, **self._types.fielddefs}, new)
             self._types.register({name: new[name] for name in new if name not in self._types.fielddefs})
 
     def find_topic(self, name: str, type_name: str) -> str:
@@ -150,7 +165,7 @@ class BagReader:
             try:
                 cloud = self.decode(message)
                 if frame in ("", cloud.header.frame_id.lstrip("/")):
-                    found += [(name, record) for record in count_records(cloud, len(found))]
+                    found += [(name, record) for record in count_records(cloud)]
             except ValueError as error:
                 remedy = "was it recorded by soilmoist_ros?"
                 raise InputError(f"{message.topic}: {error}", remedy, self.path) from None
@@ -205,18 +220,14 @@ def bags_of(path: Path) -> list[Path]:
     return found
 
 
-_MAX_DEFINITION: Final = 1 << 20
-
-
-def _types_in(definition: Definition) -> dict[str, Any]:
+def _types_in(definition: MessageDefinition, type_name: str) -> dict[str, Any]:
     """The types of a definition, by name."""
-    if len(definition.text) > _MAX_DEFINITION:
-        raise ValueError(f"the definition of {definition.type_name} is too long")
-    if definition.encoding != "ros2idl":
-        return dict(get_types_from_msg(definition.text, definition.type_name))
+    text = definition.data
+    if definition.format is not MessageDefinitionFormat.IDL:
+        return dict(get_types_from_msg(text, type_name))
     line = "=" * 80 + "\n"
-    parts = definition.text.split(line)[1:] if definition.text.startswith(f"{line}IDL: ") else []
-    texts = [part.partition("\n")[2] for part in parts] or [definition.text]
+    parts = text.split(line)[1:] if text.startswith(f"{line}IDL: ") else []
+    texts = [part.partition("\n")[2] for part in parts] or [text]
     return {name: fields for text in texts for name, fields in get_types_from_idl(text).items()}
 
 

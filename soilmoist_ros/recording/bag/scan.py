@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Read every complete message of an MCAP file, even if it is cut off or damaged; it may come from a stranger."""
+"""Read every complete message of an MCAP file, even if it is cut off or damaged, which no library does."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 from io import BytesIO
-from operator import attrgetter
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
@@ -20,28 +19,25 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema, Statistics
+from mcap.records import Channel, Schema
 
 from soilmoist_ros.recording.bag.metadata import Definition, TimedMessage, Topic, qos_from_yaml
+from soilmoist_ros.recording.bag.writer import is_being_written
 
 MAX_CHUNK_BYTES: Final = 64 << 20
-"""Largest chunk that is unpacked, and largest record that is read [bytes]; recorders write 1 to 8 MB."""
-_MAX_WAITING_BYTES: Final = 2 * MAX_CHUNK_BYTES
-_OVERHEAD: Final = 300  # memory of a message without its data [bytes]
+"""Larger chunks and records are damaged: recorders write 1 to 8 MB [bytes]."""
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _RECORD: Final = struct.Struct("<BQ")
 _CHUNK: Final = struct.Struct("<QQQII")
 _LENGTH: Final = struct.Struct("<Q")
 _MESSAGE: Final = struct.Struct("<HIQQ")
 _FOOTER: Final = struct.Struct("<QQI")
-_INDEX: Final = struct.Struct("<QQQ")
 _KNOWN: Final = frozenset(map(int, Opcode))
 _READ: Final = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
 _SKIPPED: Final = frozenset((Opcode.HEADER, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA))
 _A_CHUNK: Final = re.compile(rb"(?=\x06[\x00-\xff]{5}\x00{3})")  # opcode of a chunk, and a length below a terabyte
 _WINDOW: Final = 64 << 10  # part of a file in which a chunk is searched at once [bytes]
 _PIECE: Final = 1 << 20
-_MAX_SEARCHES: Final = 10_000  # places that look like a chunk and are unpacked after a damaged one
 _FAULTS: Final = (McapError, struct.error, ValueError, KeyError, MemoryError, OverflowError)
 
 Record = tuple[int, bytes]
@@ -97,56 +93,32 @@ class McapScan:
         """Size of the incomplete record at the end [bytes]."""
         self.damaged = 0
         """Places in the middle that cannot be read, or fail their checksum."""
-        self.too_large = 0
-        """Chunks that are too large to be read."""
-        self.statistics: Statistics | None = None
-        """Numbers of messages, from the end of a closed file."""
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._topics: dict[int, Topic] = {}
         self._undescribed: set[int] = set()
-        self._starts: dict[int, int] = {}
-
-    def topics(self) -> dict[int, Topic]:
-        """The topics that were described so far, by the number of their channel."""
-        return {number: topic for number in self._channels if (topic := self._topic(number)) is not None}
-
-    def read_summary(self) -> bool:
-        """Read topics and statistics at the end of a closed file; returns whether it has both."""
-        with self.path.open("rb") as file:
-            self._read_summary(_Bytes(file))
-        return self.statistics is not None
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[TimedMessage]:
         """Complete messages of topics, or of all, in the order of the file; ``OSError`` if it cannot be read."""
-        for _, records in self._pieces():
-            yield from self._messages(records, topics)
-
-    def sorted_messages(self, topics: Collection[str] | None = None) -> Iterator[TimedMessage]:
-        """Complete messages of topics, or of all, in the order of time, unless more than 128 MB are out of it."""
-        waiting: list[TimedMessage] = []
-        later, earliest_ns, size, latest_ns = dict[int, int](), 2**64, 0, 0
-        for at, records in self._pieces():
-            if not later:  # the earliest message in all later chunks, as the index claims
-                for place, start_ns in sorted(self._starts.items(), reverse=True):
-                    later[place], earliest_ns = earliest_ns, min(earliest_ns, start_ns)
-            for message in self._messages(records, topics):
-                waiting.append(message)
-                size += len(message.data) + _OVERHEAD
-                latest_ns = max(latest_ns, message.log_ns)
-            if latest_ns <= later.get(at, -1) or size > _MAX_WAITING_BYTES:
-                yield from sorted(waiting, key=attrgetter("log_ns"))
-                waiting, size = [], 0
-        yield from sorted(waiting, key=attrgetter("log_ns"))
-
-    def _messages(self, records: Iterable[Record], topics: Collection[str] | None) -> Iterator[TimedMessage]:
-        for opcode, body in records:
+        for opcode, body in self._records():
             message = self._take(opcode, body)
             if message is not None and (topics is None or message.topic.name in topics):
                 yield message
 
-    def _pieces(self) -> Iterator[tuple[int, Iterable[Record]]]:
-        """Place and records of each chunk; outside of chunks, of each record."""
+    def findings(self) -> list[str]:
+        """Problems of the file, in words; complete after the last message."""
+        name, found = self.path.name, []
+        if is_being_written(self.path):
+            found.append(f"{name} is still being recorded")
+        elif not self.finished:
+            cut = f"; its last {self.cut_bytes} bytes are an incomplete message" if self.cut_bytes else ""
+            found.append(f"{name} was not closed{cut}")
+        if self.damaged:
+            found.append(f"{name} is damaged in {self.damaged} place{'s'[: self.damaged > 1]}")
+        return found
+
+    def _records(self) -> Iterator[Record]:
+        """Records of chunks, and those outside of chunks."""
         with self.path.open("rb") as file:
             data = _Bytes(file)
             self._read_summary(data)
@@ -166,7 +138,7 @@ class McapScan:
                         continue
                     self.cut_bytes = data.size - at
                     if chunk is not None and not chunk.too_large:  # it was being written
-                        yield at, _split(_unpacked(data, chunk))
+                        yield from _split(_unpacked(data, chunk))
                     return
                 if opcode == Opcode.FOOTER:
                     self.cut_bytes = max(0, data.size - end - len(_MAGIC))
@@ -174,15 +146,14 @@ class McapScan:
                     return
                 if chunk is not None:
                     chunked = True
-                    records = None if chunk.too_large else _whole(data, chunk)
-                    self.too_large += chunk.too_large
-                    self.damaged += records is None and not chunk.too_large
-                    yield at, _split(records or b"")
+                    records = _whole(data, chunk)
+                    self.damaged += records is None
+                    yield from _split(records or b"")
                 elif opcode in _READ:
                     if chunked or in_summary or at == len(_MAGIC) or end - start > MAX_CHUNK_BYTES:
                         self.damaged += not in_summary
                     else:
-                        yield at, ((opcode, data.read(start, end)),)
+                        yield opcode, data.read(start, end)
                 elif opcode == Opcode.DATA_END:
                     in_summary = True
                 else:  # a record of the summary among the data was a chunk, or its index
@@ -202,16 +173,8 @@ class McapScan:
         if checksum and zlib.crc32(summary) != checksum:
             return
         for opcode, body in _split(summary):
-            try:
-                if opcode == Opcode.STATISTICS:
-                    self.statistics = Statistics.read(ReadDataStream(BytesIO(body)))
-                elif opcode == Opcode.CHUNK_INDEX:
-                    start_ns, _, place = _INDEX.unpack_from(body)
-                    self._starts[place] = start_ns
-                elif opcode != Opcode.MESSAGE:
-                    self._take(opcode, body)
-            except _FAULTS:
-                self.damaged += 1
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._take(opcode, body)
 
     def _take(self, opcode: int, body: bytes) -> TimedMessage | None:
         """The message of a record, or what it describes."""
@@ -293,7 +256,7 @@ def _unpacked(data: _Bytes, chunk: _Chunk) -> bytes:
 
 def _whole(data: _Bytes, chunk: _Chunk) -> bytes | None:
     """The records of a chunk that passes its checksum and has nothing else; ``None`` otherwise."""
-    records = _unpacked(data, chunk)
+    records = b"" if chunk.too_large else _unpacked(data, chunk)
     if len(records) != chunk.size or (chunk.checksum and zlib.crc32(records) != chunk.checksum):
         return None
     at = 0
@@ -319,16 +282,10 @@ def _split(data: bytes) -> Iterator[Record]:
 
 def _next_chunk(data: _Bytes, after: int) -> int | None:
     """Start of the next chunk that is complete and passes its checksum."""
-    tries = 0
     for begin in range(after, data.size, _WINDOW):
         for match in _A_CHUNK.finditer(data.read(begin, begin + _WINDOW + _RECORD.size - 1)):
             at = begin + match.start()
             chunk = _chunk_at(data, at + _RECORD.size)
-            if chunk is None or chunk.end > data.size or chunk.too_large or data.head(at)[1] != chunk.end:
-                continue
-            tries += 1
-            if tries > _MAX_SEARCHES:
-                return None
-            if _whole(data, chunk):
+            if chunk and data.head(at)[1] == chunk.end <= data.size and _whole(data, chunk):
                 return at
     return None

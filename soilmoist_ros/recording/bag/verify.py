@@ -20,27 +20,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.metadata import BagFile, Extent, TimedMessage, joined
+from soilmoist_ros.recording.bag.metadata import BagFile, BagMessage, Extent, TimedMessage, joined
 from soilmoist_ros.recording.bag.recorder import NUMBER, next_number
-from soilmoist_ros.recording.bag.ros1 import ROS1
 from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.storage import (
-    FAULTS,
     METADATA,
-    findings,
-    inside,
+    messages_of,
     open_file,
     plain_message,
     read_metadata,
     recorder_notes,
     remedy_of,
+    unpacked,
 )
 from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagWriter, is_being_written
 
 _PATTERNS: Final = ("*.bag", "*.mcap", "*.mcap.zstd", "*.db3", "*.db3.zstd")
 _STORAGES: Final = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "ROS 1"}
 _SUM: Final = re.compile(r"([0-9a-f]{64}) [ *]([^/\0]+)")
-_MAX_SUMS: Final = 1 << 20
 _SHORT_NS: Final = 1_000_000_000
 """A bag that is shorter than its metadata say by more than this lacks messages [ns]."""
 _REGULAR_FROM: Final = 10
@@ -105,36 +102,29 @@ def bag_info(path: Path) -> BagInfo:
     """
     times: dict[tuple[str, str], array[int]] = {}  # the numbers only: there may be many messages
     sizes: Counter[tuple[str, str]] = Counter()
+    paths = _files(path)
+    storage = _STORAGES[Path(_plain(paths[0].name)).suffix] if paths else "mcap"
+    files, problems = [], [f"{file.name} was not closed" for file in path.glob("*.bag.active")]
+    for file in paths:
+        extent = Extent()
+        try:
+            for name, kind, log_ns, data in _stored_messages(file, problems):
+                extent = extent.with_message(log_ns)
+                times.setdefault((name, kind), array("Q")).append(log_ns)
+                sizes[name, kind] += len(data)
+        except Exception as error:  # a stranger's file: rosbags does not check everything
+            if not path.is_dir() and not extent.messages:
+                raise _unreadable(path, error) from None
+            problems.append(f"{file.name} cannot be read: {_text(error)}" if not extent.messages else _text(error))
+        files.append(BagFile(file.name, extent))
     try:
-        paths = _files(path)
-        storage = _STORAGES[Path(_plain(paths[0].name)).suffix] if paths else "mcap"
-        files, problems = [], [f"{file.name} was not closed" for file in path.glob("*.bag.active")]
-        for file in paths:
-            extent = Extent()
-            try:
-                with ExitStack() as stack:
-                    opened = open_file(file, stack)
-                    for name, kind, log_ns, data in opened.messages(None, by_time=False, convert=False):
-                        extent = extent.with_message(log_ns)
-                        times.setdefault((name, kind), array("Q")).append(log_ns)
-                        sizes[name, kind] += len(data)
-                    problems += opened.problems()
-            except FAULTS as error:
-                if not path.is_dir():
-                    raise
-                problems.append(f"{file.name} cannot be read: {_text(error)}")
-            files.append(BagFile(file.name, extent))
         recording = any(file.suffix == ".mcap" and is_being_written(file) for file in paths)
         right, topics = 0, tuple(_topic_info(*key, times[key], sizes[key]) for key in sorted(times))
         if path.is_dir() and not recording:
             right, wrong = _compared(path, files, topics, required=storage != "ROS 1")
             problems += wrong
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", "check the disk and permissions", path) from None
-    except InputError:
-        raise
-    except FAULTS as error:
-        raise InputError(f"cannot be read as a bag: {error}", remedy_of(path), path) from None
+        raise _unreadable(path, error) from None
     remedy = "" if not problems else "stop the recorder" if recording else remedy_of(path)
     if not recording and any(problem.endswith(" is missing") and METADATA not in problem for problem in problems):
         remedy = "copy the missing files into the folder of the bag, if they still exist"
@@ -151,6 +141,27 @@ def bag_info(path: Path) -> BagInfo:
         remedy,
         recorder_notes(path),
     )
+
+
+def _stored_messages(file: Path, problems: list[str]) -> Iterator[BagMessage]:
+    """Messages of a file in any condition; its problems are added to those of the bag."""
+    with ExitStack() as stack:
+        path = unpacked(file, stack)
+        if path.suffix != ".mcap":
+            yield from messages_of(open_file(path, stack))
+            return
+        scan = McapScan(path)
+        for one in scan.messages():
+            yield BagMessage(one.topic.name, one.topic.definition.type_name, one.log_ns, one.data)
+        problems += scan.findings()
+
+
+def _unreadable(path: Path, error: Exception) -> InputError:
+    if isinstance(error, InputError):
+        return error
+    if isinstance(error, OSError):
+        return InputError(f"cannot be read: {error.strerror}", "check the disk and permissions", path)
+    return InputError(f"cannot be read as a bag: {error}", remedy_of(path), path)
 
 
 def find_gaps(times_s: ArrayLike) -> tuple[Gap, ...]:
@@ -183,13 +194,13 @@ def _topic_info(name: str, type_name: str, times: array[int], size_bytes: int) -
 
 
 def mcap_files(path: Path) -> list[Path]:
-    """MCAP files of a bag in the order of recording; ``InputError`` if there are none, or for a link out of it."""
+    """MCAP files of a bag in the order of recording; ``InputError`` if there are none."""
     give = "give the folder of a bag or an MCAP file"
     if path.is_file() and path.suffix == ".mcap":
         return [path]
     if not path.exists():
         raise InputError("there is no such bag", give, path)
-    found = [inside(path, file) for file in sorted(_named(path, "*.mcap"), key=_split_number)]
+    found = sorted(_named(path, "*.mcap"), key=_split_number)
     if not found:
         there = sorted({file.suffix for file in [path, *path.glob("*")]} & {".zstd", ".db3", ".bag", ".active"})
         message = f"holds no MCAP file{', only ' * bool(there)}{', '.join(there)}"
@@ -201,7 +212,7 @@ def _files(path: Path) -> list[Path]:
     """The files of a bag in the order of recording; none in a folder with metadata only."""
     if path.is_file():
         return [path] if Path(_plain(path.name)).suffix in _STORAGES else mcap_files(path)
-    found = [inside(path, file) for pattern in _PATTERNS for file in _named(path, pattern)]
+    found = [file for pattern in _PATTERNS for file in _named(path, pattern)]
     names = {file.name for file in found}  # a file and its copy that was unpacked are one
     found = [file for file in found if not (file.suffix == ".zstd" and _plain(file.name) in names)]
     if not found and not (path / METADATA).is_file():
@@ -246,7 +257,7 @@ def _checked_sums(bag: Path) -> tuple[int, list[str]]:
     """Number of right checksums, and what is wrong with the others."""
     path = bag / CHECKSUMS
     right, problems = 0, []
-    lines = inside(bag, path).read_bytes()[:_MAX_SUMS].decode("utf-8", "replace") if path.is_file() else ""
+    lines = path.read_bytes().decode("utf-8", "replace") if path.is_file() else ""
     for line in lines.splitlines():
         match = _SUM.fullmatch(line)
         if match is None:
@@ -254,7 +265,7 @@ def _checked_sums(bag: Path) -> tuple[int, list[str]]:
         elif not (bag / match[2]).is_file():
             problems.append(f"{match[2]} is missing")
         else:
-            with inside(bag, bag / match[2]).open("rb") as stream:
+            with (bag / match[2]).open("rb") as stream:
                 same = hashlib.file_digest(stream, "sha256").hexdigest() == match[1]
             right += same
             if not same:
@@ -309,14 +320,13 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
     try:
         with writer:
             for message in chain([first], messages):
-                data = message.data if message.topic.definition.encoding == ROS1 else plain_message(message.data)
-                writer.write(message.topic, message.log_ns, message.publish_ns, data)
+                writer.write(message.topic, message.log_ns, message.publish_ns, plain_message(message.data))
     except (InputError, OSError) as error:
         shutil.rmtree(out, ignore_errors=True)
         if isinstance(error, InputError):
             raise
         raise InputError(f"cannot be written: {error.strerror}", "choose a disk with more space", out) from None
-    problems = bag_info(path).problems if path.is_dir() else [text for scan in scans for text in findings(scan)]
+    problems = bag_info(path).problems if path.is_dir() else [text for scan in scans for text in scan.findings()]
     counts = {topic.name: count for topic, count in writer.counts.items()}
     return RecoveredBag(path, out, writer.extent, counts, tuple(problems))
 

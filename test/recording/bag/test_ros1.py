@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Bags of ROS 1, written by rosbags; whole, damaged, and made to do harm."""
+"""Bags of ROS 1, written by rosbags; whole and damaged."""
 
 from __future__ import annotations
 
-import bz2
 import struct
 
 import numpy as np
@@ -14,8 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording import BagReader, bag_info
-from soilmoist_ros.recording.bag.ros1 import MAGIC
-from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES
+from soilmoist_ros.recording.bag.playback import Playback
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 TEXT, FIX, CAMERA = "std_msgs/msg/String", "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/CameraInfo"
@@ -67,20 +65,13 @@ def test_messages_are_those_of_ros_2_in_the_order_of_time(tmp_path, compression)
         assert position.position_covariance.tolist() == list(range(9))
 
 
-def test_a_bag_that_was_not_closed_is_refused_with_what_to_do(tmp_path):
-    path = write(tmp_path / "run.bag", [("/a", TEXT, 1, text("x"))])
+@pytest.mark.parametrize("fault", ["not closed", "cut off"])
+def test_a_bag_without_its_index_is_refused_with_what_to_do(tmp_path, fault):
+    path = write(tmp_path / "run.bag", [("/a", TEXT, 1, text("x" * 1000))])
     data = path.read_bytes()
     at = data.index(b"index_pos=") + len(b"index_pos=")
-    path.write_bytes(data[:at] + bytes(8) + data[at + 8 :])
-    with pytest.raises(InputError, match="was not closed") as error:
-        BagReader(path)
-    assert "rosbag reindex" in str(error.value)
-
-
-def test_a_bag_that_was_cut_off_is_not_empty(tmp_path):
-    path = write(tmp_path / "run.bag", [("/a", TEXT, 1, text("x" * 1000))])
-    path.write_bytes(path.read_bytes()[:4600])
-    with pytest.raises(InputError, match="is cut off: its index would begin at byte"):
+    path.write_bytes(data[:at] + bytes(8) + data[at + 8 :] if fault == "not closed" else data[:4600])
+    with pytest.raises(InputError, match="rosbag reindex"):
         BagReader(path)
 
 
@@ -99,18 +90,20 @@ def test_a_type_that_differs_in_ros_2_is_refused_and_others_are_read(tmp_path):
     with BagReader(tmp_path / "run.bag") as bag:
         assert bag.read_texts("/a") == ["x"]
         assert [bag.decode(message).wetness for message in bag.messages(["/own"])] == [0.3]
-        with pytest.raises(InputError, match=r"/camera/info.* of ROS 1 has other fields in ROS 2"):
-            list(bag.messages(["/camera/info"]))
+        (message,) = bag.messages(["/camera/info"])
+        with pytest.raises(InputError, match="its definition of sensor_msgs/msg/CameraInfo is not that of ROS 2"):
+            bag.decode(message)
+        with pytest.raises(InputError, match="is a bag of ROS 1 -> convert it by rosbags-convert"):
+            Playback(bag, ".*")
 
 
 @pytest.mark.slow
 def test_every_cut_and_many_flipped_bytes_are_refused_or_read(tmp_path):
     path = write(tmp_path / "run.bag", [("/a", TEXT, number, text("word")) for number in range(9)], chunk_bytes=50)
     data, rng = path.read_bytes(), np.random.default_rng(4)
-    assert data.startswith(MAGIC)
     cuts = [data[:length] for length in rng.integers(1, len(data), 60)]
     flipped = []
-    for at in rng.integers(len(MAGIC), len(data), 200):
+    for at in rng.integers(13, len(data), 200):
         changed = bytearray(data)
         changed[at] ^= 1 << int(rng.integers(8))
         flipped.append(bytes(changed))
@@ -124,16 +117,3 @@ def test_every_cut_and_many_flipped_bytes_are_refused_or_read(tmp_path):
         except InputError:
             refused += 1
     assert refused > 60
-
-
-@pytest.mark.slow
-def test_a_chunk_that_unpacks_to_more_than_it_says_costs_no_memory(tmp_path):
-    path = write(tmp_path / "run.bag", [("/a", TEXT, 1, text("x" * 50_000))], Writer.CompressionFormat.BZ2)
-    data = path.read_bytes()
-    begin = data.index(b"BZh")
-    (length,) = struct.unpack_from("<I", data, begin - 4)
-    bomb = bz2.compress(bytes(2 * MAX_CHUNK_BYTES))
-    assert len(bomb) <= length, "the bomb fits into the place of the chunk"
-    path.write_bytes(data[:begin] + bomb.ljust(length, b"\0") + data[begin + length :])
-    with BagReader(path) as bag, pytest.raises(InputError, match="a chunk of more than 64 MB"):
-        list(bag.messages())

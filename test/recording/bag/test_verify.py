@@ -25,7 +25,6 @@ from soilmoist_ros.cli.bag import command
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording import BagReader, BagWriter, bag_info, recover_bag
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.bag.storage import findings
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
@@ -239,7 +238,10 @@ def test_a_database_that_was_cut_is_not_whole(tmp_path):
     file = bag / "run_1.db3"
     data = file.read_bytes()
     file.write_bytes(data[:-5])
-    assert f"run_1.db3 was cut: it has {len(data) - 5} of {len(data)} bytes" in all_agree(bag, tmp_path)
+    assert (
+        f"run_1.db3 cannot be read: run_1.db3 was cut: it has {len(data) - 5} of {len(data)} bytes"
+        in all_agree(bag, tmp_path)
+    )
 
 
 @pytest.mark.parametrize(
@@ -369,7 +371,7 @@ def test_a_flipped_bit_outside_of_chunks_invents_nothing_and_costs_one_chunk(tmp
         assert set(found) <= set(sample.messages), place
         assert len(found) >= len(sample.messages) - 3, place
         if found != sample.messages:
-            assert findings(scan), place
+            assert scan.findings(), place
 
 
 def write_foreign(path, messages, **options):
@@ -381,19 +383,6 @@ def write_foreign(path, messages, **options):
         for number, message in enumerate(messages):
             writer.add_message(channel, log_time=number, publish_time=number, data=message)
         writer.finish()
-
-
-def test_no_link_leads_out_of_a_bag(bag, tmp_path):
-    folder = tmp_path / "stranger"
-    folder.mkdir()
-    (folder / "stranger_0.mcap").symlink_to(bag.path)
-    for work in (bag_info, lambda path: recover_bag(path, tmp_path / "recovered")):
-        with pytest.raises(InputError, match="outside of its bag"):
-            work(folder)
-    (folder / "metadata.yaml").symlink_to(bag.folder / "metadata.yaml")
-    with pytest.raises(InputError, match="outside of its bag"):
-        BagReader(folder)
-    assert not (tmp_path / "recovered").exists()
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
