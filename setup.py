@@ -75,7 +75,6 @@ setup(
             "pyproj>=3.6",
             "pyogrio>=0.8",
             "shapely>=2.1",
-            "reverse-geocode>=1.6",
         ],
         # Recordings: the recorder, soilmoist bag, map and replay of bags.
         "bags": [*BAGS],

@@ -25,7 +25,6 @@ COMES_WITH = {
     "contourpy": "matplotlib", "markupsafe": "jinja2", "pydantic_core": "pydantic", "ruamel": "ruamel.yaml",
 }  # fmt: skip
 OPTIONAL = {
-    "reverse_geocode": "the nearest town of a field, in messages",
     "pandas": "campaigns, on a laptop",
     "pyarrow": "campaigns, on a laptop",
     "distributed": "campaigns on several machines",
@@ -86,9 +85,7 @@ def test_nothing_is_installed_in_vain():
     }
 
 
-WITHOUT_A_KEY = (
-    "pykrige pyvrp pyogrio mcap rosbags lz4 zstandard reverse_geocode pandas pyarrow distributed xarray geopandas"
-)
+WITHOUT_A_KEY = "pykrige pyvrp pyogrio mcap rosbags lz4 zstandard pandas pyarrow distributed xarray geopandas"
 """Imports that rosdep cannot install: pip does on a robot, and the nodes but the recorder do without."""
 WITHOUT = f"""
 import importlib, sys

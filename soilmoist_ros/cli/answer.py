@@ -292,13 +292,9 @@ def print_certificate(run: MapRun) -> None:
 
 
 def print_knowledge(run: MapRun) -> None:
-    """Print what a reference sensor, earlier surveys and covariates contributed to a map, and what has changed."""
-    from soilmoist_ros.pipeline import REFERENCE
+    """Print what earlier surveys and covariates contributed to a map, and what has changed."""
     from soilmoist_ros.reporting import change_summary, covariate_importance, dated, relations
 
-    for row in run.corrections:
-        if row.name == REFERENCE:
-            say(f"reference  {', '.join(f'{name} {value}' for name, value in row.parameters.items())}")
     fit = run.soil_map.fit
     if fit is not None and fit.other_fields:
         say(f"prior      {fit.other_fields}")

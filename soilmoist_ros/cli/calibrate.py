@@ -46,7 +46,7 @@ USUAL_SENSITIVITIES = 0.05, 30.0
 @click.option("--to", "end", type=TIME, metavar="TIME", help="Use records of the log up to this time (UTC).")
 @click.option("--curve", type=click.Choice(["desilets", "universal"]),
               help="Curve from the rate to the moisture. Default: that of the site file.")  # fmt: skip
-@click.option("--weights", "weighting", type=click.Choice(["revised", "conventional", "equal"]),
+@click.option("--weights", "weighting", type=click.Choice(["revised", "equal"]),
               default="revised", show_default=True, help="How distance and depth of the cores weigh.")  # fmt: skip
 @click.option("--date", "dates", multiple=True, metavar="DAY", help="Day of the calibration; written to the site "
               "file. Chooses among the days of the cores. Repeatable.")  # fmt: skip

@@ -60,7 +60,6 @@ NO_MOISTURE = "the site file asks for the rate alone, or its soil is peat withou
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes for tiles. Default: one per core.")
 @options.earlier_option()
 @options.covariate_option()
-@options.reference_option
 @options.crs_option
 @click.option("--title", help="Title of the report.")
 @options.output_options()
@@ -114,7 +113,7 @@ def command(
 def _print_summary(run: MapRun) -> None:
     import numpy as np
 
-    from soilmoist_ros.foundation import place_text
+    from soilmoist_ros.foundation import coordinates_text
     from soilmoist_ros.reporting import at_one_place, irrigation, is_usable, mean_moisture, unusable_share
 
     soil_map = run.soil_map
@@ -123,7 +122,7 @@ def _print_summary(run: MapRun) -> None:
     say(f"records    {len(run.track)} used, {out}; samples after merging: {len(soil_map.samples)}")
     print_losses(run)
     inside, placed = run.inside
-    where = place_text((run.frame.latitude_deg, run.frame.longitude_deg))
+    where = coordinates_text(run.frame.latitude_deg, run.frame.longitude_deg)
     say(f"place      {inside} of {placed} records inside the field, {where}")
     for key, text in run.settings.items():
         if key.startswith("log: ") and key != "log: not used":

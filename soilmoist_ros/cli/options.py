@@ -197,7 +197,7 @@ def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return gnss_shift_option(command)
 
 
-# Earlier surveys, covariates, a reference sensor ----------------------------------------------------------------
+# Earlier surveys and covariates ---------------------------------------------------------------------------------
 
 
 def _require_runs(value: Path) -> None:
@@ -246,15 +246,6 @@ def covariate_option(more: str = "") -> Callable[[Command], Command]:
     )
     kind = Checked("FILE[:BAND]", require=_require_covariate)
     return click.option("--covariate", "covariates", type=kind, multiple=True, help=text)
-
-
-def reference_option(command: Command) -> Command:
-    """Add ``--reference``; the command receives the path as ``reference``."""
-    text = (
-        "Log of a stationary neutron sensor at the field, which counted during the survey. Its changes correct "
-        "the counts to the end of the survey. The site file is used for both."
-    )
-    return click.option("--reference", type=INPUT, metavar="LOG", help=text)(command)
 
 
 # The map --------------------------------------------------------------------------------------------------------

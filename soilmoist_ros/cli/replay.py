@@ -53,7 +53,6 @@ if TYPE_CHECKING:
 @options.gnss_shift_option
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @options.earlier_option(" Default: as in the run; none for a map without.")
-@options.reference_option
 @options.covariate_option(" Default: as in the run; none for those of the field only.")
 @options.crs_option
 @options.output_options()

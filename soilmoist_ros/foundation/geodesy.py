@@ -15,14 +15,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.registry import optional_module
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -38,7 +37,6 @@ DEGREE = math.pi / 180
 _AROUND_M = np.array([(0.0, 0.0), (100.0, 0.0), (0.0, 100.0), (-100.0, 0.0), (0.0, -100.0)])
 _COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 _SAME_DATUM_M = 0.05  # datums this close are the same one, written with fewer digits [m]
-_NEAR_M = 30_000.0  # distance up to which a place is near a town [m]
 
 
 def floats(values: ArrayLike) -> Array:
@@ -325,39 +323,3 @@ def other_datum(datum: LatLon, plane: LocalFrame) -> str:
         return ""
     there = coordinates_text(*datum, digits=6)
     return f"its places are about another datum ({there}, {distance_text(away_m)} away): give all one field file"
-
-
-def town_text(place: LatLon) -> str:
-    """The nearest town with region and country; empty without the extra ``reports``."""
-    town = _nearest_town(place)
-    if town is None:
-        return ""
-    region = [town.get("state", ""), town["country"]]
-    name = f"{town['city']} ({', '.join(dict.fromkeys(filter(None, region)))})"
-    distance_m, bearing_deg = distance_and_bearing((town["latitude"], town["longitude"]), place)
-    return (
-        f"near {name}"
-        if distance_m < _NEAR_M
-        else f"{distance_text(distance_m)} {direction(bearing_deg)} of {name}"
-    )
-
-
-def town_distance_m(place: LatLon) -> float | None:
-    """Distance to the nearest town [m]; ``None`` without the extra ``reports``."""
-    town = _nearest_town(place)
-    return None if town is None else distance_and_bearing((town["latitude"], town["longitude"]), place)[0]
-
-
-def place_text(place: LatLon) -> str:
-    """Coordinates, and the nearest town if the extra ``reports`` is installed."""
-    return ", ".join(filter(None, [coordinates_text(*place), town_text(place)]))
-
-
-@lru_cache(maxsize=64)
-def _nearest_town(place: LatLon) -> dict[str, Any] | None:
-    """Town of more than 1000 inhabitants (GeoNames), ``None`` without the gazetteer."""
-    try:
-        gazetteer = optional_module("reverse_geocode")
-    except InputError:
-        return None
-    return dict(gazetteer.get(place))

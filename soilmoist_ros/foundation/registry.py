@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 EXTRAS = {
-    **dict.fromkeys(
-        ("jinja2", "markupsafe", "matplotlib", "pyogrio", "pyproj", "rasterio", "reverse_geocode"), "reports"
-    ),
+    **dict.fromkeys(("jinja2", "markupsafe", "matplotlib", "pyogrio", "pyproj", "rasterio"), "reports"),
     **dict.fromkeys(("lz4", "mcap", "rosbags", "zstandard"), "bags"),
     **dict.fromkeys(("distributed", "pyarrow", "pyvrp"), "campaign"),
     **dict.fromkeys(("aiohttp", "segno"), "console"),

@@ -154,12 +154,6 @@ class Drift:
     shares: tuple[float, ...]
     components: tuple[tuple[float, ...], ...] = ()
 
-    @classmethod
-    def of_error(cls, times_s: Array, covariance: Array) -> Drift:
-        """The error of a correction that is right on average."""
-        components = tuple(tuple(one) for one in _components(covariance).tolist())
-        return cls(1.0, False, tuple(times_s.tolist()), (0.0,) * len(times_s), components)
-
     @property
     def change(self) -> float:
         """Change of the rate from the first sample to the map, as a share of the rate then."""
@@ -191,19 +185,10 @@ class Drift:
 
 @dataclass(frozen=True)
 class Change:
-    """Change of the mean rate during a survey.
-
-    :param error: error of the correction by a reference sensor; ``None`` without one
-    """
+    """Change of the mean rate during a survey."""
 
     drift: Drift | None = None
     jump: Jump | None = None
-    error: Drift | None = None
-
-    @property
-    def parts(self) -> tuple[Drift, ...]:
-        """Drifts that the map allows for: of the mean rate, and of the error of the reference sensor."""
-        return tuple(one for one in (self.drift, self.error) if one is not None)
 
     def factor(self, time_s: Array) -> Array:
         """Factor by which the exposures of samples of some times are multiplied, shape (n,)."""
@@ -211,7 +196,7 @@ class Change:
 
     def uncertain(self, time_s: Array) -> Array:
         """Independent parts of the uncertainty at some times, as shares of the rate, shape (n, components)."""
-        return np.hstack([np.empty((len(time_s), 0)), *(one.uncertain(time_s) for one in self.parts)])
+        return np.empty((len(time_s), 0)) if self.drift is None else self.drift.uncertain(time_s)
 
     def rain(self, now_s: float) -> str:
         """Reason why rain is likely at a time [s], and what to do; empty if it is not."""

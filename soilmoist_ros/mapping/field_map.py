@@ -232,7 +232,6 @@ class FieldMap:
         self._made: dict[str, tuple[object, Any]] = {}
         self._joint = None if knowledge.is_empty else JointModel(knowledge, self._estimate, settings.noise)
         self._finds_drift = settings.drift_model == "auto" and settings.fit == "reml"
-        self._takes_times = self._finds_drift or knowledge.reference is not None
         self._raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
         self._computing = threading.Lock()
         self.curve_of: Callable[[MapState], MoistureCurve | None] | None = None
@@ -288,7 +287,7 @@ class FieldMap:
         self._merger.add_record(record, spread)
         for rising, value in zip(self._rising, _MEDIANS(record), strict=True):
             insort(rising, value)
-        if self._takes_times:
+        if self._finds_drift:
             self._timed.add_record(record, spread)
         timed, samples, earlier = self._timed_samples, self._merger.samples, self.state
         due = _has_grown(earlier.fit_samples, samples)
@@ -311,7 +310,7 @@ class FieldMap:
     @property
     def _timed_samples(self) -> TimedSamples | None:
         """The samples by place and time; ``None`` if no time matters."""
-        return TimedSamples(self._timed.samples, self._timed.time_s) if self._takes_times else None
+        return TimedSamples(self._timed.samples, self._timed.time_s) if self._finds_drift else None
 
     def _release(self, held: Held) -> None:
         """Use a record that was quarantined until another one confirmed it."""
@@ -354,7 +353,7 @@ class FieldMap:
         began_s, end_s = (records[0].stamp_s, records[-1].stamp_s) if records else (0.0, 0.0)
         self._timed = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m, WINDOW_S)
         timed = None
-        if self._takes_times and len(samples) <= self.settings.max_exact_samples:
+        if self._finds_drift and len(samples) <= self.settings.max_exact_samples:
             for record, spread in zip(records, spreads, strict=True):
                 self._timed.add_record(record, spread)
             timed = self._timed_samples
@@ -588,12 +587,8 @@ class FieldMap:
             return NO_CHANGE
         timed, samples, now_s = state.fit_timed
 
-        def found() -> Change:
-            model = fit.variogram, fit.noise_rate, fit.prior
-            change = find_change(timed, now_s, *model, samples) if self._finds_drift else NO_CHANGE
-            return replace(change, error=self.knowledge.reference)
-
-        return self._once("change", timed, found)
+        model = fit.variogram, fit.noise_rate, fit.prior
+        return self._once("change", timed, lambda: find_change(timed, now_s, *model, samples))
 
     @cached_property
     def _area(self) -> Polygon | MultiPolygon:

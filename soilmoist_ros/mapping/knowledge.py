@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from soilmoist_ros.mapping.covariates import Covariates
-from soilmoist_ros.mapping.drift import MAX_SAMPLES, WINDOW_S, Drift, TimedSamples, find_change
+from soilmoist_ros.mapping.drift import MAX_SAMPLES, WINDOW_S, TimedSamples, find_change
 from soilmoist_ros.mapping.records import SampleMerger, driven_spreads, survey_samples
 from soilmoist_ros.mapping.samples import Samples, merge_records
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
@@ -77,7 +77,6 @@ class Knowledge:
 
     earlier: tuple[EarlierSurvey, ...] = ()
     covariates: Covariates | None = None
-    reference: Drift | None = None
 
     def __post_init__(self) -> None:
         repeated = [name for name, count in Counter(one.name for one in self.earlier).items() if count > 1]

@@ -21,7 +21,6 @@ from soilmoist_ros.foundation import (
     direction,
     distance_and_bearing,
     distance_text,
-    town_text,
 )
 from soilmoist_ros.mapping.field import Field
 
@@ -171,10 +170,7 @@ def likely_cause(placement: Placement, reach_m: float, source: PositionSource) -
         moved = Placement(placement.field, np.column_stack([latitude, longitude])[valid])
         if 2 * np.count_nonzero(moved.distances_m <= near_m) >= len(placement.latlon):
             return _advice(code, source)
-    records, field = (
-        f"{coordinates_text(*place, digits=4)}{f', {town}' if (town := town_text(place)) else ''}"
-        for place in (placement.middle, placement.field.centre)
-    )
+    records, field = (coordinates_text(*place, digits=4) for place in (placement.middle, placement.field.centre))
     return (
         f"give the {'site' if source.target else 'field'} file of this place: {source.name} has records at "
         f"{records}, {source.target or 'the field'} lies at {field}"

@@ -338,7 +338,7 @@ def make_soil_map(
     if prior is not None:
         kriged, raster, max_exact_samples = pooled(samples, max_exact_samples), None, sys.maxsize
     kriging: PoissonKriging | TiledKriging | None = None
-    rasters, drifts = None, changing is not None and bool(changing.change.parts)
+    rasters, drifts = None, changing is not None and changing.change.drift is not None
     if raster is not None and 0 < len(samples) <= max_exact_samples and not drifts:
         mean_rate = (fit.mean_rate if fit is not None else 0.0) or noise_rate(samples)
         rasters = raster.update(samples, model, known_rate or mean_rate)
@@ -373,7 +373,7 @@ def make_soil_map(
 
 def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Changing | None) -> Samples:
     """Fit a kriging to samples, or to those by place and time, as they would be counted at the time of the map."""
-    if changing is None or not changing.change.parts or isinstance(kriging, TiledKriging):
+    if changing is None or changing.change.drift is None or isinstance(kriging, TiledKriging):
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         return samples
     samples, time_s = changing.timed.samples, changing.timed.time_s

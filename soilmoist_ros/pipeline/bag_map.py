@@ -29,8 +29,8 @@ from soilmoist_ros.pipeline.bag_lines import (
 )
 from soilmoist_ros.pipeline.field_survey import FieldSurvey, input_file, loss_rows_of, open_survey, require_crs
 from soilmoist_ros.pipeline.file_facts import position_notes
-from soilmoist_ros.pipeline.log_map import loss_rows, reference_error, with_reference
-from soilmoist_ros.pipeline.logs import log_times, read_reference, shifted_track, with_position_doubts
+from soilmoist_ros.pipeline.log_map import loss_rows
+from soilmoist_ros.pipeline.logs import log_times, shifted_track, with_position_doubts
 from soilmoist_ros.pipeline.mission import (
     RobotMission,
     last_mission,
@@ -98,7 +98,6 @@ class ReplaySettings(MappingSettings):
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field; ``None`` for
         those of the robot
-    :param reference: log of a stationary sensor that counted during the run
     """
 
     field: str | None = None
@@ -114,7 +113,6 @@ class ReplaySettings(MappingSettings):
     crs: str | None = None
     earlier: Sequence[Path | str] | None = None
     covariates: Sequence[str] | None = None
-    reference: Path | None = None
 
     @property
     def from_lines(self) -> bool:
@@ -222,17 +220,9 @@ class _Recording:
         self._places = recorded_places(configuration, survey.field)
         self.survey = survey
         self.raw: RawSurvey | None = None
-        self.reference: sensing.Reference | None = None
         self.robots: list[RunTopics] = []
         self.several = False
-        counted = self._from_lines() if chosen.from_lines else self._from_counts()
-        records = [record for _, record in counted]
-        good = [record for record in records if not record.quarantine]
-        if chosen.reference is not None and good:
-            self.reference = read_reference(chosen.reference, survey.site, good, survey.field.frame)
-            records = self.reference.corrected(records)
-            self.survey = survey.with_reference_error(reference_error(self.reference))
-        self.counted = [(name, record) for (name, _), record in zip(counted, records, strict=True)]
+        self.counted = self._from_lines() if chosen.from_lines else self._from_counts()
 
     def _from_lines(self) -> list[tuple[str, sensing.CountRecord]]:
         """Records made of the raw lines, each with its topic."""
@@ -339,9 +329,8 @@ class _Recording:
 
     def compared(self, one: ReplayedProperty) -> PropertyComparison:
         """Comparison of a property with the map that its mapper published."""
-        if one.survey is self.survey and (self.reference is not None or self.raw is not None):
-            why = "made again from the raw lines" if self.reference is None else "corrected by a reference sensor"
-            return PropertyComparison(None, f"not compared: {why}")
+        if one.survey is self.survey and self.raw is not None:
+            return PropertyComparison(None, "not compared: made again from the raw lines")
         return one.compared(self.several)
 
 
@@ -368,7 +357,7 @@ def replay_bag(
         lost_messages = "; ".join(f"{name}: {value}" for name, value in recorder_notes(one_bag).items())
         if lost_messages:
             remarks.append(Note(NoteCode.LOST_MESSAGES, f"The recorder noted of {one_bag.name}: {lost_messages}."))
-    first, raw, reference = properties[0], recording.raw, recording.reference
+    first, raw = properties[0], recording.raw
     lost = loss_rows(raw.problems if raw else ())
     inputs = [input_file(path, "bag") for one_bag in bags_of(bag) for path in message_files(one_bag)]
 
@@ -389,8 +378,6 @@ def replay_bag(
                 raise failure(error) from error
             remarks.append(Note(NoteCode.NOT_MAPPED, f"{one.name} is not mapped: {error}."))
             continue
-        if reference is not None and one.survey is recording.survey:
-            run = with_reference(run, reference)
         label = one.name if one.truth is None else one.truth.title
         mapped.append((one, replace(run, name=one.name, label=label, truth_rate=one.truth_rate)))
     properties = [one for one, _ in mapped]

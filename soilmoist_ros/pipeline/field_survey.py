@@ -8,7 +8,7 @@ import hashlib
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -21,7 +21,6 @@ from soilmoist_ros.exploration import OF_DOSE, Thresholds, check_target, check_t
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, __version__, resource, shown_path
 from soilmoist_ros.mapping import (
     CovariateSource,
-    Drift,
     Field,
     FieldMap,
     FieldMapSettings,
@@ -134,11 +133,6 @@ class FieldSurvey:
     @property
     def _is_general(self) -> bool:
         return lacks_n0(self.site) and self.site.sensor_sensitivity is not None
-
-    def with_reference_error(self, error: Drift) -> FieldSurvey:
-        """A copy without records, for records that a reference sensor corrects."""
-        knowledge = replace(self.map.knowledge, reference=error)
-        return replace(self, map=FieldMap(self.map.grid, self.map.settings, knowledge))
 
     def run(self, snapshot: Snapshot) -> MapRun:
         """The run of a snapshot, for its outputs.
@@ -298,15 +292,12 @@ def field_map_settings(values: Mapping[str, Any], site: sensing.Site, **more: An
 
 
 def open_map(
-    target: EarlierTarget,
-    earlier: Sequence[Path | str],
-    covariates: Sequence[CovariateSource],
-    error: Drift | None = None,
+    target: EarlierTarget, earlier: Sequence[Path | str], covariates: Sequence[CovariateSource]
 ) -> tuple[FieldMap, tuple[EarlierRun, ...]]:
     """A map without records, and the earlier surveys that inform it, see :func:`read_earlier_runs`."""
     runs = read_earlier_runs(earlier, target) if earlier else ()
     explained = read_covariates(covariates, target.frame, target.grid)
-    known = Knowledge(tuple(run.survey for run in runs), explained, error)
+    known = Knowledge(tuple(run.survey for run in runs), explained)
     return FieldMap(target.grid, target.settings, known), runs
 
 

@@ -19,17 +19,14 @@ from numpy.typing import NDArray
 from soilmoist_ros import sensing
 from soilmoist_ros.foundation import (
     InputError,
-    LatLon,
     LocalFrame,
     Mistake,
     SoilmoistError,
     area,
+    coordinates_text,
     distance_text,
     duration,
     listing,
-    place_text,
-    town_distance_m,
-    town_text,
 )
 from soilmoist_ros.mapping import Field, PositionSource, read_covariates, require_near
 from soilmoist_ros.pipeline.earlier_runs import MAX_AHEAD_S
@@ -38,7 +35,6 @@ from soilmoist_ros.simulation import SurrogateField
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
 """Areas beyond which a field is unusual for a survey with a neutron sensor [m^2]."""
-MAX_FROM_TOWN_M = 50_000.0  # distance of a field from any town beyond which its coordinates may be swapped [m]
 MAX_FROM_SITE_M = 100_000.0
 """Distance of records from the place of their site beyond which one of them is wrong [m]."""
 MAX_FROM_REFERENCE_HPA = 40.0
@@ -82,7 +78,7 @@ def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[FileFi
     east, north = sides[np.argmax(np.hypot(*sides.T))]
     longest_deg = round(math.degrees(math.atan2(east, north))) % 180
     grid = field.grid()
-    yield FileFinding("field", f"{field.name}: {value} {unit} at {place_text(field.centre)}")
+    yield FileFinding("field", f"{field.name}: {value} {unit} at {coordinates_text(*field.centre)}")
     sizes = f"{width_m:.0f} m east-west, {height_m:.0f} m north-south"
     yield FileFinding("extent", f"{sizes}; longest side at {longest_deg} deg")
     no_go = f", {len(field.no_go)} no-go {'area' if len(field.no_go) == 1 else 'areas'}" if field.no_go else ""
@@ -97,8 +93,6 @@ def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[FileFi
         yield FileFinding("covariates", ", ".join(covered))
         for unused in filter(None, (source.unused_parts() for source in field.covariates)):
             yield FileFinding("covariates", unused)
-    if swapped := looks_swapped(field.centre):
-        yield _doubt(f"{swapped}: in lists and GeoJSON, longitude comes first")
     if not MIN_USUAL_M2 <= shape.area <= MAX_USUAL_M2:
         small = shape.area < MIN_USUAL_M2
         size = "smaller than the footprint of the sensor" if small else "very large for a survey"
@@ -123,20 +117,6 @@ def truth_findings(known: SurrogateField) -> Iterator[FileFinding]:
         yield _doubt(doubt)
     if not fits:
         yield _doubt("no soil has these rates: check N0, units, and whether the data are rates or moistures")
-
-
-def looks_swapped(place: LatLon) -> str:
-    """Doubt about the order of coordinates: far from any town, but near one with the two swapped."""
-    latitude, longitude = place
-    if abs(longitude) > 90:
-        return ""
-    here_m, there_m = town_distance_m(place), town_distance_m((longitude, latitude))
-    if here_m is None or there_m is None or here_m < MAX_FROM_TOWN_M or there_m > here_m / 10:
-        return ""
-    return (
-        f"the place lies {distance_text(here_m)} from any town; with latitude and longitude swapped it is "
-        f"{town_text((longitude, latitude))}"
-    )
 
 
 def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = "") -> Iterator[FileFinding]:
@@ -174,7 +154,7 @@ def site_findings(site: sensing.Site) -> Iterator[FileFinding]:
     place = settings.place or site.location
     if place is not None:
         cosmic = settings.cosmic(site.location)
-        yield FileFinding("place", place_text((place.latitude_deg, place.longitude_deg)))
+        yield FileFinding("place", coordinates_text(place.latitude_deg, place.longitude_deg))
         if cosmic is not None:
             depth = f"atmospheric depth {cosmic.depth_gcm2:.0f} g/cm2"
             yield FileFinding("cosmic rays", f"cutoff rigidity {cosmic.cutoff_rigidity_gv:.2f} GV, {depth}")
@@ -201,8 +181,6 @@ def site_findings(site: sensing.Site) -> Iterator[FileFinding]:
     ]
     yield FileFinding("correction", ", ".join(filter(None, applied)))
     yield from _on_monitor(settings)
-    for key, why in site.unused_keys():
-        yield FileFinding("not used", f"{key}: {why}")
     if "irrigation" in site.model_fields_set:
         yield from _on_irrigation(site.irrigation)
     curve, calibration = site.curve, site.calibration
@@ -338,9 +316,7 @@ def log_findings(
     if len(places):
         latitude, longitude = np.median(places, axis=0).tolist()
         of = f" of {len(records)}" if len(places) < len(records) else ""
-        yield FileFinding("place", f"{len(places)}{of} records at {place_text((latitude, longitude))}")
-        if swapped := looks_swapped((latitude, longitude)):
-            yield _doubt(swapped)
+        yield FileFinding("place", f"{len(places)}{of} records at {coordinates_text(latitude, longitude)}")
         if of and track is not None:
             missing = len(records) - len(places)
             yield _doubt(f"the receiver has no position at the time of {missing} records: {track.heard.span}")

@@ -29,28 +29,26 @@ from soilmoist_ros.pipeline.field_survey import (
     settings_of,
     with_general_calibration,
 )
-from soilmoist_ros.pipeline.file_facts import far_from_site, looks_swapped, position_notes
+from soilmoist_ros.pipeline.file_facts import far_from_site, position_notes
 from soilmoist_ros.pipeline.logs import (
     Progress,
     log_positions,
     log_times,
     position_source,
     read_logs,
-    read_reference,
     read_track,
     reading_of,
     skipped_text,
     with_position_doubts,
     within,
 )
-from soilmoist_ros.pipeline.run import REFERENCE, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
+from soilmoist_ros.pipeline.run import InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.recording import message_files
 from soilmoist_ros.sensing import (
     Consequence,
     Kind,
     LogFile,
     Problem,
-    Reference,
     SensorModel,
     Site,
     SurveyAir,
@@ -62,7 +60,6 @@ from soilmoist_ros.sensing import (
     utc_text,
 )
 
-REFERENCE_KNOTS = 25  # times at which the error of a reference sensor is known; it is linear between them
 MAX_EXTENT_M = 300_000.0  # extent of a track beyond which some of its positions are wrong [m]
 
 
@@ -76,7 +73,6 @@ class MapSettings(mapping.MappingSettings):
     :param max_exact_samples: maximum number of samples for an exact map; larger maps are computed in tiles
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
     :param covariates: files with covariates, in addition to those of the field
-    :param reference: log of a stationary sensor that counted during the survey
     :param logger_topic: topic with the lines of the logger in bags; see :func:`.logger_topic` if empty
     :param fix_topic: topic with the positions in bags; see :func:`.fix_topic` if empty
     :param gnss_shift_s: time added to those of the positions, such as 1024 weeks after a roll-over [s]
@@ -93,7 +89,6 @@ class MapSettings(mapping.MappingSettings):
     max_exact_samples: int = mapping.FieldMapSettings.max_exact_samples
     earlier: tuple[Path, ...] = ()
     covariates: tuple[mapping.CovariateSource, ...] = ()
-    reference: Path | None = None
     logger_topic: str = ""
     fix_topic: str = ""
     gnss_shift_s: float = 0.0
@@ -154,14 +149,9 @@ def map_logs(
     chosen = field_map_settings(values, site, max_exact_samples=settings.max_exact_samples)
     simulated = any(log.simulated for log in logs)
     target = EarlierTarget(survey.frame, _grid(field, survey, site, settings.cell_m), chosen, simulated=simulated)
-    records, reference = survey.records, None
-    if settings.reference is not None:
-        reference = read_reference(settings.reference, site, records, survey.frame)
-        records = tuple(reference.corrected(records))
-    error = None if reference is None else reference_error(reference)
-    field_map, earlier = open_map(target, settings.earlier, read.covariates, error)
+    field_map, earlier = open_map(target, settings.earlier, read.covariates)
     require_other(earlier, survey.records)
-    field_map.set_records(records)
+    field_map.set_records(survey.records)
     if lacks_n0(site):
         site = with_general_calibration(site, survey_air(read.logs, read.places), samples=field_map.samples)
         field_map.curve_of = lambda _: site.curve
@@ -176,7 +166,7 @@ def map_logs(
         raise InputError(message, "give the field file of the place that was surveyed", read.field_file)
     begin_s, end_s = settings.times_s
     unsigned = any(log.logger.position is not None and not log.logger.position.longitude_signed for log in logs)
-    run = make_run(
+    return make_run(
         soil_map, sorted([*field_map.track, *survey.quarantined], key=attrgetter("stamp_s")), site, survey.frame,
         field_name=field.name if field else "surroundings of the track",
         settings={
@@ -196,7 +186,6 @@ def map_logs(
         simulated=simulated, earlier=earlier, covariates=field_map.knowledge.covariates,
         notes=_notes(read, survey),
     )  # fmt: skip
-    return run if reference is None else with_reference(run, reference)
 
 
 def _read_files(paths: Sequence[Path], settings: MapSettings, progress: Progress) -> _Logs:
@@ -280,34 +269,12 @@ def _median(values: Sequence[float]) -> float:
 def _notes(read: _Logs, survey: SurveyRecords) -> list[Note]:
     """Notes of a run on its files: places, skipped files, tubes and counts."""
     positions = [f"{one}." for one in position_notes(read.track_problems, read.track)]
-    if swapped := looks_swapped((survey.frame.latitude_deg, survey.frame.longitude_deg)):
-        positions.append(f"{swapped[0].upper()}{swapped[1:]}.")
     return [
         *(Note(NoteCode.FAR_FROM_SITE, f"{one}.") for one in far_from_site(read.site, read.places, read.source)),
         *(Note(NoteCode.POSITIONS, one) for one in positions),
         *([Note(NoteCode.SKIPPED_FILES, f"{skipped_text(read.skipped)}.")] if read.skipped else []),
         *count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),
     ]
-
-
-def reference_error(reference: Reference) -> mapping.Drift:
-    """The error of the correction by a reference sensor, which all samples of a time share."""
-    times_s = np.linspace(reference.start_s, reference.end_s, REFERENCE_KNOTS)
-    return mapping.Drift.of_error(times_s, reference.factor_covariance(times_s))
-
-
-def with_reference(run: MapRun, reference: Reference) -> MapRun:
-    """A run whose counts were corrected by a reference sensor: it says so."""
-    stamps = np.array([record.stamp_s for record in run.track if not record.quarantine])
-    factors = reference.factor(np.clip(stamps, reference.start_s, reference.end_s))
-    change, sd = reference.change
-    row = CorrectionRow(
-        REFERENCE, "R(end) / R(t)",
-        {"change during the survey [%]": round(100 * change, 1), "standard deviation [%]": round(100 * sd, 1)},
-        float(factors.mean()), float(factors.min()), float(factors.max()),
-        "the map is of the field at the end of the survey",
-    )  # fmt: skip
-    return replace(run, corrections=[*run.corrections, row])
 
 
 def _grid(
@@ -330,7 +297,6 @@ def _inputs(read: _Logs, settings: MapSettings) -> list[InputFile]:
         *(("neutron log", file, len(log.records)) for log in read.logs for file in message_files(log.path)),
         *(("GNSS log", file, None) for path in settings.nmea for file in message_files(path)),
         ("site", read.site_file, None), ("field", read.field_file, None),
-        ("reference sensor", settings.reference, None),
         *(("covariate", path, None) for path in dict.fromkeys(one.path for one in read.covariates)),
     ]  # fmt: skip
     return [input_file(path, role, count) for role, path, count in files if path is not None]
@@ -349,7 +315,7 @@ def count_notes(problems: Sequence[Problem], records: int) -> list[Note]:
     if unread:
         message = f"The positions of {len(unread)} lines cannot be read, the first: {unread[0].mistake}."
         notes.append(Note(NoteCode.DOUBTFUL_LOG, message))
-    doubts = (Kind.OVERLAP, Kind.LIVE_TIME_UNIT, Kind.NOT_COUNTS, Kind.MONTHS_APART, Kind.OTHER_TUBE)
+    doubts = (Kind.OVERLAP, Kind.LIVE_TIME_UNIT, Kind.NOT_COUNTS, Kind.OTHER_TUBE)
     codes = {Kind.OVERDISPERSED: NoteCode.OVERDISPERSED, **dict.fromkeys(doubts, NoteCode.DOUBTFUL_LOG)}
     for problem in problems:
         if problem.kind in codes:

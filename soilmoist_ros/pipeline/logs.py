@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the logs of a survey: records of the logger, positions, and a stationary reference sensor."""
+"""Reads the logs of a survey: records of the logger, and positions."""
 
 from __future__ import annotations
 
@@ -14,40 +14,33 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, distance_text, listing
+from soilmoist_ros.foundation import InputError, Mistake, distance_text, listing
 from soilmoist_ros.mapping import PositionSource
-from soilmoist_ros.pipeline.earlier_runs import same_survey
 from soilmoist_ros.recording import is_bag
 from soilmoist_ros.sensing import (
     CheckedTrack,
-    CountRecord,
     Fix,
     Kind,
     LogFile,
     LoggerFormat,
     Problem,
-    Reference,
     Site,
     Track,
     UndecidedOrderError,
     detect_format,
     distance_m,
-    fit_reference,
     format_of_lines,
     load_logger_format,
     log_files,
     parse_log,
     read_log,
     read_positions,
-    stationary_records,
     utc_text,
 )
 
 MAX_GAP_S = 60.0
 """Time between two fixes up to which a record counts as placed in the first check of the places [s]."""
-MAX_MOVED_M = 100.0
 """Distance from its usual place within which nine in ten positions of a stationary sensor lie [m]."""
-MAX_AWAY_M = 10_000.0  # greatest distance of a reference sensor from the survey [m]
 MAX_APART_M = 2.0  # greatest distance of the positions of two files at the same time [m]
 MAX_APART_AT_ONCE_M = 10.0
 """Greatest distance of positions of one file with one time: a fast vehicle, with times in whole seconds [m]."""
@@ -287,42 +280,6 @@ def shifted_track(fixes: Sequence[Fix], shift_s: float, path: Path) -> tuple[Che
         return track, []
     message = f"the times of the positions are shifted by {shift_s:+.0f} s (--gnss-shift)"
     return track, [Problem(Kind.ASSUMED_TIME, Mistake(message, "", path))]
-
-
-def read_reference(path: Path, site: Site, records: Sequence[CountRecord], frame: LocalFrame) -> Reference:
-    """The change of the rate during a survey, from the log of a stationary sensor in a format with a header.
-
-    :raises InputError: if the log cannot be used, does not last for the survey, or is of a sensor that moved, that
-        was elsewhere, or that is the one of the survey
-    """
-    logs = read_logs([path], None, site)
-    require_standing(logs[0], frame, records)
-    try:
-        reference = stationary_records(logs, site)
-    except InputError as error:
-        raise InputError([replace(one, path=one.path or path) for one in error.mistakes]) from None
-    if same_survey(reference, records):
-        message = "is the log of the survey itself: what its sensor measured is not a change over time"
-        raise InputError(message, "give the log of a second sensor, which stood still", path)
-    start_s = min(record.stamp_s - record.exposure_s for record in records)
-    return fit_reference(reference, start_s, max(record.stamp_s for record in records), path)
-
-
-def require_standing(log: LogFile, frame: LocalFrame, records: Sequence[CountRecord]) -> None:
-    """Check that a sensor stood still and near a survey, where its log has positions; else ``InputError``."""
-    places = [(one.position.latitude_deg, one.position.longitude_deg) for one in log.records if one.position]
-    if not places:
-        return
-    xy = frame.to_local(*np.array(places).T)
-    place = np.median(xy, axis=0)
-    moved_m = float(np.quantile(np.hypot(*(xy - place).T), 0.9))
-    away_m = float(np.nanmin([math.hypot(one.x_m - place[0], one.y_m - place[1]) for one in records]))
-    if not moved_m <= MAX_MOVED_M:
-        message = f"is of a sensor that moved, by {distance_text(moved_m)}: a reference sensor stands still"
-        raise InputError(message, "give the log of a stationary sensor", log.path)
-    if not away_m <= MAX_AWAY_M:
-        message = f"is of a sensor that stood {distance_text(away_m)} from the survey"
-        raise InputError(message, "give the log of a sensor in or next to the field", log.path)
 
 
 def with_position_doubts(fault: InputError, problems: Sequence[Problem]) -> InputError:

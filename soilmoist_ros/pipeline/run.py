@@ -102,7 +102,6 @@ class InputFile:
     role: str = "logger data"
 
 
-REFERENCE = "reference sensor"
 """Name of the correction by a stationary sensor."""
 
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import duration
 from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, level_of, possible_moisture
-from soilmoist_ros.pipeline import REFERENCE, MapRun
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import absolute, calibration_of, once_a_run
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
 from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve, UncertaintyPart, soil_limits
@@ -67,7 +67,7 @@ six-hourly, January 2010 to February 2019), 3.0 % in all and 0.5 % within a day.
 _CORES_DAY, _MORE_CORES = "one day of soil cores (soilmoist calibrate)", "more soil cores, on another day"
 REMEDIES = {
     MAPPING: "stops between those measured, above all where the map is least sure",
-    CHANGE: "visits to some of the first stops at the end, or a reference sensor",
+    CHANGE: "visits to some of the first stops at the end",
     **dict.fromkeys(("general N0", "site scaling", OTHER, N0), _CORES_DAY),
     **dict.fromkeys(("cores", CORES), _MORE_CORES),
     "sensitivity": "counting next to a calibrated station (soilmoist calibrate)",
@@ -295,7 +295,7 @@ def _beyond(run: MapRun, rate: float) -> Iterator[Beyond]:
     inside = {part.name for part in (known.parts if known else ())}
     of_cores = curve is not None and known is not None and known.method != "general" and not known.illustrative
     for source in SOURCES if run.corrections and not run.simulated else ():
-        corrected = source.correction in applied or (REFERENCE in applied and source.name != "biomass")
+        corrected = source.correction in applied
         share = source.corrected if corrected else source.open
         if curve is not None:
             dry, wet = possible_moisture(curve, np.array([rate * (1 + share), rate * (1 - share)])).tolist()

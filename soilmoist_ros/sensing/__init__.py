@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.checks.record_checks import unlikely_weather as unlikely_weather
     from soilmoist_ros.sensing.corrections.factors import Corrections as Corrections, standard_pressure_hpa as standard_pressure_hpa
     from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor as NeutronMonitor
-    from soilmoist_ros.sensing.corrections.reference import Reference as Reference, fit_reference as fit_reference
     from soilmoist_ros.sensing.corrections.settings import CorrectionSettings as CorrectionSettings, IntensityCorrection as IntensityCorrection
     from soilmoist_ros.sensing.formats.draft import draft_format as draft_format
     from soilmoist_ros.sensing.formats.log_layout import LogHeader as LogHeader
@@ -54,7 +53,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.records import FIRST_STAMP_S as FIRST_STAMP_S, LAST_STAMP_S as LAST_STAMP_S, CountRecord as CountRecord, LoggerRecord as LoggerRecord, Position as Position
     from soilmoist_ros.sensing.survey.correction import intensity_source as intensity_source, unusual_factors as unusual_factors
     from soilmoist_ros.sensing.survey.driver import Batch as Batch, Driver as Driver, DriverSettings as DriverSettings, logger_fault as logger_fault
-    from soilmoist_ros.sensing.survey.logs import CalibrationCounts as CalibrationCounts, SurveyRecords as SurveyRecords, calibration_counts as calibration_counts, log_doubts as log_doubts, process_logs as process_logs, stationary_records as stationary_records, why_unplaced as why_unplaced
+    from soilmoist_ros.sensing.survey.logs import CalibrationCounts as CalibrationCounts, SurveyRecords as SurveyRecords, calibration_counts as calibration_counts, log_doubts as log_doubts, process_logs as process_logs, why_unplaced as why_unplaced
     from soilmoist_ros.sensing.survey.side_by_side import SideBySide as SideBySide, compare_side_by_side as compare_side_by_side
     # fmt: on
 
@@ -64,7 +63,6 @@ __getattr__, __dir__, __all__ = open_door(
         "checks.record_checks": "unlikely_weather",
         "corrections.factors": "Corrections standard_pressure_hpa",
         "corrections.intensity": "NeutronMonitor",
-        "corrections.reference": "Reference fit_reference",
         "corrections.settings": "CorrectionSettings IntensityCorrection",
         "formats.draft": "draft_format",
         "formats.log_layout": "LogHeader",
@@ -91,7 +89,7 @@ __getattr__, __dir__, __all__ = open_door(
         "records": "CountRecord FIRST_STAMP_S LAST_STAMP_S LoggerRecord Position",
         "survey.correction": "intensity_source unusual_factors",
         "survey.driver": "Batch Driver DriverSettings logger_fault",
-        "survey.logs": "CalibrationCounts SurveyRecords calibration_counts log_doubts process_logs stationary_records why_unplaced",
+        "survey.logs": "CalibrationCounts SurveyRecords calibration_counts log_doubts process_logs why_unplaced",
         "survey.side_by_side": "SideBySide compare_side_by_side",
     },
 )

@@ -26,7 +26,7 @@ EXAMPLES = {
     "tcp": "tcp://192.168.1.20:5000", "udp": "udp://0.0.0.0:5000", "serial": "serial:///dev/ttyUSB0?baud=115200",
 }  # fmt: skip
 """An example of each kind of address."""
-_OPTIONS = {"tcp": ("interface",), "udp": ("from", "interface"), "serial": ("baud",)}
+_OPTIONS = {"tcp": "", "udp": "from", "serial": "baud"}
 DEFAULT_BAUD = 115_200
 CHUNK = 65_536  # maximum number of bytes of one read; no datagram is larger
 RECEIVE_BUFFER = 1 << 20
@@ -46,9 +46,8 @@ Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 def open_source(uri: str, retry: Retry | None = None) -> LineSource:
     """Line source at an address; it connects at the first read.
 
-    * ``tcp://host:port`` connects to a server; ``?interface=eth1`` by this network interface only,
-    * ``udp://0.0.0.0:port`` listens for datagrams; ``?from=192.168.5.20,10.0.5.0/24`` drops those of other
-      senders, ``?interface=eth1`` those of other networks,
+    * ``tcp://host:port`` connects to a server,
+    * ``udp://0.0.0.0:port`` listens for datagrams; ``?from=192.168.5.20,10.0.5.0/24`` drops those of others,
     * ``serial:///dev/ttyUSB0?baud=115200`` opens a port.
 
     :raises InputError: if the address is invalid
@@ -66,21 +65,17 @@ def open_source(uri: str, retry: Retry | None = None) -> LineSource:
         kinds = f"{', '.join(EXAMPLES)}{did_you_mean(kind, EXAMPLES)}"
         raise _bad(uri, f"must begin with one of: {kinds}" if kind else "has no kind before '://'")
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
-    for name in options:
-        if name not in _OPTIONS[kind]:
-            raise _bad(uri, f"has an unknown option {name!r}; there are: {', '.join(_OPTIONS[kind])}", kind)
-
+    if unknown := [name for name in options if name != _OPTIONS[kind]]:
+        raise _bad(uri, f"has an unknown option {unknown[0]!r}; there is: {_OPTIONS[kind] or 'none'}", kind)
     if kind in ("tcp", "udp"):
         if not parts.hostname or not port:
             raise _bad(uri, "lacks the host" if port else "lacks the port", kind)
         if parts.path not in ("", "/"):
             raise _bad(uri, f"has a path {parts.path!r}, which this kind does not have", kind)
-        interface = options.get("interface", "")
         if kind == "tcp":
-            return ReconnectingSource(uri, partial(connect_tcp, parts.hostname, port, interface), retry)
+            return ReconnectingSource(uri, partial(connect_tcp, parts.hostname, port), retry)
         senders = Senders(parse_networks(uri, options["from"]) if "from" in options else ())
-        connect = partial(bind_udp, parts.hostname, port, interface, senders)
-        return ReconnectingSource(uri, connect, retry, senders=senders)
+        return ReconnectingSource(uri, partial(bind_udp, parts.hostname, port, senders), retry, senders=senders)
     if parts.netloc or not parts.path.startswith("/") or len(parts.path) < 2:
         raise _bad(uri, "lacks the absolute path: mind the three slashes", kind)
     try:
@@ -181,29 +176,18 @@ def open_serial(device: str, baud: int) -> Connection:
     return Connection(receive, port.close)
 
 
-def connect_tcp(host: str, port: int, interface: str = "") -> Connection:
-    """Connect to a server, by one network interface if it is named.
+def connect_tcp(host: str, port: int) -> Connection:
+    """Connect to a server.
 
-    :raises OSError: if the name is unknown, the server refuses or does not answer, or there is no such interface
+    :raises OSError: if the name is unknown, or the server refuses or does not answer
     """
-    error = OSError("the name has no address")
-    for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
-        link = socket.socket(family, kind, protocol)
-        try:
-            _bind_to_interface(link, interface)
-            link.settimeout(CONNECT_S)
-            link.connect(address)
-        except OSError as fault:
-            link.close()
-            error = fault
-            continue
-        link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        if sys.platform == "linux":
-            # Detects a peer without power within about 15 s, regardless of the silence limit.
-            for option, value in ((socket.TCP_KEEPIDLE, 6), (socket.TCP_KEEPINTVL, 3), (socket.TCP_KEEPCNT, 3)):
-                link.setsockopt(socket.IPPROTO_TCP, option, value)
-        return Connection(partial(_receive_tcp, link), partial(_close_socket, link))
-    raise error
+    link = socket.create_connection((host, port), CONNECT_S)
+    link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    if sys.platform == "linux":
+        # Detects a peer without power within about 15 s, regardless of the silence limit.
+        for option, value in ((socket.TCP_KEEPIDLE, 6), (socket.TCP_KEEPINTVL, 3), (socket.TCP_KEEPCNT, 3)):
+            link.setsockopt(socket.IPPROTO_TCP, option, value)
+    return Connection(partial(_receive_tcp, link), partial(_close_socket, link))
 
 
 def _receive_tcp(link: socket.socket, timeout_s: float) -> bytes | None:
@@ -217,15 +201,14 @@ def _receive_tcp(link: socket.socket, timeout_s: float) -> bytes | None:
     return data
 
 
-def bind_udp(host: str, port: int, interface: str = "", senders: Senders | None = None) -> Connection:
+def bind_udp(host: str, port: int, senders: Senders) -> Connection:
     """Listen for datagrams of one or more whole lines on an address of this machine, ``0.0.0.0`` for all.
 
-    :raises OSError: if the address or interface is not this machine's, or the port is in use
+    :raises OSError: if the address is not this machine's, or the port is in use
     """
     family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-    bound, senders = socket.socket(family, kind, protocol), senders or Senders()
+    bound = socket.socket(family, kind, protocol)
     try:
-        index = _bind_to_interface(bound, interface)
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         bound.bind(address)
     except OSError:
@@ -237,9 +220,6 @@ def bind_udp(host: str, port: int, interface: str = "", senders: Senders | None 
             bound.settimeout(timeout_s)
             data, sender = bound.recvfrom(CHUNK)
         except (TimeoutError, BlockingIOError):
-            # The socket stays bound to an adapter that was unplugged, also when it is plugged in again.
-            if interface and not _is_same_interface(interface, index):
-                raise ConnectionResetError(f"the network interface {interface!r} was unplugged") from None
             return None
         return data if senders.accepts(str(sender[0])) else None
 
@@ -250,28 +230,6 @@ def _close_socket(link: socket.socket) -> None:
     with contextlib.suppress(OSError):  # only this wakes a reader in another thread
         link.shutdown(socket.SHUT_RDWR)
     link.close()
-
-
-def _bind_to_interface(link: socket.socket, interface: str) -> int:
-    """Let a socket send and receive by one network interface only; returns its index.
-
-    :raises OSError: if there is no such interface, or the system does not permit it
-    """
-    if not interface:
-        return 0
-    known = {name: index for index, name in socket.if_nameindex()}
-    if interface not in known:
-        raise OSError(f"there is no network interface {interface!r}; there are: {', '.join(known)}")
-    link.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode() + b"\0")
-    return known[interface]
-
-
-def _is_same_interface(interface: str, index: int) -> bool:
-    """True if an interface is there and not another one: an adapter that was unplugged gets another index."""
-    try:
-        return socket.if_nametoindex(interface) == index
-    except OSError:
-        return False
 
 
 @dataclass(frozen=True)

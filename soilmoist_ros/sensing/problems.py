@@ -58,7 +58,6 @@ class Kind(enum.StrEnum):
     OVERLAP = "overlap", "more counting time than time", Severity.WARNING
     LIVE_TIME_UNIT = "live_time_unit", "live time perhaps in another unit", Severity.WARNING
     NOT_COUNTS = "not_counts", "numbers that may not be raw counts", Severity.WARNING
-    MONTHS_APART = "months_apart", "days that lie months apart", Severity.WARNING
     OTHER_TUBE = "other_tube", "tube that may not be the moderated one", Severity.WARNING
     GAP = "gap", "records missing", Severity.NOTE
     BAD_POSITION = "bad_position", "position that cannot be read", Severity.WARNING

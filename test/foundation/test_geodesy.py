@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import sys
 
 import numpy as np
 import pytest
@@ -20,9 +19,7 @@ from soilmoist_ros.foundation.geodesy import (
     distance_and_bearing,
     fit_move,
     move_between,
-    place_text,
     squared_distances,
-    town_text,
 )
 
 
@@ -166,20 +163,3 @@ def test_a_place_keeps_its_latitude_and_longitude(latitude, longitude, east, nor
 def test_the_other_side_of_the_earth_is_refused():
     with pytest.raises(ValueError, match="two sides"):
         move_between(FIELD, LocalFrame(-52.0, -167.0))
-
-
-# Places in words ------------------------------------------------------------------------------------------------
-
-LINCOLN = (53.268, -0.5245)
-
-
-@pytest.mark.slow
-def test_the_nearest_town():
-    pytest.importorskip("reverse_geocode")
-    assert place_text(LINCOLN) == "53.27 N, 0.52 W, near Nettleham (England, United Kingdom)"
-    assert town_text((0.0, -30.0)).startswith("502 km north-east of Fernando de Noronha")
-
-
-def test_without_the_gazetteer_there_are_coordinates(monkeypatch):
-    monkeypatch.setitem(sys.modules, "reverse_geocode", None)
-    assert place_text((53.2681, -0.5245)) == "53.27 N, 0.52 W"

@@ -285,24 +285,3 @@ def test_visits_of_exactly_one_place_stay_apart():
     assert exact.probability == pytest.approx(near.probability, rel=1e-4)
     np.testing.assert_allclose(exact.shares, near.shares, rtol=1e-4, atol=1e-9)
     assert exact.change == pytest.approx(0.1, abs=0.04)
-
-
-def test_the_error_of_a_correction_adds_to_a_drift():
-    times = np.linspace(0.0, 3600.0, 7)
-    ages = (3600.0 - times) / 3600.0
-    covariance = 0.03**2 * np.multiply.outer(ages, ages)
-    error = Drift.of_error(times, covariance)
-    assert error.change == 0
-    assert error.change_sd == pytest.approx(0.03)
-    at = np.array([0.0, 1800.0, 3600.0])
-    alone = Change(error=error)
-    np.testing.assert_array_equal(alone.factor(at), 1.0)
-    found = alone.uncertain(at)
-    np.testing.assert_allclose(found @ found.T, 0.03**2 * np.multiply.outer([1, 0.5, 0], [1, 0.5, 0]), atol=1e-12)
-    drift = Drift(1.0, False, (0.0, 3600.0), (0.1, 0.0), ((0.02, 0.0),))
-    both = Change(drift, error=error)
-    np.testing.assert_allclose(both.factor(at), [1.1, 1.05, 1.0])
-    assert (both.uncertain(at) ** 2).sum(axis=1) == pytest.approx((0.03**2 + 0.02**2) * np.array([1, 0.25, 0]))
-    assert not alone.text
-    assert not Change().parts
-    assert Change().uncertain(at).shape == (3, 0)

@@ -32,7 +32,6 @@ from soilmoist_ros.recording.stored_records import write_records
 from soilmoist_ros.reporting.outputs import write_failed
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import CountRecord
-from virtual_survey import write_survey
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden"
 CASES = {
@@ -139,20 +138,6 @@ def test_golden_bags(case, name):
         assert run.mission.series[-1].distance_m == pytest.approx(mission["distance_m"])
         found = [(visit.name, visit.arrived_s, visit.dwell_s, visit.raw_counts) for visit in run.mission.visits]
         assert found == [(name, pytest.approx(a), pytest.approx(d), n) for name, a, d, n in mission["visits"]]
-
-
-@pytest.mark.slow
-def test_a_reference_sensor_corrects_the_counts(tmp_path):
-    write_survey(tmp_path, seed=2, spacing_m=30.0, dwell_s=60.0)
-    chosen = ReplaySettings(reference=tmp_path / "survey.log")
-    plain, replay = (replay_bag(GOLDEN / "raw_lines", its) for its in (ReplaySettings(), chosen))
-    assert replay.run.corrections[-1].name == "reference sensor"
-    found = [(one.same, one.message) for one in replay.comparisons]  # not as a whole: its difference is no number
-    assert found == [(None, "not compared: corrected by a reference sensor")]
-    assert [one.raw_counts for one in replay.run.track] == [one.raw_counts for one in plain.run.track]
-    change = replay.run.corrections[-1].parameters["change during the survey [%]"]
-    sooner, later = (of.run.track[0].corrected_rate for of in (plain, replay))
-    assert later / sooner == pytest.approx(1 + change / 100, abs=0.01)
 
 
 @pytest.mark.slow

@@ -44,18 +44,6 @@ def test_a_field_has_area_place_direction_and_cells():
 
 
 @pytest.mark.slow
-def test_a_field_far_from_any_town_may_have_swapped_coordinates(tmp_path):
-    pytest.importorskip("reverse_geocode")
-    path = tmp_path / "field.yaml"
-    for lon, lat, doubted in ((53.268, -0.5245, True), (-0.5245, 53.268, False)):
-        path.write_text(f"polygon_lonlat: [[{lon},{lat}],[{lon + 1e-3},{lat}],[{lon + 1e-3},{lat + 1e-3}]]\n")
-        doubts = [one for one in texts(field_findings(load_field(path)), "doubt") if "swapped" in one]
-        assert bool(doubts) == doubted
-        if doubted:
-            assert "with latitude and longitude swapped it is near Nettleham" in doubts[0]
-
-
-@pytest.mark.slow
 def test_a_site_shows_the_values_that_follow_from_its_place():
     found = list(site_findings(load_site("station_kansas")))
     assert texts(found, "cosmic rays") == ["cutoff rigidity 2.94 GV, atmospheric depth 979 g/cm2"]

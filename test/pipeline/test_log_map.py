@@ -4,22 +4,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, config_folder
-from soilmoist_ros.mapping import CovariateSource, PoissonKriging, load_field
+from soilmoist_ros.mapping import CovariateSource, load_field
 from soilmoist_ros.pipeline import MapSettings, NoteCode, map_logs
 from soilmoist_ros.pipeline.log_map import loss_rows, with_side
-from soilmoist_ros.pipeline.logs import require_standing
 from soilmoist_ros.reporting import notes, summary
-from soilmoist_ros.reporting.page.statistics import mean_sd
-from soilmoist_ros.sensing import Kind, Position, Problem, Site
+from soilmoist_ros.sensing import Kind, Problem, Site
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
-from virtual_survey import half_wet_field, simulate_log, stop_and_go, write_survey
+from virtual_survey import write_survey
 
 
 @pytest.fixture(scope="module")
@@ -32,81 +29,6 @@ def survey(tmp_path_factory):
 def settings(survey, **changes):
     files = {"site": survey / "site.yaml", "field": survey / "field.yaml", "nmea": (survey / "survey.nmea",)}
     return MapSettings(**{**files, **changes})
-
-
-@pytest.fixture(scope="module")
-def reference(survey, tmp_path_factory):
-    """Log of a sensor that stood while the survey went on."""
-    field = half_wet_field()
-    standing = stop_and_go(np.array([[30.0, 30.0], [30.5, 30.0]]), dwell_s=5400.0)
-    lines = simulate_log(field, standing, np.random.default_rng(5)).logger_lines
-    path = tmp_path_factory.mktemp("reference") / "reference.log"
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
-    return path
-
-
-@pytest.mark.slow
-def test_a_reference_sensor_corrects_the_counts(survey, reference):
-    plain = map_logs([survey / "survey.log"], settings(survey))
-    run = map_logs([survey / "survey.log"], settings(survey, reference=reference))
-    row = run.corrections[-1]
-    assert row.name == "reference sensor"
-    assert abs(row.parameters["change during the survey [%]"]) < 3 * row.parameters["standard deviation [%]"] + 1
-    assert [item.role for item in run.inputs][-1] == "reference sensor"
-    factors = [
-        a.effective_exposure_s / b.effective_exposure_s for a, b in zip(plain.track, run.track, strict=True)
-    ]
-    assert (min(factors), max(factors)) == pytest.approx((row.min_factor, row.max_factor), rel=0.01)
-    np.testing.assert_allclose(run.soil_map.rate, plain.soil_map.rate, rtol=0.1)
-
-
-@pytest.mark.slow
-def test_the_error_of_a_reference_sensor_is_in_the_map(survey, reference):
-    chosen = settings(survey, reference=reference, drift_model="off")
-    run = map_logs([survey / "survey.log"], chosen)
-    error = run.soil_map.change.error
-    assert run.soil_map.change.drift is None
-    assert not run.soil_map.change.text
-    share = error.change_sd
-    assert 100 * share == pytest.approx(run.corrections[-1].parameters["standard deviation [%]"], abs=0.05)
-    exact = run.soil_map.made_by
-    plain = PoissonKriging(exact.variogram, exact.keep_nugget, exact.mean_rate).fit(
-        *(getattr(run.soil_map.samples, name) for name in ("xy", "counts", "exposure_s", "spread"))
-    )
-    cells = run.soil_map.grid.cells[::40]
-    assert exact.predict(cells)[1].mean() > plain.predict(cells)[1].mean()
-    added = np.sqrt(exact.covariance(cells).mean() - plain.covariance(cells).mean())
-    assert 0.2 * share < added / exact.noise_mean_rate < share
-    assert mean_sd(run.soil_map, moisture=False) > added
-
-
-def test_a_reference_that_is_the_survey_is_refused(survey):
-    with pytest.raises(
-        InputError, match=r"survey.log: is the log of the survey itself.* -> give the log of a second"
-    ):
-        map_logs([survey / "survey.log"], settings(survey, reference=survey / "survey.log"))
-
-
-@pytest.mark.parametrize(
-    ("places", "said"),
-    [
-        ([(38.7, -97.4), (38.7, -97.40001)], ""),
-        ([(38.7, -97.4), (38.7, -97.5)], r"that moved, by \d.* km: a reference sensor stands still"),
-        ([(43.7, -97.4), (43.7, -97.4)], r"that stood 555 km from the survey"),
-    ],
-)
-def test_a_reference_stands_still_near_the_survey(places, said):
-    frame = LocalFrame(38.7, -97.4)
-    log = SimpleNamespace(
-        path=Path("station.log"),
-        records=[SimpleNamespace(position=Position(*place)) for place in places for _ in range(5)],
-    )
-    record = SimpleNamespace(x_m=20.0, y_m=10.0)
-    if not said:
-        require_standing(log, frame, [record])
-        return
-    with pytest.raises(InputError, match=f"station.log: is of a sensor {said}"):
-        require_standing(log, frame, [record])
 
 
 def test_a_file_of_positions_without_a_fix_is_refused(survey, tmp_path):

@@ -6,7 +6,6 @@ import os
 import socket
 import threading
 import tty
-from unittest import mock
 
 import pytest
 from hypothesis import given
@@ -36,8 +35,8 @@ from soilmoist_ros.sensing.survey.driver import link_health
         ("tcp://:5000", "lacks the host"),
         ("tcp://host:99999", "ort out of range"),
         ("tcp://host:5000/x", "has a path"),
-        ("tcp://host:5000?baud=9600", "unknown option 'baud'; there are: interface"),
-        ("udp://0.0.0.0:5000?form=10.0.0.1", "unknown option 'form'; there are: from, interface"),
+        ("tcp://host:5000?baud=9600", "unknown option 'baud'; there is: none"),
+        ("udp://0.0.0.0:5000?form=10.0.0.1", "unknown option 'form'; there is: from"),
         ("udp://0.0.0.0:5000?from=", "accepts data from no network"),
         ("udp://0.0.0.0:5000?from=logger.local", "give numeric addresses"),
         ("udp://0.0.0.0:5000?from=10.0.0.1/8", "has host bits set"),
@@ -238,28 +237,6 @@ def test_lines_of_several_senders_without_a_list_are_a_warning(port):
         part = link_health("logger link", source.status)
         assert part.level is Level.WARN
         assert f"such as udp://127.0.0.1:{port}?from=127.0.0.2" in part.message
-
-
-def test_links_by_one_network_interface(port):
-    with opened(f"udp://0.0.0.0:{port}?interface=lo", RETRY) as source:
-        listening(source)
-        send(b"here\n", port, "127.0.0.1")
-        assert read(source, 1) == [b"here"]
-    with ScriptedServer(sends(b"a\n")) as server, opened(f"{server.uri}?interface=lo") as source:
-        assert read(source, 1) == [b"a"]
-
-
-@pytest.mark.parametrize("index", [OSError("no such interface"), 99])
-def test_datagrams_come_again_when_an_adapter_was_unplugged(index, port, monkeypatch):
-    with opened(f"udp://0.0.0.0:{port}?interface=lo", RETRY) as source:
-        listening(source)
-        with monkeypatch.context() as unplugged:
-            unplugged.setattr(socket, "if_nametoindex", mock.Mock(side_effect=[index]))
-            read_until(source, lambda: source.status.state is LinkState.CONNECTING)
-        assert source.status.last_error == "the network interface 'lo' was unplugged"
-        read_until(source, lambda: source.status.connections == 2)
-        send(b"here\n", port, "127.0.0.1")
-        assert read(source, 1) == [b"here"]
 
 
 def test_addresses_of_both_versions():

@@ -32,8 +32,7 @@ _STANDARD_HPA = 1013.25
 _NEAR_M, _FAR_M = 1.0, 50.0
 _TYPICAL_WATER = 0.2
 _SCREEN = 3.7  # decay of the dip below the probe, within 1 m [1/m]
-Weighting = Literal["revised", "conventional", "equal"]
-_CONVENTIONAL_REACH_M = 127.0
+Weighting = Literal["revised", "equal"]
 _NEAREST_M = 0.5  # least distance of the published weights [m]; a ring of no radius has no weight
 _MAX_ITERATIONS = 200
 _TOLERANCE_VWC = 1e-8
@@ -261,8 +260,6 @@ def mean_of_cores(
 
     * ``revised``: Köhli et al. (2015) with the parameters of Schrön et al. (2017), see :class:`Footprint`. A core
       with thickness weighs the integral over it.
-    * ``conventional``: ``exp(-r / 127 m)`` of the distance (Zreda et al. 2008) and ``1 - d / D`` of the depth,
-      with ``D = 5.8 cm / (water + 0.0829)`` (Franz et al. 2012, Water Resources Research 48:W08515, equation 5).
     * ``equal``: the weights of the user alone.
 
     :param air: conditions of the calibration, by default standard air and a bare probe; its water is not used
@@ -298,7 +295,7 @@ def mean_of_cores(
     depth_cm = math.nan
     if any(not math.isnan(core.top_cm) for core in cores):
         air = replace(air, water=vwc + density * bound_water)
-        depth_cm = franz_depth_cm(air.water) if weighting == "conventional" else air.depth_cm(density)
+        depth_cm = air.depth_cm(density)
     return CoreMean(vwc, error, known, len(cores), len(groups), depth_cm, _weights_text(groups, weighting))
 
 
@@ -319,23 +316,14 @@ def _weights(
     own = np.array([core.weight for core in group])
     if weighting == "equal":
         return float(own.sum()), own
-    conventional = weighting == "conventional"
     across, distance_m = float(own.mean()), group[0].distance_m
     if not math.isnan(distance_m):
-        bare = math.exp(-distance_m / _CONVENTIONAL_REACH_M)
-        across *= bare if conventional else float(footprint.weight(max(distance_m, _NEAREST_M)))
+        across *= float(footprint.weight(max(distance_m, _NEAREST_M)))
     if math.isnan(group[0].top_cm):
         return across, own
     top, bottom = (np.array([getattr(core, name) for core in group]) for name in ("top_cm", "bottom_cm"))
-    if conventional:
-        return across, own * np.maximum(1 - (top + bottom) / 2 / franz_depth_cm(footprint.water), 0.0)
     reach_cm = float(footprint.depth_at_cm(0.0 if math.isnan(distance_m) else distance_m, density))
     # exp(-2 d / D86) of a depth (Schrön et al. 2017, appendix A), or its integral over a layer
     thickness = 2 * (bottom - top) / reach_cm
     layer = -np.expm1(-thickness) * reach_cm / 2
     return across, own * np.exp(-2 * top / reach_cm) * np.where(thickness > 0, layer, 1.0)
-
-
-def franz_depth_cm(water: float) -> float:
-    """Depth D86 of Franz et al. (2012), equation 5 [cm]."""
-    return 5.8 / (water + 0.0829)

@@ -492,36 +492,6 @@ class Site(Section):
         known = self.deconvolve_footprint or "footprint_radius_m" in self.model_fields_set
         return self.footprint_radius_m if known else 0.0
 
-    def unused_keys(self) -> Iterator[tuple[str, str]]:
-        """Keys of the file that change nothing, and why."""
-        soil = self.soil
-        if soil is not None and soil.clay is not None and soil.lattice_water != lattice_water(soil.clay):
-            yield "soil.clay", "lattice_water is given"
-        carbon = None if soil is None else soil.organic_carbon
-        if soil is not None and carbon is not None and soil.organic_water != organic_water(carbon):
-            yield "soil.organic_carbon", "organic_water is given"
-        intensity, humidity = self.corrections.intensity, self.corrections.humidity
-        universal = self.humidity_method == "universal"
-        if intensity is not None and intensity.constant is not None:
-            if "gaps" in intensity.model_fields_set:
-                yield "corrections.intensity.gaps", "a constant rate has none"
-            if intensity.monitor is not None and intensity.scaling == "none":
-                yield "corrections.intensity.monitor", "the scaling is none"
-        if humidity is not None and universal and "coefficient_m3g" in humidity.model_fields_set:
-            yield "corrections.humidity.coefficient_m3g", "the factor is that of the universal curve"
-        if "typical_vwc" in self.corrections.model_fields_set and not universal and self.corrections.road is None:
-            yield "corrections.typical_vwc", "no factor depends on the moisture"
-        auto = intensity is not None and intensity.scaling != "none"
-        auto |= self.corrections.pressure is not None and self.corrections.pressure.beta_per_hpa is None
-        if self.corrections.cutoff_rigidity_gv is not None and not auto:
-            yield "corrections.cutoff_rigidity_gv", "neither 'beta_per_hpa: auto' nor a scaling needs it"
-        curve = self.calibration.curve if self.calibration is not None else "universal"
-        given = self.calibration.model_fields_set if self.calibration is not None else ()
-        if "parameter_set" in given and curve != "universal" and not universal:
-            yield "calibration.parameter_set", f"the curve is {curve}"
-        if "depletion" in self.irrigation.model_fields_set and self.irrigation.wilting_point is None:
-            yield "irrigation.depletion", "wilting_point and field_capacity are not given"
-
     @property
     def curve(self) -> MoistureCurve | None:
         """Calibration curve, ``None`` until the site has both soil properties and N0."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Parses NMEA 0183 (GGA, GNS, RMC, GLL, GST, ZDA and PUBX) of a GNSS receiver into one fix per epoch.
+"""Parses NMEA 0183 (GGA, GNS, RMC, GLL, GST and ZDA) of a GNSS receiver into one fix per epoch.
 
 :data:`SENTENCES` has the fields of each sentence type. Sentences with one time of day form an
 epoch. No line makes the parser raise; faults are reported and counted.
@@ -19,7 +19,7 @@ from pathlib import Path
 import pynmea2
 
 from soilmoist_ros.foundation import DAY_S, InputError, Mistake
-from soilmoist_ros.sensing.formats.log_values import read_number, read_time, strip_checksum
+from soilmoist_ros.sensing.formats.log_values import read_number
 from soilmoist_ros.sensing.gnss import (
     EARLIEST_DATE_S,
     STATUS_OF_QUALITY,
@@ -44,9 +44,7 @@ KNOTS_MPS = 1852.0 / 3600.0
 VERTICAL_PER_HORIZONTAL = 2.0  # without GST: usual error of the altitude per error of each coordinate
 QUALITY_OF_MODE = {"R": 4, "F": 5, "P": 3, "D": 2, "A": 1, "E": 6, "S": 8, "M": 7, "N": 0}
 """Quality as in GGA of a mode, the best mode first: GNS has one for each constellation."""
-_QUALITY_OF_PUBX = {"RK": 6, "DR": 6, "G2": 1, "G3": 1, "D2": 2, "D3": 2, "TT": 0, "NF": 0}
 _CHECKED = re.compile(rb"\$[^$*]*\*[0-9A-Fa-f]{2}")
-_DATE_BEFORE = re.compile(rb"(\d{4}[-/]\d\d[-/]\d\d[T ]\d\d:\d\d:\d\d)[^$]*\$")
 
 Values = dict[str, float]  # values of a sentence by their names; NaN where a field is empty
 
@@ -100,11 +98,9 @@ def _mode(text: str) -> float:
 _CONVERTERS: Mapping[str, Callable[[str], float]] = {
     "time": _time_of_day, "date": _date, "latitude": _degrees, "north": _hemisphere, "longitude": _degrees,
     "east": _hemisphere, "valid": lambda text: float(text.upper() == "A"), "mode": _mode,
-    "state": lambda text: float(_QUALITY_OF_PUBX.get(text.upper(), 0)),
     "speed": lambda text: _number(text) * KNOTS_MPS,
 }  # fmt: skip
 """Converters of quantities that are no plain numbers."""
-_NEVER_EMPTY = ("valid", "state")  # quantities whose empty field says that there is no fix
 _PLACE = {"time": "timestamp", "latitude": "lat", "north": "lat_dir", "longitude": "lon", "east": "lon_dir"}
 SENTENCES: Mapping[str, Mapping[str, str]] = {
     "GGA": _PLACE | {"quality": "gps_qual", "satellites": "num_sats", "hdop": "horizontal_dil",
@@ -114,15 +110,13 @@ SENTENCES: Mapping[str, Mapping[str, str]] = {
     "RMC": _PLACE | {"date": "datestamp", "valid": "status", "mode": "mode_indicator", "speed": "spd_over_grnd"},
     "GLL": _PLACE | {"valid": "status", "mode": "faa_mode"},
     "ZDA": {"time": "timestamp", "day": "day", "month": "month", "year": "year"},
-    "PUBX,00": _PLACE | {"state": "nav_stat", "satellites": "num_svs", "hdop": "hdop"},
-    "PUBX,04": {"time": "time", "date": "date"},
     "GST": {"time": "timestamp", "major_sd": "std_dev_major", "minor_sd": "std_dev_minor",
             "orientation": "orientation", "north_sd": "std_dev_latitude", "east_sd": "std_dev_longitude",
             "up_sd": "std_dev_altitude"},
 }  # fmt: skip
 """Quantities of each sentence, and their fields as pynmea2 names them."""
 
-_PLACES = ("GGA", "GNS", "RMC", "GLL", "PUBX,00")  # sentences with a position, the best first
+_PLACES = ("GGA", "GNS", "RMC", "GLL")  # sentences with a position, the best first
 
 
 @dataclass
@@ -148,8 +142,7 @@ class _Epoch:
             stamp_s = datetime(year, month, day, tzinfo=UTC).timestamp()
             if stamp_s >= EARLIEST_DATE_S:
                 return stamp_s
-        date_s = self.value("RMC", "date")
-        return self.value("PUBX,04", "date") if math.isnan(date_s) else date_s
+        return self.value("RMC", "date")
 
 
 class NmeaParser:
@@ -231,7 +224,7 @@ class NmeaParser:
         whole = _CHECKED.match(line, start)
         found = line[start:] if whole is None else whole[0][:-2] + whole[0][-2:].upper()
         text = found.decode("latin-1").strip().rstrip("'\"\\")
-        kind = text[1:8] if text.startswith("$PUBX") else text[3:6]
+        kind = text[3:6]
         if len(text) > MAX_SENTENCE and not _is_other_message(found):
             self._report(Kind.TOO_LONG, f"the sentence has {len(text)} bytes")
             return None
@@ -248,7 +241,7 @@ class NmeaParser:
                 self._report(Kind.UNREADABLE, "the sentence is damaged")
             return None
         self.sentences_read += 1
-        if kind not in SENTENCES or message.name_to_idx.keys().isdisjoint(("timestamp", "time")):
+        if kind not in SENTENCES or "timestamp" not in message.name_to_idx:
             return None
         try:
             return kind, _values(message, SENTENCES[kind])
@@ -315,10 +308,9 @@ def _values(message: pynmea2.NMEASentence, fields: Mapping[str, str]) -> Values:
     values: Values = {}
     for name, attribute in fields.items():
         index = message.name_to_idx[attribute]
-        given = index < len(message.data)
-        text = message.data[index].strip() if given else ""
-        known = text or (given and name in _NEVER_EMPTY)
-        values[name] = _CONVERTERS.get(name, _number)(text) if known else NAN
+        text = message.data[index].strip() if index < len(message.data) else None
+        known = text or (text is not None and name == "valid")  # an empty status says that there is no fix
+        values[name] = _CONVERTERS.get(name, _number)(text or "") if known else NAN
     return values
 
 
@@ -329,7 +321,7 @@ def _quality(epoch: _Epoch) -> tuple[int, str]:
             return 0, f"{kind} status V"
     for kind in _PLACES:
         if kind in epoch.sentences:
-            name = {"GGA": "quality", "PUBX,00": "state"}.get(kind, "mode")
+            name = "quality" if kind == "GGA" else "mode"
             quality = epoch.value(kind, name)
             if math.isnan(quality):
                 quality = 0.0 if kind in ("GGA", "GNS") else 1.0
@@ -357,8 +349,8 @@ def parse_nmea(
 ) -> tuple[list[Fix], list[Problem]]:
     """Read the fixes and problems of lines with NMEA sentences, in their order.
 
-    Epochs before the first date are dated from the first date; without any date, from the times of a log. Other
-    messages between the sentences are skipped, text is reported.
+    Epochs before the first date are dated from the first date; without any date, the first one lies within 12 h of
+    the middle of a log. Other messages between the sentences are skipped, text is reported.
 
     :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
     :raises InputError: if there is no NMEA sentence, or the day is not clear
@@ -375,18 +367,21 @@ def parse_nmea(
     if not any(math.isnan(fix.stamp_s) for fix in fixes):
         return fixes, parser.problems
     first_s = parser.first_dated_s
-    if math.isnan(first_s):
-        first_s = next((_iso_s(match[1]) for _, line in pieces if (match := _DATE_BEFORE.search(line))), NAN)
-    assumed = []
     placed = any(math.isnan(fix.stamp_s) and fix.no_place is None for fix in fixes)
-    if math.isnan(first_s) and log_s is not None and placed:
-        first_s = log_s[0] + DAY_S * _day_of(lambda s: _parsed(pieces, path, s, checked)[0], log_s, path)
-        day = utc_text(first_s)[:10]
-        message = f"the sentences have no date (neither RMC nor ZDA): the day is that of the log, {day}"
-        assumed = [Problem(Kind.ASSUMED_TIME, Mistake(message, "", path))]
+    assumed = math.isnan(first_s) and placed
+    if assumed and log_s is not None:
+        days = math.ceil((log_s[1] - log_s[0]) / DAY_S)
+        if days > 1:
+            what = f"has positions, but no date (neither RMC nor ZDA), and the log lasts {days} days"
+            raise InputError(what, "let the receiver send RMC or ZDA, too; or map one day: --from, --to", path)
+        first_s = (log_s[0] + log_s[1]) / 2
     if math.isfinite(first_s):
         fixes, parser = _parsed(pieces, path, first_s, checked)
-    return fixes, [*parser.problems, *assumed]
+    if assumed and log_s is not None:
+        day = utc_text(fixes[0].stamp_s)[:10]
+        message = f"the sentences have no date (neither RMC nor ZDA): the day is that of the log, {day}"
+        parser.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", path)))
+    return fixes, parser.problems
 
 
 def _parsed(
@@ -402,50 +397,10 @@ def _parsed(
 
 
 def _pieces(lines: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
-    """Number and bytes of each sentence: a line may have several, and a sentence several lines."""
-    begun = b""
+    """Number of the line and bytes of each sentence: a line may have several."""
     for number, line in enumerate(lines, 1):
-        rest = line.rstrip().rstrip(b"'\"")
-        if begun and b"$" not in line and strip_checksum(begun.rpartition(b"$")[2] + rest) is not None:
-            yield number, begun + line
-            begun = b""
-            continue
-        if begun:
-            yield number - 1, begun
-        *whole, begun = re.split(rb"(?=\$[A-Z]{5},)", line) if line.count(b"$") > 1 else [line]
-        yield from ((number, piece) for piece in whole if piece.strip())
-        if b"$" not in begun or b"*" in begun:
-            yield number, begun
-            begun = b""
-    if begun:
-        yield len(lines), begun
-
-
-def _iso_s(text: bytes) -> float:
-    stamp_s = read_time(text.decode().replace("/", "-"), ("iso8601",))
-    return NAN if stamp_s is None else stamp_s
-
-
-def _day_of(fixes_from: Callable[[float], list[Fix]], log_s: tuple[float, float], path: Path) -> int:
-    """The day after the first one of a log on which positions without a date were taken."""
-    stamps = [fix.stamp_s for fix in fixes_from(log_s[0])]
-    first_s, last_s = min(stamps), max(stamps)
-    days = math.ceil((log_s[1] - log_s[0]) / DAY_S) + 1
-    found = [
-        day
-        for day in range(-days, days + 1)
-        if first_s + day * DAY_S < log_s[1] and last_s + day * DAY_S > log_s[0]
-    ]
-    if len(found) == 1:
-        return found[0]
-    clock = f"{utc_text(first_s)[11:]} to {utc_text(last_s)[11:]}"
-    other = "several of its days fit" if found else "it has no record at these times of day"
-    raise InputError(
-        f"has positions, but no date (neither RMC nor ZDA): they are from {clock}, the log from "
-        f"{utc_text(log_s[0])} to {utc_text(log_s[1])}: {other}",
-        "let the receiver send RMC or ZDA, too" + ("; or map one day: --from, --to" if found else ""),
-        path,
-    )
+        pieces = re.split(rb"(?=\$[A-Z]{5},)", line) if line.count(b"$") > 1 else [line]
+        yield from ((number, piece) for piece in pieces if piece.strip())
 
 
 _LOOKS = (

@@ -216,7 +216,7 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         "records per minute": _number(stream.records_per_minute, 2),
         "records and lines lost": str(problems.lost.total() - problems.lost[Kind.DUPLICATE]),
         "records quarantined": str(stream.quarantined.total()), "masked tubes": _masked(stream) or "none",
-        "index of dispersion": _number(stream.survey.checks.totals.used.index, 2),
+        "index of dispersion": _number(stream.survey.checks.totals.dispersion.index, 2),
         "logger clock minus ours [s]": _number(difference_s, 1), **_by_kind("dropped", problems.lost),
         **_by_kind("noted", problems.noted),
         **{f"quarantined: {reason_text(code)}": str(count) for code, count in sorted(stream.quarantined.items())},

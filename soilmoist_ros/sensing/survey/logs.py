@@ -36,8 +36,6 @@ from soilmoist_ros.sensing.survey.survey import Survey
 MIN_DRIFT_S = 3.0  # drift of the logger's clock over a log that matters: a rover drives 30 m in this time [s]
 MIN_OVERLAP = 0.2  # share of a counting interval that lies before the record before, from which the two overlap
 MIN_OVERLAP_S = 5.0  # overlap that rounded stamps and late lines do not cause [s]
-MONTH_S = 20 * 86_400.0  # time between two days that is one of months [s]
-MIN_MONTHS = 3  # number of such times that make the order of day and month doubtful
 MIN_BARE = 0.3  # counts of a tube relative to the others below which it is not connected, rather than bare
 CHANCE_SD = 4.0  # standard deviations of a count that chance explains: a log of minutes shows no bare tube
 BARE_SHARE = 0.7
@@ -409,7 +407,6 @@ def log_doubts(logs: Sequence[LogFile]) -> Iterator[Problem]:
         *_rates(records, logs[0]),
         *_overlaps(stamps, live_s, records),
         *_units(stamps, live_s),
-        *_months(stamps),
         *_tubes(logs),
     ):
         yield Problem(found.kind, Mistake(found.message, found.remedy, logs[0].path))
@@ -473,20 +470,6 @@ def _units(stamps: NDArray[np.float64], live_s: NDArray[np.float64]) -> Iterator
             message = f"records count {part}: the live time may be in {words}"
             remedy = "correct 'unit' below 'live_time' in the logger format"
             yield Finding(Kind.LIVE_TIME_UNIT, message, remedy)
-
-
-def _months(stamps: NDArray[np.float64]) -> Iterator[Finding]:
-    """Days that lie months apart: day and month may be swapped."""
-    days = np.unique(stamps // 86_400)
-    jumps = np.flatnonzero(86_400 * np.diff(days) > MONTH_S)
-    if len(jumps) < MIN_MONTHS or 2 * len(jumps) < len(days) - 1:
-        return
-    one, other = (f"{datetime.fromtimestamp(86_400 * days[jumps[0] + k], UTC):%Y-%m-%d}" for k in (0, 1))
-    message = (
-        f"the records lie on {len(days)} days, {len(jumps)} times a month or more apart, as {one} and {other}"
-    )
-    remedy = "if day and month are swapped, correct time.formats of the logger format; else map each survey alone"
-    yield Finding(Kind.MONTHS_APART, message, remedy)
 
 
 def _tubes(logs: Sequence[LogFile]) -> Iterator[Finding]:

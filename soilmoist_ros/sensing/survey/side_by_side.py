@@ -31,9 +31,6 @@ MIN_SCATTER, MAX_SCATTER, SAME_CHANCE = 0.3, 1.5, 1e-6
 _OTHERS_LOG = "give the log of the station with --beside, that of your own sensor with --log"
 MIN_COVERAGE = 0.9
 """Share of an interval of the slower logger that the faster one must have counted."""
-_CLOCK_STEP_S = 900.0
-_MAX_CLOCK_H = 14  # the largest difference of a time zone and UTC
-_MIN_PRESSURE_RMS_HPA = 0.2  # difference of two pressures that a resolution of 0.1 hPa does not explain
 
 
 @dataclass(frozen=True)
@@ -80,16 +77,12 @@ def compare_side_by_side(
     """Compare two sensors that stood side by side.
 
     :param own: logs of the own sensor, ``other`` of the other one; each corrected by its site
-    :raises InputError: if both do not overlap, their clocks differ, or there are too few counts
+    :raises InputError: if both do not overlap, or there are too few counts
     """
     ours, theirs = (stationary_records(logs, of) for logs, of in ((own, site), (other, other_site)))
     if not ours or not theirs:
         path = (own if not ours else other)[0].path
         raise InputError("has no good record", "soilmoist check says what is wrong with the log", path)
-    if shift_h := _clock_shift_h(own, other):
-        remedy = "set logger_utc_offset_hours in the site file of the logger whose clock is wrong"
-        about = f"the pressures agree only if one clock is shifted by {abs(shift_h):g} h"
-        raise InputError(f"its clock differs from that of {other[0].path.name}: {about}", remedy, own[0].path)
     swapped = _interval_s(ours) > _interval_s(theirs)
     slow, fast = (ours, theirs) if swapped else (theirs, ours)
     kept, of_frame = _common(slow, fast)
@@ -169,33 +162,3 @@ def _common(
     frame = np.where(inside, frame, -1)
     length = np.bincount(frame[inside], (fast_ends - fast_begins)[inside], len(ends))
     return length >= MIN_COVERAGE * (ends - begins), np.asarray(frame, np.intp)
-
-
-def _clock_shift_h(own: Sequence[LogFile], other: Sequence[LogFile]) -> float:
-    """Time by which the clock of one logger differs [h], by the pressure that both saw; 0 if nothing shows one."""
-    series = []
-    for logs in (own, other):
-        found = sorted(
-            (r.stamp_s, r.pressure_hpa) for log in logs for r in log.records if math.isfinite(r.pressure_hpa)
-        )
-        if len(found) < 12:
-            return 0.0
-        series.append(np.array(found).T)
-    (our_s, ours), (their_s, theirs) = series
-
-    def misfit(shift_s: float) -> float:
-        first, last = max(our_s[0] + shift_s, their_s[0]), min(our_s[-1] + shift_s, their_s[-1])
-        if last - first < 12 * 3600:
-            return math.nan
-        at = np.arange(first, last, _CLOCK_STEP_S)
-        return float(np.std(np.interp(at, our_s + shift_s, ours) - np.interp(at, their_s, theirs)))
-
-    shifts = np.arange(-_MAX_CLOCK_H, _MAX_CLOCK_H + 0.1, 0.5)
-    errors = np.array([misfit(3600 * shift) for shift in shifts])
-    now = misfit(0.0)
-    if not np.isfinite(errors).any() or not (math.isnan(now) or now > _MIN_PRESSURE_RMS_HPA):
-        return 0.0
-    best = int(np.nanargmin(errors))
-    if math.isnan(now):  # clocks so different that too little is left in common
-        return float(shifts[best]) if errors[best] < _MIN_PRESSURE_RMS_HPA / 2 else 0.0
-    return float(shifts[best]) if errors[best] < 0.4 * now else 0.0

@@ -73,7 +73,7 @@ def test_a_log_that_scatters_more_than_counting_statistics_is_reported():
     for record in log(counts, 3600.0):
         checks.check(record)
     [finding] = checks.findings
-    assert checks.recorded.index == pytest.approx(5.0, rel=0.3)
+    assert checks.dispersion.index == pytest.approx(5.0, rel=0.3)
     assert "the index of dispersion is" in finding.message
     assert not finding.bad
 
@@ -150,7 +150,7 @@ def test_a_file_is_masked_from_where_a_tube_went_wrong_and_its_shares_are_those_
     rate = sum(record.raw_counts for record in found) / sum(record.exposure_s for record in found)
     assert abs(rate - 4.0) < 4 * np.sqrt(4.0 / 6000)
     assert {problem.kind for problem in problems} == {Kind.DEAD_TUBE, Kind.NOISY_TUBE}
-    assert not survey.checks.totals.used.is_high
+    assert not survey.checks.totals.dispersion.is_high
 
 
 # Weather ---------------------------------------------------------------------------------------------------------

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from crnpy import crnpy
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.moisture.cores import SoilCore, read_soil_cores
-from soilmoist_ros.sensing.moisture.footprint import Footprint, franz_depth_cm, mean_of_cores
+from soilmoist_ros.sensing.moisture.footprint import Footprint, mean_of_cores
 
 
 @pytest.fixture
@@ -94,17 +94,6 @@ def test_the_revised_mean_of_real_cores_agrees_with_an_independent_implementatio
     assert mean_of_cores(cores, "revised", around).vwc == pytest.approx(0.296, abs=5e-4)  # whole layers
 
 
-def test_conventional_weights_are_those_of_the_formulas():
-    cores = [SoilCore(0.3, 1.4, 1.0, "a", 10.0, 5.0, 5.0), SoilCore(0.1, 1.4, 1.0, "a", 10.0, 15.0, 15.0)]
-    cores += [SoilCore(0.2, 1.4, 1.0, "b", 137.0, 5.0, 5.0)]
-    mean = mean_of_cores(cores, "conventional", bound_water=0.02)
-    depth_cm = franz_depth_cm(mean.vwc + 0.028)
-    upper, lower = max(1 - 5 / depth_cm, 0), max(1 - 15 / depth_cm, 0)
-    first = (0.3 * upper + 0.1 * lower) / (upper + lower)
-    assert mean.vwc == pytest.approx((first + 0.2 / math.e) / (1 + 1 / math.e), abs=1e-6)
-    assert mean.depth_cm == pytest.approx(depth_cm, rel=1e-6)
-
-
 def test_a_thick_core_weighs_as_its_slices_and_the_thickness_does_not_change_its_place():
     slices = [
         SoilCore(0.30 if at < 10 else 0.10, 1.4, 1.0, "a", 3.0, at - 0.05, at + 0.05)
@@ -125,14 +114,12 @@ def test_a_shielded_probe_sees_the_near_cores():
 @settings(max_examples=15)
 @given(
     st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 300), st.floats(0, 60)), min_size=1, max_size=8),
-    st.sampled_from(["revised", "conventional", "equal"]),
+    st.sampled_from(["revised", "equal"]),
     st.sampled_from([math.inf, 10.0]),
 )
 def test_the_mean_lies_between_the_cores(rows, weighting, radius_m):
     cores = [SoilCore(vwc, 1.3, 1.0, str(n), at, depth, depth) for n, (vwc, at, depth) in enumerate(rows)]
     around = Footprint(0.2, shield_radius_m=radius_m)
-    if weighting == "conventional":
-        assume(min(depth for *_, depth in rows) < 5.8 / (0.6 + 0.0829))
     mean = mean_of_cores(cores, weighting, around).vwc
     moistures = [vwc for vwc, *_ in rows]
     assert min(moistures) - 1e-9 <= mean <= max(moistures) + 1e-9

@@ -151,28 +151,6 @@ def test_numbers_in_other_notations_and_units_are_refused_with_the_likely_one(tm
     assert remedy in mistake.remedy
 
 
-@pytest.mark.parametrize(
-    ("keys", "unused"),
-    [
-        ({"soil": {"bulk_density_gcm3": 1.4, "clay": 0.25, "organic_carbon": 0.015}}, []),
-        ({"soil": {"bulk_density_gcm3": 1.4, "clay": 0.25, "lattice_water": 0.03}}, ["soil.clay"]),
-        (
-            {"corrections": {"intensity": {"reference": 1, "constant": 1, "gaps": "hold", "monitor": "JUNG"}}},
-            ["corrections.intensity.gaps", "corrections.intensity.monitor"],
-        ),
-        ({"corrections": {"humidity": {"method": "universal", "coefficient_m3g": 0.005}, "typical_vwc": 0.3}},
-         ["corrections.humidity.coefficient_m3g"]),
-        ({"corrections": {"typical_vwc": 0.3, "cutoff_rigidity_gv": 3}},
-         ["corrections.typical_vwc", "corrections.cutoff_rigidity_gv"]),
-        ({"calibration": {"n0_cps": 1, "parameter_set": "uranos_drf"}}, ["calibration.parameter_set"]),
-        ({"calibration": {"n0_cps": 1, "parameter_set": "uranos_drf", "curve": "universal"}}, []),
-        ({"irrigation": {"depletion": 0.4}}, ["irrigation.depletion"]),
-    ],
-)  # fmt: skip
-def test_keys_that_change_nothing_are_named(keys, unused):
-    assert [key for key, _ in Site(**keys).unused_keys()] == unused
-
-
 # Calibration -----------------------------------------------------------------------------------------------------
 
 UNIT = CalibrationCurve(1.0, 1.4, 0.02)

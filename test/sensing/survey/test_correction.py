@@ -173,10 +173,9 @@ def test_the_noise_is_listed_with_its_reason_and_the_index_of_dispersion() -> No
     assert found[Kind.NOISY_TUBE, "kept"] > 100
     assert found[Kind.OVERDISPERSED, "kept"] == 1
     assert "the other tubes expect" in str(next(p for p in survey.problems if p.kind is Kind.NOISY_TUBE))
-    index = re.search(r"dispersion is (\S+) as recorded and (\S+) without", str(survey.problems[-1]))
+    index = re.search(r"dispersion is (\S+) without", str(survey.problems[-1]))
     assert index is not None
-    assert float(index[1]) > 200
-    assert float(index[2]) < 3
+    assert 1.5 < float(index[1]) < 3
 
 
 @pytest.mark.slow
@@ -213,7 +212,7 @@ def tube(log, number):
     )
 
 
-def thinned(log, share, period_s=3600.0, seed=1, keep=lambda stamp_s: True, shift_s=0.0):
+def thinned(log, share, period_s=3600.0, seed=1, keep=lambda stamp_s: True):
     """A sensor of another sensitivity and interval beside the station: independent Poisson counts."""
     rng, parts = np.random.default_rng(seed), round(3600 / period_s)
     records = []
@@ -222,9 +221,7 @@ def thinned(log, share, period_s=3600.0, seed=1, keep=lambda stamp_s: True, shif
             stamp_s = r.stamp_s - 3600 + (part + 1) * period_s
             counts = tuple(float(c) for c in rng.poisson(share * 785 / parts, 2))
             if keep(stamp_s):
-                records.append(
-                    replace(r, stamp_s=stamp_s + shift_s, tube_counts=counts, tube_live_s=(period_s,) * 2)
-                )
+                records.append(replace(r, stamp_s=stamp_s, tube_counts=counts, tube_live_s=(period_s,) * 2))
     return with_records(log, records)
 
 
@@ -266,7 +263,7 @@ def test_only_time_that_both_counted_is_used_and_gaps_are_named(station):
 
 
 @pytest.mark.slow
-def test_no_overlap_too_few_counts_and_clocks_are_errors(station):
+def test_no_overlap_and_too_few_counts_are_errors(station):
     half = len(station.records) // 2
     early, late = (with_records(station, part) for part in (station.records[:half], station.records[half:]))
     with pytest.raises(InputError, match="has no time that both sensors counted"):
@@ -278,16 +275,6 @@ def test_no_overlap_too_few_counts_and_clocks_are_errors(station):
             [station],
             SITE_SIDE_BY_SIDE,
         )
-    with pytest.raises(InputError, match="one clock is shifted by 6 h"):
-        compare_side_by_side(
-            thinned(station, 0.5, shift_s=6 * 3600), SITE_SIDE_BY_SIDE, [station], SITE_SIDE_BY_SIDE
-        )
-    assert (
-        compare_side_by_side(
-            thinned(station, 0.5, shift_s=300), SITE_SIDE_BY_SIDE, [station], SITE_SIDE_BY_SIDE
-        ).ratio
-        < 0.6
-    )
     bare = with_records(station, [LoggerRecord(1.0, (math.nan,), (math.nan,))])
     with pytest.raises(InputError):
         compare_side_by_side(bare, SITE_SIDE_BY_SIDE, [station], SITE_SIDE_BY_SIDE)

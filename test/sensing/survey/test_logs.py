@@ -193,14 +193,6 @@ def test_live_times_in_another_unit(tmp_path):
     assert "check live_time and record_period of the logger format" in found[1]
 
 
-def test_days_that_jump_by_months(tmp_path):
-    text = FINAPP + "".join(f"2024-{month:02d}-05 {hour:02d}:00:00,1700,3600,1000\n"
-                            for month in range(1, 8) for hour in range(9))  # fmt: skip
-    (found,) = doubts(tmp_path, text)
-    assert found[0] is Kind.MONTHS_APART
-    assert "lie on 7 days, 6 times a month or more apart, as 2024-01-05 and 2024-02-05" in found[1]
-
-
 @pytest.mark.parametrize(("second", "n_doubts"), [(178, 1), (77, 0)])
 def test_the_tube_that_is_left_out_counts_more(tmp_path, second, n_doubts):
     rows = "".join(f"{n}, 2018/01/08 {n:02d}:03:00, 1000, 9, 80, 91, {second}, 900, 900\n" for n in range(8))
