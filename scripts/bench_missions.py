@@ -4,7 +4,7 @@
 """Simulated missions: strategies against the best lattice, forecasts, hours that a field needs, processor time.
 
 usage: .venv/bin/python scripts/bench_missions.py lattices [--fields rough FILE.yaml] [--seeds 20] [--cell 2]
-                                                  [--strategies gcb ivr lattice:optimal] [--save]
+                                                  [--strategies gcb lattice:optimal] [--save]
        .venv/bin/python scripts/bench_missions.py lattices --fields odd --cell 2
        .venv/bin/python scripts/bench_missions.py forecasts|until|hours|speed [--seeds N] [--surfaces DIR] [--save]
 
@@ -524,8 +524,6 @@ PUBLISHED = MissionSettings(field="synthetic-high", cell_m=1.0, hours=2.0, prese
 TIMED = {
     "gcb": RECOMMENDED,
     "gcb, graph of 300 nodes": replace(RECOMMENDED, travel="graph"),
-    "ivr": replace(RECOMMENDED, strategy="ivr"),
-    "ivr, graph of 300 nodes": replace(RECOMMENDED, strategy="ivr", travel="graph"),
     "greedy as published": PUBLISHED,
     "monte_carlo as published": replace(PUBLISHED, strategy="monte_carlo"),
     "adaptive_sampling as published": replace(PUBLISHED, strategy="adaptive_sampling"),

@@ -19,7 +19,7 @@ from soilmoist_ros.foundation import InputError
 @click.option("--spacing", type=click.FloatRange(min=0, min_open=True), default=10.0, show_default=True,
               help="Distance between nodes [m]; with --rows or --swaths, along the row or swath.")  # fmt: skip
 @click.option("--rows", type=click.FloatRange(min=0, min_open=True), help="Distance between crop rows [m].")
-@click.option("--swaths", type=FILE, help="Swaths of Fields2Cover (GeoJSON, or a path) or of opennav_coverage "
+@click.option("--swaths", type=FILE, help="Swaths of Fields2Cover (GeoJSON) or of opennav_coverage "
               "(PathComponents, YAML or JSON), instead of a lattice or rows.")  # fmt: skip
 @click.option(
     "--heading", type=float, default=0.0, show_default=True, help="Direction of the rows from north [deg]."

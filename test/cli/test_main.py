@@ -232,7 +232,7 @@ def test_no_help_imports_heavy_libraries():
 @pytest.mark.slow
 def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
     out = tmp_path / "out"
-    result = run("simulate", "--field", "synthetic-high", "--strategy", "ivr", "--dwell", "fmi:120",
+    result = run("simulate", "--field", "synthetic-high", "--strategy", "gcb", "--dwell", "fmi:120",
                  "--hours", 0.5, "--cell", 2, "--seed", 3, "--target", "decision", "--threshold", "20%,0.15",
                  "--out", out)  # fmt: skip
     assert result.exit_code == 0, result.output

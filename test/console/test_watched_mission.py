@@ -20,7 +20,7 @@ from soilmoist_ros.console.watched_mission import WatchedMission
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
-SETTINGS = MissionSettings("half-wet", hours=0.25, seed=3, cell_m=2.0, dwell="fmi:20", strategy="ivr")
+SETTINGS = MissionSettings("half-wet", hours=0.25, seed=3, cell_m=2.0, dwell="fmi:20", strategy="gcb")
 HASTE = 1e7
 """Time factor at which nobody waits."""
 

@@ -60,10 +60,10 @@ def test_only_shared_seeds_count_and_what_the_seeds_share_does_not_hide_a_differ
 
 
 def test_all_pairs_of_each_case_are_in_the_table_and_missing_values_are_left_out():
-    one = table_of({"gcb": {1: 1.0, 2: 2.0}, "ivr": {1: 2.0, 2: math.nan}, "random": {5: 1.0}})
-    table = paired_table(pd.concat([one, table_of({"gcb": {1: 1.0}, "ivr": {1: 1.5}}, "rough")]), ["field"])
+    one = table_of({"gcb": {1: 1.0, 2: 2.0}, "two_pass": {1: 2.0, 2: math.nan}, "random": {5: 1.0}})
+    table = paired_table(pd.concat([one, table_of({"gcb": {1: 1.0}, "two_pass": {1: 1.5}}, "rough")]), ["field"])
     found = table[table["quantity"] == "mse"].set_index("field")
-    assert found.loc["smooth", "pairs"] == 1, "gcb and ivr share one seed with both values"
+    assert found.loc["smooth", "pairs"] == 1, "gcb and two_pass share one seed with both values"
     assert math.isnan(found.loc["smooth", "low"])
     assert found.loc["rough", "difference"] == -0.5
     assert set(table["quantity"]) == set(QUANTITIES)

@@ -144,7 +144,7 @@ def test_missing_and_failed_missions_are_named():
         render_campaign_report(data(keep=lambda s: False))
 
 
-SEVEN = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "ivr", "gcb")
+SEVEN = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "two_pass", "gcb")
 
 
 @pytest.mark.slow

@@ -57,7 +57,7 @@ def test_the_map_of_one_robot_is_that_of_its_replay_bit_for_bit(tmp_path):
 def test_two_robots_share_maps_of_two_properties_and_keep_apart(tmp_path):
     out, names = tmp_path / "run", ("robot_1", "robot_2")
     # At 60 times the speed, a tenth of a second that a busy machine takes is six seconds and metres of a robot.
-    options = "--robots 2 --field synthetic-high --property rough:2 --hours 0.15 --time-factor 20 --strategy ivr"
+    options = "--robots 2 --field synthetic-high --property rough:2 --hours 0.15 --time-factor 20 --strategy gcb"
     said = run_demo(out, options)
     assert said.startswith("console    http://127.0.0.1:")
     assert "robot 2: " in said  # what it does at that moment; the bag says below that it counted

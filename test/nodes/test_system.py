@@ -94,7 +94,7 @@ class Robot:
 
 def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
     """Simulated time waits for a planner that is slow: nothing of it shows in the map."""
-    choices = {"strategy": "ivr", "dwell": "optimal", "hours": 0.4, "seed": 1}
+    choices = {"strategy": "gcb", "dwell": "optimal", "hours": 0.4, "seed": 1}
     clock = ros.collect(Clock, "/clock", CLOCK)
     robot = Robot(ros, tmp_path, simulator={"speed": 75.0, "seed": 1}, **choices)
     planner = robot.processes["planner"].process
@@ -118,7 +118,7 @@ def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
     assert replay.comparisons[0].same is True
     mission = replay.run.mission
     assert mission is not None
-    assert mission.settings.strategy == "ivr"
+    assert mission.settings.strategy == "gcb"
     simulated = simulate_mission(
         MissionSettings(map_from="records", travel="graph", model="matern32", fit="reml", **choices)
     )

@@ -223,7 +223,6 @@ class Explorer:
             overhead_s=self.travel.motion.stop_overhead_s,
             counting=self.counting,
             dwell=self.rules.dwell,
-            travel_cost_s=np.where(fits, cost_s, np.inf),
             prospect=cache(
                 lambda: self._prospect(maps, considered, travel_s[rows], cost_s[rows], place, request, rows)
             ),

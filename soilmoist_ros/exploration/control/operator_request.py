@@ -193,7 +193,7 @@ class Requests:
         longest_s = self.rules.dwell.longest_s
         with _refused(ReplyCode.BAD_DWELL):
             rule = parse_dwell(text if ":" in text or text.isalpha() else f"fmi:{text}", longest_s)
-        if not (isinstance(rule, FixedInterval) and 1.0 <= rule.interval_s <= longest_s):
+        if not (type(rule) is FixedInterval and 1.0 <= rule.interval_s <= longest_s):
             remedy = f"give 1 .. {longest_s:g} seconds, such as 120"
             raise RequestError(ReplyCode.BAD_DWELL, f"a single stop cannot have the dwell {text!r}", remedy)
         return rule.interval_s

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from fractions import Fraction
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Protocol
+from typing import Annotated, Any, Protocol
 
 from pydantic import PlainSerializer, PlainValidator
 
@@ -148,28 +148,10 @@ class AdaptiveInterval:
 
 
 @dataclass(frozen=True)
-class Optimal:
+class Optimal(FixedInterval):
     """Count as long as it pays: :class:`MarginalValue` at each stop, or a fixed dwell while there is no map."""
 
-    longest_s: float = MAX_DWELL_S  # counting ends after this time in any case [s]
-
-    UNKNOWN_S: ClassVar[float] = 60.0  # dwell without a map [s]
-
-    @property
-    def _without_map(self) -> FixedInterval:
-        return FixedInterval(min(self.UNKNOWN_S, self.longest_s))
-
-    def enough(self, raw_counts: int, live_s: float) -> bool:
-        """See :class:`DwellRule`."""
-        return self._without_map.enough(raw_counts, live_s)
-
-    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
-        """See :class:`DwellRule`."""
-        return self._without_map.interval_s
-
-    def progress(self, raw_counts: int, live_s: float) -> float:
-        """See :class:`DwellRule`."""
-        return self._without_map.progress(raw_counts, live_s)
+    interval_s: float = 60.0  # dwell without a map [s]
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
         """See :class:`DwellRule`."""
@@ -362,7 +344,7 @@ DWELL_RULES: Registry[DwellKind] = Registry(
             "ami:3%",
         ),
         "optimal": DwellKind(
-            lambda _, longest_s: Optimal(longest_s),
+            lambda _, longest_s: Optimal(min(Optimal.interval_s, longest_s), longest_s),
             lambda _: "Optimal",
             False,
             "Counts as long as counting here is worth more than driving on.",

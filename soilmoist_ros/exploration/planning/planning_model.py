@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -50,7 +49,6 @@ class Trips(NamedTuple):
     """Trips to candidates; arrays of one value per candidate."""
 
     stops: Indices  # numbers of the candidates
-    travel_s: Array  # times of the trips, stop overhead included [s]
     ways: Indices  # nodes on the way to each, shape (k, m)
     exposure_s: Array  # exposure at each of these nodes, shape (k, m) [s]; 0 where a route has fewer nodes
     overhead_s: Array  # time of the trip in which the robot already stands at the stop and counts [s]
@@ -59,23 +57,16 @@ class Trips(NamedTuple):
     min_dwell_s: float = 0.0  # shortest dwell [s]
 
 
-@dataclass(frozen=True, eq=False)
-class Worth:
-    """Value of a trip and a dwell; arrays of one value per candidate.
+class Worth(NamedTuple):
+    """Value of a trip and a dwell, for each of k candidates; the first four for each of p properties, too."""
 
-    :param value: reduction of the integrated variance per second of dwell and trip, an operator's costs of the
-        trip included, with ``dwell_s``
-    :param others: A, B and noise n of each further property; ``on_way`` and ``value`` include all properties
-    """
-
-    on_way: Array  # reduction of the integrated variance by the counts on the way
-    gain: Array  # A of the stop after the trip
-    variance: Array  # B of the stop after the trip [(counts/s)^2]
-    rate: Array  # rate expected at the stop [counts/s]
-    travel_s: Array  # time of the trip, stop overhead included [s]
+    on_way: Array  # reduction of the integrated variance by the counts on the way, shape (p, k)
+    gain: Array  # A of the stop after the trip, shape (p, k)
+    variance: Array  # B of the stop after the trip, shape (p, k) [(counts/s)^2]
+    noise: Array  # n of the stop: rate expected there times the correction factor, shape (p, k)
     dwell_s: Array  # dwell with the highest value [s], the shortest one if counting on the way is worth more
     value: Array
-    others: tuple[tuple[Array, Array, Array], ...] = ()
+    """Reduction of the integrated variance per second of dwell and trip, an operator's costs of it included."""
 
 
 class PlanningModel:
@@ -237,36 +228,7 @@ class PlanningModel:
         dwell_s, value = best_dwell(
             on_way, gain, variance, noise, trips.cost_s, trips.longest_s, trips.min_dwell_s
         )
-        others = tuple(zip(gain[1:], variance[1:], noise[1:], strict=True))
-        rate, travel_s = self.rate[node], trips.travel_s
-        return Worth(on_way.sum(axis=0), gain[0], variance[0], rate, travel_s, dwell_s, value, others)
-
-    def estimate(self, trips: Trips) -> Array:
-        """Value of each trip as if no count made another one worth less, shape (k,).
-
-        It is quick, and hardly ever below the value.
-        """
-        node = self.stop_nodes[trips.stops]
-        each = [
-            model._if_independent(node, trips.ways, trips.exposure_s, trips.overhead_s)
-            for model in (self, *self.others)
-        ]
-        on_way, gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
-        return best_dwell(on_way, gain, variance, noise, trips.cost_s, trips.longest_s, trips.min_dwell_s)[1]
-
-    def _if_independent(
-        self, node: Indices, ways: Indices, exposure_s: Array, overhead_s: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """As :meth:`_at_stops`, with the sum of the reductions by the counts at each node alone."""
-        # A place that is known for certain (no variance, no gain) must not cause a division by zero.
-        variance = np.maximum(np.diag(self.covariance), 0.0) + self._map.variogram.nugget
-        variance, noise = np.maximum(variance, 1e-12 * self.rate), self.factor * self.rate
-
-        def fall(nodes: Indices, seconds: Array) -> Array:
-            return self.gain[nodes] * seconds / (variance[nodes] * seconds + noise[nodes])
-
-        on_way = fall(ways, exposure_s).sum(axis=1) + fall(node, overhead_s)
-        return on_way, self.gain[node], variance[node], noise[node]
+        return Worth(on_way, gain, variance, noise, dwell_s, value)
 
     def _at_stops(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array, Array]:
         """Reduction by the counts on the way to each stop, and A, B and noise n of the stop after these counts."""

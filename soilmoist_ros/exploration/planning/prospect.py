@@ -24,7 +24,6 @@ MAX_CELLS = 400
 """Approximate number of cells that represent the field: the variance is smooth over the variogram's range."""
 MAX_STOPS = 500  # largest number of graph nodes that are compared
 MAX_PLACES = 12  # largest number of places that represent a route
-_WEIGHED_FIRST = 16  # number of candidates whose value decides which others are weighed
 _ROUNDING = 1e-9
 
 
@@ -71,47 +70,27 @@ class Prospect:
         """Value of some :attr:`reachable` candidates, by their rows; of all by default."""
         return self.model.worth(self._trips(np.arange(len(self.reachable)) if rows is None else rows))
 
-    @cached_property
-    def promising(self) -> Indices:
-        """Rows of the :attr:`reachable` candidates that may be the best one, and of the one at which it stands.
-
-        The others are worth less even if their counts are taken for independent.
-        """
-        estimate = self.model.estimate(self._trips(np.arange(len(self.reachable))))
-        stays = self.reachable == self.staying
-        first = np.argsort(-np.where(stays, -np.inf, estimate), kind="stable")[:_WEIGHED_FIRST]
-        best = self.worth(first).value.max(initial=0.0, where=~stays[first])
-        return np.flatnonzero(stays | (estimate >= best * (1 - _ROUNDING)))
-
-    @cached_property
-    def promising_worth(self) -> Worth:
-        """Value of each :attr:`promising` candidate."""
-        return self.worth(self.promising)
-
     def _trips(self, rows: Indices) -> Trips:
         """Trips to some :attr:`reachable` candidates."""
         stops, (ways, exposure_s) = self.reachable[rows], self._ways
         longest_s = np.minimum(self.budget_s[stops] - self.travel_s[stops], MAX_DWELL_S)
         overhead_s = np.where(stops == self.staying, 0.0, self.overhead_s)
-        travel_s, cost_s = self.travel_s[stops], self.travel_cost_s[stops]
-        return Trips(
-            stops, travel_s, ways[rows], exposure_s[rows], overhead_s, longest_s, cost_s, self.min_dwell_s
-        )
+        cost_s = self.travel_cost_s[stops]
+        return Trips(stops, ways[rows], exposure_s[rows], overhead_s, longest_s, cost_s, self.min_dwell_s)
 
     @cached_property
     def price(self) -> float:
         """Price of a second: the highest value of all candidates that need a trip."""
-        needs_trip = self.reachable[self.promising] != self.staying
-        return float(self.promising_worth.value[needs_trip].max(initial=0.0))
+        return float(self.worth().value[self.reachable != self.staying].max(initial=0.0))
 
     def dwell(self, stop: Stop, longest_s: float = MAX_DWELL_S) -> MarginalValue | None:
         """Dwell rule of a stop at the current price of time, ``None`` if the stop is not reachable."""
         for row, number in enumerate(self.reachable.tolist()):
             if self.stops[number].name == stop.name:
-                worth = self.worth(np.array([row]))
-                gain, variance = worth.gain.item(), worth.variance.item()
-                others = tuple((a.item(), b.item(), n.item()) for a, b, n in worth.others)
-                return MarginalValue(gain, max(variance, 1e-12), self.price, self.model.factor, longest_s, others)
+                _, gain, variance, noise, *_ = self.worth(np.array([row]))
+                a, b = gain[:, 0].tolist(), np.maximum(variance[:, 0], 1e-12).tolist()
+                others = tuple(zip(a[1:], b[1:], noise[1:, 0].tolist(), strict=True))
+                return MarginalValue(a[0], b[0], self.price, self.model.factor, longest_s, others)
         return None
 
     @property

@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
-from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour, VarianceReduction
+from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour
 from soilmoist_ros.exploration.strategies.lattice import Lattice
 from soilmoist_ros.exploration.strategies.route import require_solver
 from soilmoist_ros.exploration.strategies.strategy import (
@@ -75,12 +75,7 @@ BUILT_IN = {
         "Evenly spread stops, coarse in the first quarter of the time, then between them.",
         needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True, decides=False,
     ),
-    # These make do with the map of one stop, which lies in the middle of the field.
-    "ivr": StrategyKind(
-        lambda _: VarianceReduction(), "Integrated variance",
-        "Goes where a count improves the whole map most per second.",
-        whole_map=False, warm_up_stops=1, warm_up=lambda _: VarianceReduction(),
-    ),
+    # It makes do with the map of one stop.
     "gcb": StrategyKind(
         lambda _: CostBenefitTour(), "Cost-benefit tour",
         "Plans a tour for all the time left, and again after each stop.",

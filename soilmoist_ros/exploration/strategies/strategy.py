@@ -35,8 +35,6 @@ class Situation:
     :param travel_s: travel time from the robot to each candidate, stop overhead included [s], shape (k,);
         inf if unreachable
     :param travel_between_s: travel times between candidates: ``travel_between_s(indices)`` gives shape (m, m) [s]
-    :param travel_cost_s: ``travel_s`` with the costs that an operator adds for a stop and a metre, for comparisons
-        of trips [s], shape (k,); the clock runs by ``travel_s``. ``None``: no added costs
     :param staying: index of the candidate at which the robot stands and may count on without a trip: its travel
         time is 0, and no goal is sent when it is chosen; ``None`` if there is none
     :param prospect: computes the look-ahead, which is slow; ``None`` while there is no map
@@ -64,7 +62,6 @@ class Situation:
     counting: Counting = RECORDS_OF_10_S  # when the robot counts
     dwell: DwellRule | None = None  # dwell rule of the mission, ``None`` if unknown
     prospect: Callable[[], Prospect | None] | None = None
-    travel_cost_s: Array | None = None
     staying: int | None = None
     legs_s: Callable[[NDArray[np.intp]], Array] | None = None
     map_rate: Array | None = None  # [counts/s], shape (g,); ``None`` while there is no map

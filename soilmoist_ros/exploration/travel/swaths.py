@@ -2,12 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Swaths of a coverage planner as a travel graph: they are its lanes, joined through the headland.
 
-Three files are read, as their programs write them (Fields2Cover/Fields2Cover and open-navigation/opennav_coverage,
+Two files are read, as their programs write them (Fields2Cover/Fields2Cover and open-navigation/opennav_coverage,
 2026):
 
 * swaths of Fields2Cover as GeoJSON, one line each. Its reader takes any numbers, so degrees and metres are tried
-* a path of Fields2Cover (``Path.saveToFile``): eight numbers a line, which are x, y, z, angle, velocity, length,
-  direction and section (1: a swath, 2: a place of a turn, 3: a swath in the headland)
 * the message ``PathComponents`` of opennav_coverage as YAML or JSON: swaths and turns
 """
 
@@ -18,7 +16,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -46,7 +44,8 @@ Array = NDArray[np.float64]
 NEAREST: Final = 2  # an end is joined to so many nearest ends of other swaths: the neighbours on both sides
 TURN_M: Final = 1.0  # a turn belongs to the end of a swath within this distance [m]
 BEND_M: Final = 0.1  # turns and bent swaths are simplified to this error [m]
-_PATH_COLUMNS, _SWATHS, _REMEDY = 8, (1, 3), "give swaths of Fields2Cover or PathComponents of opennav_coverage"
+_REMEDY = "give swaths of Fields2Cover as GeoJSON, or PathComponents of opennav_coverage"
+_IN_DEGREES = re.compile(r"4326|wgs.?84|crs.?84|lon.?lat|lat.?lon", re.IGNORECASE)  # in the name of a frame
 
 
 @dataclass(frozen=True)
@@ -62,43 +61,19 @@ class SwathFile:
 def read_swaths(path: Path) -> SwathFile:
     """Swaths and turns of a file.
 
-    :raises InputError: if it is none of the three, or has no swath
+    :raises InputError: if it is none of the two, or has no swath
     """
     try:
         text = read_limited(path, limit=MAX_MAP_BYTES).decode("utf-8-sig")
-        rows = [[float(number) for number in line.split()] for line in text.splitlines() if line.strip()]
-    except UnicodeDecodeError:
-        raise InputError("is not a text", _REMEDY, path) from None
-    except ValueError:
-        rows = []
-    if rows and all(len(row) == _PATH_COLUMNS for row in rows) and np.isfinite(rows).all():
-        found = _of_path(np.array(rows))
-    else:
-        try:
-            text = text.partition("\n---")[0]  # ros2 topic echo writes it after a message
-            is_json = text.lstrip().startswith("{")
-            content = read_json(text) if is_json else parse_yaml(text, path, "safe", MAX_MAP_BYTES, MAX_MAP_VALUES)
-        except ValueError as error:
-            raise InputError(f"is not valid JSON: {error}", "save it again", path) from None
-        found = _of_content(content, path)
+        text = text.partition("\n---")[0]  # ros2 topic echo writes it after a message
+        is_json = text.lstrip().startswith("{")
+        content = read_json(text) if is_json else parse_yaml(text, path, "safe", MAX_MAP_BYTES, MAX_MAP_VALUES)
+    except ValueError as error:
+        raise InputError(f"is not valid JSON or YAML: {error}", _REMEDY, path) from None
+    found = _of_content(content, path)
     if not found.swaths:
         raise InputError("has no swath", _REMEDY, path)
     return found
-
-
-def _of_path(rows: Array) -> SwathFile:
-    """Swaths and turns of a path of Fields2Cover; a swath may be cut into pieces."""
-    swaths, turns = list[Array](), list[Array]()
-    for is_swath, group in groupby(rows, lambda row: (row[7] in _SWATHS, round(row[3], 6) * (row[7] in _SWATHS))):
-        pieces = np.array(list(group))
-        if is_swath[0]:
-            x, y, angle, length = pieces[-1, [0, 1, 3, 5]] * [1, 1, 1, pieces[-1, 6]]
-            end = [x + length * np.cos(angle), y + length * np.sin(angle)]
-            swaths.append(np.array([pieces[0, :2], end]))
-        else:
-            turns.append(pieces[:, :2])
-    named = tuple((str(number), line) for number, line in enumerate(swaths, 1))
-    return SwathFile(named, tuple(turns), "a path of Fields2Cover")
 
 
 def _of_content(content: Any, path: Path) -> SwathFile:
@@ -117,23 +92,10 @@ def _of_content(content: Any, path: Path) -> SwathFile:
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         what = f"lacks {error}" if isinstance(error, KeyError) else f"is bad: {error}"
         raise InputError(f"a swath or turn {what}", _REMEDY, path) from None
-    if _in_degrees(frame):
+    if _IN_DEGREES.search(frame):
         what = f"has places in degrees: its header.frame_id is {frame!r}"
         raise InputError(what, "give PathComponents in metres from the field's datum", path)
     return SwathFile(swaths, turns, "PathComponents of opennav_coverage")
-
-
-def _in_degrees(frame: str) -> bool:
-    """True if the name of a frame is that of a reference system with longitude and latitude."""
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
-    if code := re.search(r"epsg\W*(\d+)", frame, re.IGNORECASE):
-        try:
-            return CRS.from_epsg(int(code[1])).is_geographic
-        except CRSError:
-            return False
-    return bool(re.fullmatch(r"(.*[:/])?(wgs.?84|crs.?84|lon.?lat|lat.?lon)", frame.strip(), re.IGNORECASE))
 
 
 def _geojson_lines(features: list[Any]) -> Iterator[tuple[str, Array]]:

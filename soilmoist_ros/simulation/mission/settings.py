@@ -278,8 +278,8 @@ class MissionSettings:
     )
     strategy: str | Strategy | type[Strategy] = _setting(
         None,
-        "How the next stop is chosen: greedy, monte_carlo, adaptive_sampling, random, lattice, two_pass, ivr, "
-        "gcb, or the strategy of a plug-in.",
+        "How the next stop is chosen: greedy, monte_carlo, adaptive_sampling, random, lattice, two_pass, gcb, "
+        "or the strategy of a plug-in.",
         str,
         registered=_strategies,
         method="choose",

@@ -232,10 +232,10 @@ def test_changes_take_effect_at_the_next_plan():
         "hours": 1.0, "dwell": "fmi:30", "strategy": "greedy", "target": "rate", "home": "", "until_sd": 0.0,
         "until_gain": 0.0,
     }  # fmt: skip
-    reply = ask(around, "change", hours=1.5, dwell="fmi:20", strategy="ivr", home="r0c0", until_gain=0.1)
+    reply = ask(around, "change", hours=1.5, dwell="fmi:20", strategy="gcb", home="r0c0", until_gain=0.1)
     assert reply.accepted
     assert around.control.settings == {
-        "hours": 1.5, "dwell": "fmi:20", "strategy": "ivr", "target": "rate", "home": "r0c0", "until_sd": 0.0,
+        "hours": 1.5, "dwell": "fmi:20", "strategy": "gcb", "target": "rate", "home": "r0c0", "until_sd": 0.0,
         "until_gain": 0.1,
     }  # fmt: skip
     assert around.status.time_left_s + around.status.time_used_s == 5400.0

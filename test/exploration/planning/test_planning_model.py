@@ -63,20 +63,18 @@ def test_the_worth_of_a_stop_is_the_fall_with_and_without_it(seed, overhead_s, d
     ways = rng.integers(0, len(CELLS), (3, 3))
     exposure_s = np.array([[10.0, 20.0, 30.0], [10.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     worth = model.worth(
-        Trips(
-            numbers, np.full(3, 60.0), ways, exposure_s, np.full(3, overhead_s), np.full(3, 600.0),
-            np.full(3, 60.0),
-        )
-    )  # fmt: skip
+        Trips(numbers, ways, exposure_s, np.full(3, overhead_s), np.full(3, 600.0), np.full(3, 60.0))
+    )
+    on_way, gain, variance, noise, *_ = (value[0] for value in worth)
     for row, number in enumerate(numbers):
         node, used = model.stop_nodes[number], exposure_s[row] > 0
         nodes, seconds = ways[row][used], exposure_s[row][used]
-        on_way = model.fall(np.append(nodes, node), np.append(seconds, overhead_s))
-        assert worth.on_way[row] == pytest.approx(on_way, rel=1e-6, abs=1e-10)
+        fall = model.fall(np.append(nodes, node), np.append(seconds, overhead_s))
+        assert on_way[row] == pytest.approx(fall, rel=1e-6, abs=1e-10)
         # The nugget is shared by all counts at one place, but the model draws it for each anew.
         both = model.fall(np.append(nodes, [node, node]), np.append(seconds, [overhead_s, dwell_s]))
-        stop = worth.gain[row] * dwell_s / (worth.variance[row] * dwell_s + worth.rate[row])
-        assert worth.on_way[row] + stop == pytest.approx(both, rel=1e-6, abs=1e-10)
+        stop = gain[row] * dwell_s / (variance[row] * dwell_s + noise[row])
+        assert on_way[row] + stop == pytest.approx(both, rel=1e-6, abs=1e-10)
 
 
 def test_stops_that_are_cells_share_their_nodes():

@@ -69,7 +69,7 @@ def test_the_presets_are_the_published_constants():
     without = [name for name in STRATEGIES.names() if not STRATEGIES.get(name).needs_map]
     assert without == ["random", "lattice", "two_pass"]
     some_cells = {name for name in STRATEGIES.names() if not STRATEGIES.get(name).whole_map}
-    assert some_cells == {*without, "ivr", "gcb"}
+    assert some_cells == {*without, "gcb"}
 
 
 def test_a_kind_must_make_a_strategy():
@@ -137,8 +137,8 @@ def test_the_same_seed_gives_the_same_mission(name, preset):
 
 @every
 def test_new_targets_of_the_authors_keep_four_cells_away(name):
-    if name in ("lattice", "two_pass", "ivr", "gcb"):
-        return  # not among the authors': lattices look at no map, the others know what counting again is worth
+    if name in ("lattice", "two_pass", "gcb"):
+        return  # not among the authors': lattices look at no map, gcb knows what counting again is worth
     measured = [[10.0, 10.0], [40.0, 30.0]]
     for seed in range(10):
         choice = make_strategy(name, "authors").choose(situation(measured=measured), rng(seed))

@@ -37,19 +37,6 @@ def bend(number):
     return [(x_m + side * 5 * math.cos(a), y_m + 5 + 5 * math.sin(a)) for a in at]
 
 
-def path_file(folder):
-    """As Path::saveToFile of Fields2Cover writes it; the second swath is cut into two."""
-    rows = []
-    for n, (start, end) in enumerate(SWATHS):
-        angle = math.atan2(end[1] - start[1], end[0] - start[0])
-        pieces = [start] if n != 1 else [start, (50.0, start[1])]
-        rows += [(*at, 0, angle, 1, 100 / len(pieces), 1, 1) for at in pieces]
-        if n < 2:
-            rows += [(*at, 0, 0, 1, 1.9, 1, 2) for at in bend(n)]
-    (folder / "path.csv").write_text("".join(" ".join(f"{value:.6f}" for value in row) + "\n" for row in rows))
-    return folder / "path.csv"
-
-
 def components(folder):
     """As ros2 topic echo prints PathComponents of opennav_coverage."""
     point = "{{x: {0}, y: {1}, z: 0.0}}"
@@ -75,16 +62,16 @@ def test_swaths_without_turns_are_joined_through_the_headland(tmp_path, degrees)
     assert built.graph.path("swath44-end", "swath45-start")[1] == "swath44-3", "the robot drives back"
 
 
-@pytest.mark.parametrize("file", [path_file, components])
-def test_turns_of_the_file_join_its_swaths(tmp_path, file):
-    built, said = swath_graph(FIELD, file(tmp_path), 50.0, 1.0)
+def test_turns_of_the_file_join_its_swaths(tmp_path):
+    file = components(tmp_path)
+    built, said = swath_graph(FIELD, file, 50.0, 1.0)
     assert "joined by 2 turns of the file" in said
     way = built.graph.path("swath1-end", "swath2-start")
     assert max(built.graph.xy[[built.graph.index(name) for name in way], 0]) == pytest.approx(105.0, abs=0.2)
     narrow = replace(FIELD, polygon=np.array([[-10, -10], [103, -10], [103, 40], [-10, 40]], float))
-    assert "1 others would leave the field" in swath_graph(narrow, file(tmp_path), 50.0, 1.0)[1]
+    assert "1 others would leave the field" in swath_graph(narrow, file, 50.0, 1.0)[1]
     short = replace(FIELD, polygon=np.array([[-10, -10], [110, -10], [110, 14], [-10, 14]], float))
-    said = swath_graph(short, file(tmp_path), 50.0, 1.0)[1]
+    said = swath_graph(short, file, 50.0, 1.0)[1]
     assert said.startswith("2 swaths")
     assert said.endswith("; swath 3 lies outside the field: not used")
 
@@ -99,7 +86,7 @@ def test_turns_of_the_file_join_its_swaths(tmp_path, file):
         ),
         ("<GAOS_parcel><Row id='1'/></GAOS_parcel>", "has no swath"),
         ("swaths:\n- start: {x: 0, y: 0}\n", "lacks 'end'"),
-        ("1 2 3\n4 5 6\n", "has no swath"),
+        ("0 5000 0 0 1 10 1 1\n", "has no swath"),  # a path of Fields2Cover
         *(
             (
                 f"header: {{frame_id: '{frame}'}}\nswaths: [{{start: {{x: 5, y: 9}}, end: {{x: 6, y: 9}}}}]",
@@ -108,7 +95,10 @@ def test_turns_of_the_file_join_its_swaths(tmp_path, file):
             for frame in ("EPSG:4326", "WGS84")
         ),
         ('{"features": ', "is not valid JSON"),
-        ("0 5000 0 0 1 10 1 1\n", "most of its places are not in the field 'hundred': the nearest is 5.0 km away"),
+        (
+            "swaths: [{start: {x: 0, y: 5000}, end: {x: 10, y: 5000}}]",
+            "most of its places are not in the field 'hundred': the nearest is 5.0 km away",
+        ),
     ],
 )
 def test_other_files_are_refused_in_words(tmp_path, text, said):

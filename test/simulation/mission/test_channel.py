@@ -16,7 +16,7 @@ from soilmoist_ros.simulation.mission import channel
 QUICK = MissionSettings(
     hours=0.25, cell_m=4.0, map_from="records", fit="reml", model="matern32", seed=3, preset="paper"
 )
-LOOKS_AHEAD = replace(QUICK, strategy="ivr", dwell="optimal")
+LOOKS_AHEAD = replace(QUICK, strategy="gcb", dwell="optimal")
 
 
 def course(result):

@@ -15,7 +15,7 @@ from soilmoist_ros.simulation.mission.efficiency import CLOSE, least_variance
 
 def mission(**changes):
     usual = {
-        "hours": 0.6, "model": "matern32", "fit": "reml", "cell_m": 3.0, "strategy": "ivr", "dwell": "optimal",
+        "hours": 0.6, "model": "matern32", "fit": "reml", "cell_m": 3.0, "strategy": "gcb", "dwell": "optimal",
     }  # fmt: skip
     return simulate_mission(MissionSettings(**{**usual, "dwell": "optimal", "map_from": "records", **changes}))
 

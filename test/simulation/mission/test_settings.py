@@ -180,7 +180,7 @@ CASES = {
     "long records": {"field": field(60.0, 3.0), "hours": 0.5, "cadence_s": 30.0},
     "at least 45 s": {"field": field(60.0, 3.0), "hours": 0.4, "min_dwell_s": 45.0},
     "graph": {"field": field(60.0, 3.0), "hours": 0.4, "travel": "graph"},
-    "ivr": {"field": SMALL, "hours": 0.3, "strategy": "ivr"},
+    "optimal": {"field": SMALL, "hours": 0.3, "strategy": "greedy", "dwell": "optimal"},
     "random": {"field": field(60.0, 3.0), "hours": 0.3, "strategy": "random", "dwell": "ami:0.1"},
     "lattice": {"field": field(60.0, 3.0), "hours": 0.4, "strategy": "lattice", "dwell": "fmi:33"},
 }  # fmt: skip

@@ -154,7 +154,7 @@ def test_two_robots_never_hold_the_same_target(strategy, robots, seed, map_from,
 @pytest.mark.slow
 @pytest.mark.parametrize("map_from", ["stops", "records"])
 def test_several_robots_share_one_map(map_from):
-    base = replace(SHORT, hours=0.5, map_from=map_from, strategy="ivr")
+    base = replace(SHORT, hours=0.5, map_from=map_from, strategy="gcb")
     one, three = (simulate_mission(replace(base, robots=robots)) for robots in (1, 3))
     assert three.series[-1].mse < one.series[-1].mse
     assert len(three.visits) > 2 * len(one.visits)
