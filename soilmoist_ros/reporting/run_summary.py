@@ -335,7 +335,7 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
     if (decided := decision(run)) is not None:
         parts["decision"] = {
             "thresholds": decided.thresholds, "unit": "m3/m3" if decided.of_moisture else "counts/s",
-            "outside": decided.outside, "wrong_share": decided.wrong,
+            "outside": decided.outside, "wrong_share": decided.wrong, "wrong_share_band": decided.band,
             "zones": _zones(decided.zones, ("limits", "area_m2", "share")),
         }  # fmt: skip
     return parts

@@ -10,16 +10,19 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration import OF_DOSE, Thresholds, parse_thresholds
+from soilmoist_ros.exploration import OF_DOSE, Thresholds, parse_thresholds, spread_cells
+from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, possible_moisture
 from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import calibration_of, certainty, class_probability, once_a_run
 from soilmoist_ros.reporting.colours import WATER, hex_ramp
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.page.frame import percent
 from soilmoist_ros.reporting.page.irrigation import IrrigationZone
-from soilmoist_ros.sensing import UNKNOWN_SENSOR
+from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve
 
 Array = NDArray[np.float64]
+
+BAND_CELLS, BAND_DRAWS = 400, 300  # places and draws of :func:`_band`
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,7 @@ class DecisionMap:
     probability: Array
     outside: tuple[float, ...]
     true_wrong: float | None  # share of the field that is in another zone, ``None`` without a truth
+    band: tuple[float, float] | None  # quantiles 0.1 and 0.9 of that share, ``None`` with too many samples
     basis: ClassVar[str] = "Zones by the thresholds of the mission."
     water: ClassVar[str] = ""
 
@@ -51,7 +55,9 @@ class DecisionMap:
     def level(self) -> str:
         """Quality of the decision, as sentences."""
         truly = "" if self.true_wrong is None else f"; by the simulated truth it is {percent(self.true_wrong)}"
-        text = f"Expected in the wrong zone: {percent(self.wrong)} of the field{truly}."
+        low, high = map(percent, self.band or (0.0, 0.0))
+        band = f" ({low} to {high})" if self.band else ""
+        text = f"Expected in the wrong zone: {percent(self.wrong)}{band} of the field{truly}."
         if self.outside:
             which = " and ".join(_limit(value, self.of_moisture) for value in self.outside)
             text += f" {which} is outside what the field has: the zone is the same nearly everywhere."
@@ -92,7 +98,31 @@ def decision(run: MapRun) -> DecisionMap | None:
         true = truth if curve is None else (true_curve or curve).vwc(truth)
         known = inside & np.isfinite(true)
         wrong = float(np.mean(np.searchsorted(edges, true[known], side="right") != number[known]))
-    return DecisionMap(edges, of_moisture, tuple(zones), number, probability, limits.outside(*at), wrong)
+    outside, band = limits.outside(*at), _band(soil_map, number, edges, curve)
+    return DecisionMap(edges, of_moisture, tuple(zones), number, probability, outside, wrong, band)
+
+
+def _band(
+    soil_map: SoilMap, number: Array, edges: tuple[float, ...], curve: MoistureCurve | None
+) -> tuple[float, float] | None:
+    """Band of the share in the wrong zone, by draws from the posterior: errors of neighbours are alike."""
+    kriging = soil_map.kriging
+    if not isinstance(kriging, PoissonKriging):
+        return None
+    chosen, rng = spread_cells(np.isfinite(number), BAND_CELLS), np.random.default_rng(0)
+    xy = soil_map.grid.cells[chosen[soil_map.grid.mask]]
+    (rate, variance), covariance = kriging.predict(xy), kriging.covariance(xy)
+    values, vectors = np.linalg.eigh(covariance)
+    drawn = vectors * np.sqrt(np.maximum(values, 0.0)) @ rng.standard_normal((len(xy), BAND_DRAWS))
+    fixed = np.sqrt(np.maximum(variance - np.diag(covariance), 0.0))
+    drawn += rate[:, None] + fixed[:, None] * rng.standard_normal(drawn.shape)
+    if curve is not None:
+        if (common := common_rate_sd(curve, rate)) is not None:
+            drawn += common[:, None] * rng.standard_normal(BAND_DRAWS)
+        drawn = possible_moisture(curve, drawn)
+    wrong = (np.searchsorted(edges, drawn, side="right") != number[chosen][:, None]).mean(axis=0)
+    low, high = np.quantile(wrong, (0.1, 0.9)).tolist()
+    return low, high
 
 
 def _range(zone: int, edges: tuple[float, ...], of_moisture: bool) -> str:
