@@ -4,34 +4,22 @@
 
     ros2 launch soilmoist_ros simulation.launch.py field:=synthetic-high hours:=1
 
-Several robots (robots:=3) share one mapper, one recorder and one clock. Each has a planner and a driver in its
-namespace: robot_1, robot_2, ...
+``soilmoist demo --robots 3`` simulates several robots, which share mapper, recorder and clock.
 
 The folder ``out`` receives the field file and site file of the simulated field, the recording and the map.
 """
 
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import (
-    DeclareLaunchArgument,
-    IncludeLaunchDescription,
-    OpaqueFunction,
-    RegisterEventHandler,
-    Shutdown,
-)
-from launch.conditions import IfCondition
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction, RegisterEventHandler
 from launch.event_handlers import OnProcessIO
 from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from soilmoist_ros.console.visitors import PORT
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.demo import DemoSettings, node_name, shared_mapper, write_configuration
 from soilmoist_ros.nodes.launching import (
     LastWords,
     enclave,
@@ -42,10 +30,9 @@ from soilmoist_ros.nodes.launching import (
 )
 from soilmoist_ros.recording.run_folder import CONFIGURATION
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField, write_field_file, write_site_file
+from soilmoist_ros.simulation.fields.surrogate_field import write_field_file, write_site_file
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
-from soilmoist_ros.simulation.system import robot_namespaces
 
 SIMULATOR = {
     "field": (
@@ -54,10 +41,9 @@ SIMULATOR = {
     ),
     "speed": ("60", "simulated time per wall time"),
     "seed": ("1", "seed of all randomness"),
-    "robots": ("1", "number of robots, in the namespaces robot_1, robot_2, ... if there are several"),
     "scenario": ("", "faults of navigation, links and sensor: a name or a file; empty for none"),
-    "logger_port": ("4001", "TCP port on which the logger is simulated, two higher for each further robot"),
-    "gnss_port": ("4002", "TCP port on which the GNSS receiver is simulated, two higher for each further robot"),
+    "logger_port": ("4001", "TCP port on which the logger is simulated"),
+    "gnss_port": ("4002", "TCP port on which the GNSS receiver is simulated"),
 }
 MISSION = {
     "strategy": ("gcb", "how the next stop is chosen"),
@@ -100,90 +86,10 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def team(
-    context: LaunchContext, field: SurrogateField, properties: tuple[PropertySettings, ...], out: Path
-) -> list[LaunchDescriptionEntity]:
-    """The simulator, the shared nodes, and the nodes of each robot."""
-
-    def given(name: str) -> str:
-        return LaunchConfiguration(name).perform(context)
-
-    def flag(name: str) -> bool:
-        return IfCondition(LaunchConfiguration(name)).evaluate(context)
-
-    if given("namespace"):
-        raise InputError("several robots have the namespaces robot_1, robot_2, ...", "leave out namespace")
-    if given("enclaves"):
-        raise InputError("several simulated robots share nodes that no keystore knows", "rehearse with one robot")
-    simulator = parameters_from("field_simulator", {name: given(name) for name in SIMULATOR})
-    planner = parameters_from(
-        "planner", {name: given(name) for name in ("strategy", "dwell", "hours", "navigator")}
-    )
-    mission = MissionSettings(
-        field=given("field"),
-        properties=properties,
-        seed=int(str(simulator["seed"])),
-        robots=int(str(simulator["robots"])),
-        strategy=str(planner["strategy"]),
-        dwell=str(planner["dwell"]),
-        hours=float(str(planner["hours"])),
-    )
-    settings = DemoSettings(
-        out,
-        mission,
-        float(str(simulator["speed"])),
-        str(planner["navigator"]),
-        given("scenario"),
-        flag("autostart"),
-        flag("exit_when_finished"),
-        console_port=PORT if flag("console") else 0,
-    )
-    files = write_configuration(settings, field, out)
-    robots = robot_namespaces(mission.robots)
-    ports = {name: simulator[f"{name}_port"] for name in ("logger", "gnss")}
-    differ: dict[str, dict[str, object]] = {
-        "field_simulator": {"logger_port": ports["logger"], "gnss_port": ports["gnss"], "ports_file": ""}
-    }
-    for number, robot in enumerate(robots):
-        differ[node_name(robot, "sensor_driver")] = {
-            f"{name}_uri": f"tcp://127.0.0.1:{int(str(port)) + 2 * number}" for name, port in ports.items()
-        }
-    under_way = set(robots) if flag("exit_when_finished") else set()
-
-    def ended(namespace: str, _code: int) -> list[Shutdown]:
-        under_way.discard(namespace)
-        return [] if under_way else [Shutdown(reason="all missions have ended")]
-
-    last_words = LastWords()
-    nodes: list[LaunchDescriptionEntity] = [RegisterEventHandler(OnProcessIO(on_stderr=last_words.hear))]
-    for name, path in files.items():
-        namespace, _, node = name.rpartition("/")
-        if node == "recorder" and not flag("record"):
-            continue
-        ends = node == "planner" and flag("exit_when_finished")
-        nodes.append(
-            Node(
-                package="soilmoist_ros",
-                executable=node,
-                name=node,
-                namespace=namespace,
-                parameters=[*parameter_files(given("params_file")), str(path), *filter(None, [differ.get(name)])],
-                remappings=list(shared_mapper(name, [one.name for one in properties]).items()),
-                on_exit=last_words.on_exit(name, partial(ended, namespace) if ends else None),
-                sigterm_timeout="120",  # a node that saves must not be killed
-                sigkill_timeout="120",
-                output="screen",
-            )
-        )
-    return nodes
-
-
 def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The simulator, and the nodes of the robot on the simulated field."""
-    robot, last_words = (
-        PythonLaunchDescriptionSource(str(Path(__file__).with_name("robot.launch.py"))),
-        LastWords(),
-    )
+    robot = PythonLaunchDescriptionSource(str(Path(__file__).with_name("robot.launch.py")))
+    last_words = LastWords()
 
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
@@ -191,11 +97,8 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     properties = tuple(map(PropertySettings.parse, property_argument(given("property"))))
     field = mission_fields(MissionSettings(field=given("field"), properties=properties))[0]
     out = Path(given("out")).absolute()
-    single = given("robots") == "1"
-    further = [robot.get_launch_description(context)] if single else []  # its arguments reach it from here, too
-    refuse_unknown(__file__, [generate_launch_description(), *further])
-    if not single:
-        return team(context, field, properties, out)
+    # The arguments of the robot's launch file reach it from here, too.
+    refuse_unknown(__file__, [generate_launch_description(), robot.get_launch_description(context)])
     files = {"field": out / CONFIGURATION / "field.yaml", "site": out / CONFIGURATION / "site.yaml"}
     write_field_file(field, files["field"])
     write_site_file(field, files["site"])

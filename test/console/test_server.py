@@ -29,6 +29,7 @@ from soilmoist_ros.console.views import field_view
 from soilmoist_ros.console.visitors import Access, request_from_json
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping import CELL
 from soilmoist_ros.sensing.position.phone import PhoneReceiver
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
@@ -206,7 +207,8 @@ def test_a_stop_is_acknowledged_by_the_robot_and_by_nobody_else(served, monkeypa
 
 def test_the_map_and_its_values(served):
     assert served.get("/map/rate.png")[0] == 404
-    cells = np.full((2, 2), 1.0, [(name, "<f4") for name in ("x", "y", "z", "rate", "rate_sd")])
+    cells = np.full((2, 2), np.nan, CELL)
+    cells["rate"] = cells["rate_sd"] = 1.0
     cells["x"], cells["y"] = np.meshgrid([1.0, 3.0], [1.0, 3.0])
     served.map = MapLayers(cells, 1)
     status, picture, headers = served.get("/map/rate.png")

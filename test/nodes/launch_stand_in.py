@@ -68,7 +68,6 @@ def part(name: str, *fields: Any) -> type:
 
 OpaqueFunction = part("OpaqueFunction", "function")
 Shutdown = part("Shutdown", "reason")
-ExecuteProcess = part("ExecuteProcess", "cmd", "output")
 LogInfo = part("LogInfo", "msg")
 EmitEvent = part("EmitEvent", "event")
 ShutdownProcess = part("ShutdownProcess", "process_matcher")
@@ -133,8 +132,8 @@ class Node:
 MODULES = {
     "launch": (LaunchContext, LaunchDescription),
     "launch.actions": (
-        DeclareLaunchArgument, EmitEvent, ExecuteProcess, IncludeLaunchDescription, LogInfo, OpaqueFunction,
-        RegisterEventHandler, Shutdown,
+        DeclareLaunchArgument, EmitEvent, IncludeLaunchDescription, LogInfo, OpaqueFunction, RegisterEventHandler,
+        Shutdown,
     ),
     "launch.conditions": (IfCondition,),
     "launch.events": (),

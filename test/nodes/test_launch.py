@@ -23,7 +23,7 @@ from soilmoist_ros.sensing.moisture.site import load_site
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 FILES = sorted((ROOT / "launch").glob("*.launch.py"))
-ROBOT, SIMULATION, REPLAY = (ROOT / "launch" / f"{name}.launch.py" for name in ("robot", "simulation", "replay"))
+ROBOT, SIMULATION = (ROOT / "launch" / f"{name}.launch.py" for name in ("robot", "simulation"))
 
 
 @pytest.fixture(autouse=True)
@@ -67,7 +67,7 @@ def test_every_argument_is_described(path, monkeypatch):
     declared = [one for one in description.entities if isinstance(one, stand_in.DeclareLaunchArgument)]
     assert len(declared) == len(stand_in.arguments_of(description)) > 5
     assert [one.name for one in declared if len(one.description or "") < 15] == []
-    assert sorted([ROBOT, SIMULATION, REPLAY]) == FILES
+    assert sorted([ROBOT, SIMULATION]) == FILES
 
 
 def test_the_robot_starts_the_recorder_first_and_leaves_all_parameters_alone(monkeypatch, seen, tmp_path):
@@ -208,8 +208,6 @@ SAID = (
     [
         (ROBOT, {"console": "true", "property": "salt", "namespace": "r1"}),
         (SIMULATION, {"console": "true", "out": "run"}),
-        (SIMULATION, {"console": "true", "out": "team", "robots": "2"}),
-        (REPLAY, {"bag": "bag"}),
     ],
 )
 def test_a_node_that_cannot_start_ends_the_launch_and_a_console_only_itself(monkeypatch, path, given):
@@ -231,9 +229,7 @@ def test_a_node_that_cannot_start_ends_the_launch_and_a_console_only_itself(monk
                 node.on_exit(ended, context)
             assert str(error.value) == f"the node {name} is missing, and the launch ends: the port 8050 is in use"
         assert node.on_exit(ended, stand_in.LaunchContext(is_shutdown=True)) == []
-    assert {node.executable for node in nodes} >= (
-        {"mapper"} if path == REPLAY else {"mapper", "console", "planner"}
-    )
+    assert {node.executable for node in nodes} >= {"mapper", "console", "planner"}
 
 
 def test_a_reason_of_several_lines_is_whole(monkeypatch):
@@ -259,10 +255,8 @@ def test_unknown_arguments_are_refused_with_a_suggestion(monkeypatch):
         InputError, match=r"no launch argument 'feild' \(did you mean 'field'\?\), 'zz' -> there are: ac"
     ):
         call(ROBOT, "soilmoist_ros", "robot.launch.py", "feild:=a", "hours:=1", "zz:=2")
-    with pytest.raises(InputError, match="no launch argument 'resume'"):
+    with pytest.raises(InputError, match="no launch argument 'robots'"):
         call(SIMULATION, "/ws/simulation.launch.py", "resume:=fresh", "robots:=2")
-    with pytest.raises(InputError, match="no launch argument 'baag'"):
-        call(REPLAY, "soilmoist_ros", "replay.launch.py", "bag:=x", "baag:=x")
     assert call(ROBOT, "soilmoist_ros", "robot.launch.py", "field:=a", "launch-prefix:=nice")
     assert call(SIMULATION, "soilmoist_ros", "simulation.launch.py", "resume:=fresh"), "robot.launch.py reads it"
     assert call(ROBOT, "mine", "bringup.launch.py", "feild:=of_its_own"), "arguments of a file that includes ours"
@@ -275,7 +269,7 @@ def test_empty_lists_are_lists_and_a_missing_parameter_file_is_named(monkeypatch
     values = seen(by_name(stand_in.start(ROBOT, monkeypatch, given))["planner"])
     lists = ("covariates", "earlier", "others", "properties")
     assert [values[name] for name in lists] == [[], [], [], []]
-    for file, more in ((ROBOT, {}), (SIMULATION, {"out": "run"}), (REPLAY, {"bag": "bag"})):
+    for file, more in ((ROBOT, {}), (SIMULATION, {"out": "run"})):
         with pytest.raises(InputError, match=r"params_file: there is no file 'nix\.yaml'"):
             stand_in.start(file, monkeypatch, {"params_file": "nix.yaml", **more})
 
@@ -342,44 +336,6 @@ def test_every_property_is_simulated_mapped_and_planned_for(monkeypatch, seen, t
         stand_in.start(SIMULATION, monkeypatch, {**given, "property": "patches"})
 
 
-def test_several_simulated_robots_share_mapper_recorder_and_clock(monkeypatch, seen, tmp_path):
-    given = {"robots": "2", "property": "rough:0.5", "out": str(tmp_path / "run"), "hours": "0.5"}
-    with pytest.raises(InputError, match="several robots have the namespaces robot_1"):
-        stand_in.start(SIMULATION, monkeypatch, {**given, "namespace": "r1"})
-    given |= {"gnss_port": "5002", "console": "true"}
-    actions = stand_in.start(SIMULATION, monkeypatch, given)
-    values = {found["node"]: found for one in actions for found in [seen(one)]}
-    assert set(values) == {
-        "/recorder", "/mapper", "/rough/mapper", "/field_simulator", "/console",
-        *(f"/robot_{number}/{node}" for number in (1, 2) for node in ("planner", "sensor_driver", "watchdog")),
-    }  # fmt: skip
-    assert (values["/field_simulator"]["robots"], values["/field_simulator"]["ports_file"]) == (2, "")
-    assert values["/console"]["robots"] == ["/robot_1", "/robot_2"]
-    addresses = [values[f"/robot_{number}/sensor_driver"]["gnss_uri"] for number in (1, 2)]
-    assert addresses == ["tcp://127.0.0.1:5002", "tcp://127.0.0.1:5004"]
-    assert values["/mapper"]["others"] == values["/robot_1/planner"]["others"] == ["/robot_1", "/robot_2"]
-    assert values["/rough/mapper"]["others"] == ["/robot_1/rough", "/robot_2/rough"]
-    planner = values["/robot_2/planner"]
-    assert (planner["hours"], planner["properties"], planner["use_sim_time"]) == (0.5, ["rough:0.5"], True)
-    planners = [one for one in actions if one.executable == "planner"]
-    assert {"samples": "/samples", "rough/model": "/rough/model"}.items() <= dict(planners[0].remappings).items()
-    context = stand_in.LaunchContext()
-    first, last = (one.on_exit(stand_in.ProcessExited(returncode=0), context) for one in planners)
-    assert first == []
-    assert isinstance(last[0], stand_in.Shutdown)
-
-
-def test_replay_plays_records_to_a_mapper_that_follows_the_recorded_time(monkeypatch, seen):
-    given = {"bag": "runs/bag", "rate": "10", "namespace": "/r1/", "fit": "soft_l1"}
-    mapper, player = stand_in.start(REPLAY, monkeypatch, given)
-    values = seen(mapper)
-    assert (values["node"], values["use_sim_time"], values["fit"]) == ("/r1/mapper", True, "soft_l1")
-    assert player.cmd[:8] == ["ros2", "bag", "play", "runs/bag", "--clock", "--rate", "10", "--topics"]
-    played = set(player.cmd[8:])
-    assert "/r1/counts" in played
-    assert not played & {f"/r1/{topic}" for topic in ("samples", "model", "soil_map", "uncertainty")}
-
-
 def test_each_node_gets_its_enclave(monkeypatch, tmp_path):
     given = {"out": str(tmp_path), "enclaves": "/soilmoist"}
     robot = stand_in.start(ROBOT, monkeypatch, {**given, "namespace": "r1", "property": "salt"})
@@ -387,8 +343,6 @@ def test_each_node_gets_its_enclave(monkeypatch, tmp_path):
     enclaves = {action.ros_arguments[1].removeprefix("/soilmoist/") for action in (*robot, *simulation)}
     assert {"r1/planner", "r1/mapper", "r1/salt/mapper", "field_simulator", "planner"} <= enclaves
     assert not any(action.ros_arguments for action in stand_in.start(ROBOT, monkeypatch, {"out": str(tmp_path)}))
-    with pytest.raises(InputError, match="rehearse with one robot"):
-        stand_in.start(SIMULATION, monkeypatch, {**given, "robots": "2"})
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "config" / "robots").glob("*.yaml")), ids=lambda path: path.stem)
