@@ -28,7 +28,6 @@ _RESUME = "run the same command again to resume"
 class CampaignOutcome:
     """Result of a campaign."""
 
-    total: int
     computed: int  # missions computed now
     reused: int  # stored missions that were reused
     failures: tuple[Failure, ...]  # in the order of the campaign; the tables contain all other missions
@@ -71,7 +70,7 @@ def run_campaign(
     :param progress: called at the start, after each mission, and while the campaign waits for workers
     :raises InputError: if the folder cannot be written or another campaign writes in it, the cluster cannot be
         reached, or a worker of it has another version of this package
-    :raises CampaignInterrupted: on Ctrl-C, after the running missions have stopped
+    :raises CampaignInterrupted: on Ctrl-C; the running missions are ended
     :raises CampaignStoppedError: if the scheduler of the cluster does not answer any more
     """
     if workers is not None and workers < 0:
@@ -118,7 +117,7 @@ def run_campaign(
                 raise CampaignStoppedError(f"{error}: {stored_text()}") from None
         in_order = tuple((mission, runs[mission.key]) for mission in wanted if mission.key in runs)
         return CampaignOutcome(
-            total=len(wanted), computed=len(runs) - reused, reused=reused,
+            computed=len(runs) - reused, reused=reused,
             failures=tuple(failures[m.key] for m in wanted if m.key in failures), remarks=tuple(remarks),
             written=tuple(write_tables(out, in_order, campaign.table_every_s)), runs=in_order,
         )  # fmt: skip

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import multiprocessing
 import os
 import signal
@@ -17,16 +16,13 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 from soilmoist_ros.foundation import SoilmoistError, one_thread_each
 from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.lab.mission_store import pack
 from soilmoist_ros.simulation import MissionResult, MissionSettings
 
-_stop: ctypes.c_bool | None = None  # set in a worker process when the campaign is stopped
-MissionProgress = Callable[[float], None]
-Simulate = Callable[[MissionSettings, MissionProgress | None], MissionResult]
+Simulate = Callable[[MissionSettings], MissionResult]
 
 
 class WorkersLostError(SoilmoistError):
@@ -57,20 +53,16 @@ class Finished:
 Flow = Generator[Finished, None, None]  # missions in the order in which they finish; closing it stops the workers
 
 
-def compute(mission: CampaignMission, simulate: Simulate, progress: MissionProgress | None = None) -> Finished:
+def compute(mission: CampaignMission, simulate: Simulate) -> Finished:
     """Simulate one mission; errors are returned, not raised."""
     begin_s = time.monotonic()
     content: bytes | Failure
     try:
-        content = pack(simulate(mission.settings, progress), mission.key)
+        content = pack(simulate(mission.settings), mission.key)
     except Exception as error:
         text = " ".join(str(error).split()) or "no message"
         content = Failure(mission, f"{type(error).__name__}: {text}", traceback.format_exc())
     return Finished(mission, content, time.monotonic() - begin_s)
-
-
-class _Stopped(Exception):  # noqa: N818 - nothing went wrong
-    """The campaign was stopped during the mission."""
 
 
 def in_this_process(todo: Iterable[CampaignMission], simulate: Simulate) -> Flow:
@@ -99,15 +91,14 @@ def _in_one_pool(
     waiting: deque[CampaignMission], simulate: Simulate, workers: int
 ) -> Generator[Finished, None, list[CampaignMission]]:
     """Compute until all missions are done or a process dies; returns the missions that were running then."""
-    context = multiprocessing.get_context("spawn")
-    stop = context.RawValue(ctypes.c_bool, False)  # without a lock, which a killed process might hold
-    pool = ProcessPoolExecutor(min(workers, len(waiting)), context, initializer=_begin, initargs=(stop,))
+    others, context = set(multiprocessing.active_children()), multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(workers, len(waiting)), context, initializer=_begin)
     running: dict[Future[Finished], CampaignMission] = {}
     try:
         while waiting or running:
             while waiting and len(running) < 2 * workers:
                 with _deaf():
-                    running[pool.submit(compute, waiting[0], simulate, _stop_if_asked)] = waiting[0]
+                    running[pool.submit(compute, waiting[0], simulate)] = waiting[0]
                 waiting.popleft()
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 finished = future.result()
@@ -116,14 +107,15 @@ def _in_one_pool(
     except BrokenProcessPool:
         return list(running.values())
     finally:
-        stop.value = True
+        for process in set(multiprocessing.active_children()) - others if running else ():
+            process.terminate()  # a mission is stored by this process, when it is complete
         pool.shutdown(wait=True, cancel_futures=True)
     return []
 
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Let processes that start in this context ignore Ctrl-C, even while they load modules."""
+    """Let processes that start in this context ignore Ctrl-C: this process handles it."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -134,23 +126,13 @@ def _deaf() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _begin(stop: Any) -> None:
-    """Initialise a process: it ignores Ctrl-C, because the parent handles Ctrl-C and sets ``stop``."""
-    global _stop
-    _stop = stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _begin() -> None:
+    """Initialise a process: it ends when its parent has died; the pool would wait for work for ever."""
     threading.Thread(target=_end_with_parent, name="end with parent", daemon=True).start()
 
 
 def _end_with_parent() -> None:
-    """End this process when its parent has died; the pool would wait for work for ever."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
         os._exit(1)
-
-
-def _stop_if_asked(_share: float) -> None:
-    """Progress callback that stops the mission if the campaign was stopped."""
-    if _stop is not None and _stop.value:
-        raise _Stopped("the campaign was stopped")

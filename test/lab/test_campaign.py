@@ -74,13 +74,13 @@ class Counted:
     def __init__(self, simulate, interrupt_at=None, fail=lambda settings: False):
         self.calls, self._simulate, self._interrupt_at, self._fail = [], simulate, interrupt_at, fail
 
-    def __call__(self, settings, progress=None):
+    def __call__(self, settings):
         if self._interrupt_at == len(self.calls):
             raise KeyboardInterrupt
         self.calls.append(settings)
         if self._fail(settings):
             raise ValueError("the variogram\nhas no range")
-        return self._simulate(settings, progress)
+        return self._simulate(settings)
 
 
 @pytest.mark.slow
@@ -147,7 +147,7 @@ def test_what_cannot_be_simulated_is_refused_before_the_first_mission(tmp_path, 
 def test_tables(campaign, whole):
     folder, outcome = whole
     assert outcome.complete
-    assert (outcome.total, outcome.computed, outcome.reused, outcome.remarks) == (10, 10, 0, ())
+    assert (outcome.computed, outcome.reused, outcome.remarks) == (10, 0, ())
     table = pd.read_parquet(folder / "results.parquet")
     assert list(table.columns) == ["key", *SETTINGS, "time_s", *METRICS]
     assert len(table) == 10 * 13
@@ -272,10 +272,10 @@ def stored(path):
 def test_a_process_that_dies_takes_only_its_mission_along(tmp_path, monkeypatch):
     (tmp_path / "deadly.py").write_text(
         "import os, fake_mission\n"
-        "def simulate(settings, progress=None):\n"
+        "def simulate(settings):\n"
         "    assert os.environ['OPENBLAS_NUM_THREADS'] == '1'\n"
         "    if settings.seed == 2: os._exit(9)\n"
-        "    return fake_mission.simulate(settings, progress)\n"
+        "    return fake_mission.simulate(settings)\n"
     )
     monkeypatch.syspath_prepend(str(HERE))
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -294,10 +294,10 @@ def test_ctrl_c_stops_the_processes(tmp_path):
     (tmp_path / "slow.py").write_text(
         "import time, sys\n"
         "from pathlib import Path\n"
-        "def simulate(settings, progress=None):\n"
+        "def simulate(settings):\n"
         "    Path(sys.argv[2], f'started{settings.seed}').touch()\n"
         "    while True:\n"
-        "        time.sleep(0.02); progress(0.5)\n"
+        "        time.sleep(0.02)\n"
         "if __name__ == '__main__':\n"
         "    import slow\n"
         "    from soilmoist_ros.lab import load_campaign, run_campaign\n"
