@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from itertools import combinations, islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,8 +36,6 @@ KURTOSIS = 6.0
 """Kurtosis of the errors of a map over the field for which the bound of the error holds; 3 if they are normal."""
 REACH_M = 10.0
 """Counts farther from a place than this are not its counts [m]: robots arrive within 3 m, people 5 m."""
-_LATE_S = 1.0  # a record may end this long after its visit: clocks differ
-_CHOICES = 10_000  # choices of records to try: those in a pause of a visit do not belong to it
 _CLOCK_S = 1e-3
 _STEP = 0.01  # relative step of the rate for the curvature of the moisture
 
@@ -118,7 +115,7 @@ def certify(
 
     visits = sorted(visits, key=lambda visit: visit.arrived_s)
     records = [one for one in records if not one.quarantine]
-    there = _visits_at(sample, visits)
+    there = _counted_at(sample, visits, records)
     measured = tuple(number for number, stop in enumerate(sample.stops) if there[stop.name])
     others = _without_sample(records, visits, sample, stops_only)
     soil_map = _map(others, grid, settings, knowledge) if len(measured) >= MIN_PLACES else None
@@ -129,10 +126,10 @@ def certify(
     counts, exposure_s = [], []
     for number in measured:
         its = there[sample.stops[number].name]
-        times_s = np.array([(visit.arrival_stamp_s + visit.end_stamp_s) / 2 for visit in its])
+        times_s = np.array([one.stamp_s - one.exposure_s / 2 for one in its])
         factors = np.ones(len(its)) if drift is None else drift.factor(times_s)
-        counts.append(sum(visit.raw_counts for visit in its))
-        exposure_s.append(float(np.array([visit.effective_exposure_s for visit in its]) @ factors))
+        counts.append(sum(one.raw_counts for one in its))
+        exposure_s.append(float(np.array([one.effective_exposure_s for one in its]) @ factors))
     counted = np.array(counts, float), np.array(exposure_s)
     rate = state(p, at, *counted)
     vwc = None if curve is None else state(p, at, *counted, curve)
@@ -196,27 +193,24 @@ def error_bound(square: Array, variance: Array, kurtosis: float = KURTOSIS) -> f
     return float(brentq(surplus, 0.0, top, rtol=1e-4))
 
 
-def _visits_at(sample: SealedSample, visits: Sequence[Visit]) -> dict[str, list[Visit]]:
-    """Visits that were made for each stop of a sample, near it, and have an exposure, by its name."""
+def _counted_at(
+    sample: SealedSample, visits: Sequence[Visit], records: Sequence[CountRecord]
+) -> dict[str, list[CountRecord]]:
+    """Records that were counted near each stop of a sample, in the time of visits made for it, by its name."""
     places = {stop.name: stop.xy for stop in sample.stops}
-    found: dict[str, list[Visit]] = {name: [] for name in places}
+    found: dict[str, list[CountRecord]] = {name: [] for name in places}
     for visit in visits:
-        if visit.name not in found or sample.digest not in visit.reason or not visit.effective_exposure_s > 0:
+        if visit.name not in found or sample.digest not in visit.reason:
             continue
-        if math.dist((visit.x_m, visit.y_m), places[visit.name]) <= REACH_M:
-            found[visit.name].append(visit)
+        found[visit.name] += [
+            one
+            for one in records
+            if visit.arrival_stamp_s - _CLOCK_S <= one.stamp_s - one.exposure_s
+            and one.stamp_s - one.exposure_s / 2 <= visit.end_stamp_s  # it may end a little later: clocks differ
+            and one.effective_exposure_s > 0
+            and math.dist((one.x_m, one.y_m), places[visit.name]) <= REACH_M
+        ]
     return found
-
-
-def adds_up(visit: Visit, records: Sequence[CountRecord]) -> bool:
-    """True if counts and exposures of a visit are those of records that were counted in its time near it."""
-    place, begin_s, end_s = (visit.x_m, visit.y_m), visit.arrival_stamp_s - _CLOCK_S, visit.end_stamp_s + _LATE_S
-    there = [one for one in records if begin_s <= one.stamp_s - one.exposure_s and one.stamp_s <= end_s]
-    there = [one for one in there if math.dist((one.x_m, one.y_m), place) <= REACH_M and not one.quarantine]
-    counted = [(one.raw_counts, one.exposure_s, one.effective_exposure_s) for one in there]
-    stated = visit.raw_counts, visit.exposure_s, visit.effective_exposure_s
-    tried = islice(combinations(counted, visit.records), _CHOICES)
-    return any(np.allclose(np.sum(one, axis=0), stated, rtol=1e-6) for one in tried)
 
 
 def _without_sample(
