@@ -109,13 +109,10 @@ class Recorder(Node):
         check_name(text("name"))
         self._distribution = os.environ.get("ROS_DISTRO", "jazzy")
         self._recorder = BagRecorder(
-            lambda: next_bag(self._out, text("name"), self._distribution),
-            file_bytes=number("file_mb") * 1e6 or math.inf, file_s=number("file_min") * 60 or math.inf,
-            notes=self._notes,
-        )  # fmt: skip
+            lambda: next_bag(self._out, text("name"), self._distribution), notes=self._notes
+        )
         self._limit_bytes = number("keep_gb") * 1e9 or math.inf
         self._deletes = self._settings.flag("delete_oldest")
-        self._splits = bool(number("file_mb") or number("file_min"))
         self._excess = Excess()
         self._topics: dict[str, tuple[Topic, Request, Subscription]] = {}
         self._publisher_counts: dict[str, int] = {}
@@ -188,8 +185,7 @@ class Recorder(Node):
 
     def _diagnose(self) -> None:
         state, free = self._recorder.state, free_bytes(self._out)
-        drops = self._deletes and self._splits
-        limits, left = excess_text(self._excess, drops), math.inf if drops else self._excess.left_bytes
+        limits, left = excess_text(self._excess), self._excess.left_bytes
         health = recorder_health(
             state, free, _LOW_DISK_BYTES, len(self._skipped), _FULL_SOON_S, limits, dict(self._gaps.lost), left
         )
@@ -208,8 +204,6 @@ class Recorder(Node):
                 excess = find_excess(self._out, self._limit_bytes)
         except OSError:
             return
-        if excess.left_bytes < 0 and self._deletes:
-            self._recorder.drop_oldest(-excess.left_bytes)
         self._excess = excess
 
     def _take_parameters(self, node: str, values: Mapping[str, Any]) -> None:

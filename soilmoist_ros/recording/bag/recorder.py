@@ -40,7 +40,6 @@ class RecorderState:
     waiting_bytes: int = 0
     size_bytes: int = 0
     rate_bps: float = 0.0  # bytes written in a second, over the last minutes [B/s]; 0 if unknown
-    deleted: int = 0  # files of the bag that were deleted for space
     gone: str = ""  # bags that were deleted or moved while they were recorded, in words
     topics: int = 0  # number of topics with messages in the bag
     problem: str = ""  # what prevents writing now; empty without a problem
@@ -57,8 +56,6 @@ class BagRecorder:
     :param flush_period_s: time between flushes to the disk [s]; a crash loses at most the messages of this time
     :param capacity_bytes: size of messages that may wait [bytes]
     :param retry_s: time between two attempts after an error [s]
-    :param file_bytes: size of a file after which the bag continues in another one [bytes]
-    :param file_s: time after which the bag continues in another file [s]
     :param notes: what else to keep in the metadata of a bag; called from the writer's thread
     """
 
@@ -68,16 +65,12 @@ class BagRecorder:
         flush_period_s: float = 0.5,
         capacity_bytes: int = 64 << 20,
         retry_s: float = _RETRY_S,
-        file_bytes: float = math.inf,
-        file_s: float = math.inf,
         notes: Callable[[], Mapping[str, str]] = dict,
     ) -> None:
         self._new_bag = new_bag
         self._flush_period_s = flush_period_s
         self._capacity_bytes = capacity_bytes
         self._retry_s = retry_s
-        self._file_bytes = file_bytes
-        self._file_s = file_s
         self._notes = notes
         self._sizes: deque[tuple[float, int]] = deque(maxlen=_SIZES)
         self._in_bag = 0
@@ -87,7 +80,6 @@ class BagRecorder:
         self._thread: threading.Thread | None = None
         self._stopping = False
         self._unsafe = 0
-        self._to_drop = 0.0
 
     @property
     def state(self) -> RecorderState:
@@ -134,11 +126,6 @@ class BagRecorder:
             self._changed.wait_for(lambda: self._state.bag is not None or bool(self._state.problem), timeout_s)
             return self._state.bag is not None
 
-    def drop_oldest(self, size_bytes: float) -> None:
-        """Delete finished files of the bag soon, the oldest first, to make this space [bytes]."""
-        with self._changed:
-            self._to_drop = size_bytes
-
     def stop(self) -> RecorderState:
         """Write what waits, close the bag and stop; returns the final state. Does nothing while stopped."""
         with self._changed:
@@ -178,7 +165,6 @@ class BagRecorder:
                     state = self.state
                     told = f"{state.dropped}{f' ({state.gone})' if state.gone else ''}"
                     noted = {"messages lost in writing": told} if state.dropped else {}
-                    noted |= {"first files deleted for space": str(state.deleted)} if state.deleted else {}
                     bag.close({**self._notes(), **noted})
             except OSError as error:
                 problem = f"{bag.folder} could not be closed: {error.strerror}; {_RECOVER}"
@@ -194,7 +180,7 @@ class BagRecorder:
                 bag = self._new_bag()
                 self._in_bag = 0
                 self._sizes.clear()
-                self._report(bag=bag.folder, problem="", deleted=0)
+                self._report(bag=bag.folder, problem="")
                 _LOG.info("recording to %s", bag.folder)
             if self.state.problem:
                 bag.flush()  # first what the disk refused
@@ -202,9 +188,6 @@ class BagRecorder:
             self._write_waiting(bag)
             bag.flush()
             self._unsafe = 0
-            if bag.file_bytes >= self._file_bytes or bag.file_age_s >= self._file_s:
-                bag.split()
-            self._drop(bag)
         except InputError as error:
             self._report(problem=str(error))
             return None
@@ -213,15 +196,6 @@ class BagRecorder:
         rate_bps = self._rate_bps(bag.size_bytes)
         self._report(problem="", size_bytes=bag.size_bytes, topics=len(bag.counts), rate_bps=rate_bps)
         return bag
-
-    def _drop(self, bag: BagWriter) -> None:
-        with self._changed:
-            size_bytes, self._to_drop = self._to_drop, 0.0
-        names = bag.drop_oldest(size_bytes)
-        if names:
-            self._sizes.clear()  # a bag that has shrunk has no rate
-            self._report(deleted=self.state.deleted + len(names))
-            _LOG.warning("%s: %s deleted for space", bag.folder, ", ".join(names))
 
     def _rate_bps(self, size: int) -> float:
         now_s = time.monotonic()
@@ -373,7 +347,6 @@ def recorder_health(
         "written [kB/s]": f"{state.rate_bps / 1e3:.3g}",
         "disk full in [h]": f"{full_s / 3600:.1f}" if math.isfinite(full_s) else "unknown",
         "keep_gb reached in [h]": f"{limit_s / 3600:.1f}" if math.isfinite(limit_s) else "unknown",
-        "files deleted": str(state.deleted),
         "disk free [MB]": "unknown" if free_bytes is None else f"{free_bytes / 1e6:.0f}",
     }
     return Health("bag", level, message, values)
@@ -475,13 +448,12 @@ def _number(metadata: Path) -> int:
     return int(match[1]) if match and len(match[1]) < 20 else 0
 
 
-def excess_text(excess: Excess, drops: bool) -> str:
-    """Excess over the space for bags, with what to do; ``drops``: the running bag loses its oldest files."""
+def excess_text(excess: Excess) -> str:
+    """Excess over the space for bags, with what to do; empty for none."""
     if excess.bags:
         return f"{len(excess.bags)} bags are beyond keep_gb, the oldest is {excess.bags[0]}"
-    if excess.left_bytes < 0 and not drops:
-        remedy = "move some, or let file_mb and delete_oldest delete the oldest files of the running one"
-        return f"the recordings take {-excess.left_bytes / 1e6:.0f} MB more than keep_gb: {remedy}"
+    if excess.left_bytes < 0:
+        return f"the recordings take {-excess.left_bytes / 1e6:.0f} MB more than keep_gb: move some"
     return ""
 
 
