@@ -480,7 +480,7 @@ class MissionControl:
             robot.stranger, status = fault, None
         pending = None
         if status is not None:
-            robot.hear(status, now_s, self._outputs.now_s(), goes_first)
+            robot.hear(status, now_s, goes_first)
             pending = pending_measurement(status, apart_m=self.team.apart_m)
         self._queue.take_other(name, pending)
         state, access = self._mission.state, self._access

@@ -41,8 +41,6 @@ PATIENCE_S: Final = 30.0
 SHUT_IN_S: Final = 300.0
 """Time after which one that is shut in asks for an operator, and goes on waiting [s]."""
 SOON_S: Final = 0.2  # time after which two places give a velocity [s]
-CLOCK_S: Final = 5.0
-"""Difference between the clocks of two robots that is reported [s]; messages are on their way for less."""
 
 SHUT_IN: Final = "other robots stand in the way to the stops that are left"
 _LOOK_S: Final = 5.0  # time between two looks whether one of them is out of the way [s]
@@ -140,20 +138,12 @@ class OtherRobot:
     status: MissionStatus | None = None  # the last status of its mission; ``None`` before the first
     heard_s: float = -math.inf  # time of arrival of its last status, on the mission clock [s]
     silent_s: float = 0.0  # steady time since its last status [s]
-    clock_s: float = 0.0  # its clock minus the own one, if the last two statuses agree on a difference [s]
     drove_s: float = math.inf  # when it drove last, or was heard first, on the mission clock [s]
     stranger: str = ""  # why its statuses are not used; empty if they are
     velocity: Place = (0.0, 0.0)  # east and north [m/s]
-    _off_s: float = math.nan
 
-    def hear(self, status: MissionStatus, now_s: float, clock_s: float, goes_first: bool) -> None:
-        """A status has come; the first one may be an old one that was latched.
-
-        :param clock_s: time on the clock that stamps records and statuses [s]
-        """
-        before_s, self._off_s = self._off_s, status.now_s - clock_s
-        nearest_s = min(before_s, self._off_s, key=abs)  # NaN before the second
-        self.clock_s = nearest_s if min(abs(before_s), abs(self._off_s)) > CLOCK_S else 0.0
+    def hear(self, status: MissionStatus, now_s: float, goes_first: bool) -> None:
+        """A status has come; the first one may be an old one that was latched."""
         known = None if self.status is None else self.status.place
         if status.phase not in _DRIVES:
             self.velocity = (0.0, 0.0)
@@ -312,8 +302,6 @@ class Team:
                     f"{self.apart_m:g} m of its place and its stop until it is heard, or somebody who knows where "
                     "it is calls planner/release_lost"
                 )
-            elif robot.clock_s:
-                faults.append(f"the clock of {name} differs by {robot.clock_s:+.0f} s: set the time of both")
         return Health("others", level, "; ".join(faults)) if faults else None
 
 

@@ -408,10 +408,7 @@ class _Step:
     def alarm(self, alarm: Alarm) -> None:
         others = {other.cause: other for other in self.state.alarms}
         known = others.pop(alarm.cause, None)
-        ignored = alarm.response is Response.IGNORE
-        self.set(alarms=tuple(others.values()) if ignored else (*others.values(), alarm))
-        if ignored:
-            return
+        self.set(alarms=(*others.values(), alarm))
         goal = self.state.goal
         if alarm.cause == MOVING and alarm.response.stops and (goal is None or goal.over):
             # again with each alarm: nothing else tells it to stop

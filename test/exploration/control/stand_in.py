@@ -8,6 +8,7 @@ from concurrent.futures import Executor, Future
 import numpy as np
 
 from soilmoist_ros.exploration import ExplorerSettings, MissionRules, MissionSetup, RobotMotion, parse_dwell
+from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 
@@ -47,3 +48,35 @@ class StandIn:
 
     def show(self, status, ahead, more):
         self.shown = status
+
+
+class Driving(StandIn):
+    """A robot that drives at 1 m/s along the way to its goal."""
+
+    def __init__(self, place):
+        self.place, self.way, self.goal_id, self.cancelled = place, [], None, 0
+
+    def go(self, goal_id, stop, way):
+        self.goal_id, self.way = goal_id, [tuple(corner) for corner in way.corners[1:].tolist()]
+
+    def cancel(self, goal_id):
+        self.cancelled += 1
+        if self.goal_id is not None:
+            self.goal_id, self.way = None, []
+            self.report(Ended(goal_id, Outcome.CANCELED, "cancelled"))
+
+    def move(self):
+        """Drive for a second."""
+        left_m = 1.0
+        while self.way and left_m > 0:
+            away_m = math.dist(self.place, self.way[0])
+            share = min(1.0, left_m / away_m) if away_m else 1.0
+            self.place = tuple(a + share * (b - a) for a, b in zip(self.place, self.way[0], strict=True))
+            left_m -= away_m
+            self.way = self.way[share == 1.0 :]
+
+    def arrive(self):
+        """Report the end of the way."""
+        if self.goal_id is not None and not self.way:
+            goal_id, self.goal_id = self.goal_id, None
+            self.report(Ended(goal_id, Outcome.SUCCEEDED, "arrived"))

@@ -4,7 +4,6 @@
 
 import contextlib
 import logging
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -12,12 +11,12 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from stand_in import StandIn
+from test_mission_control import Around
 
 from rehearsal.cases import GRAPHS, OUTLINES, random_ground
 from soilmoist_ros.exploration import ExplorerSettings, OperatorRequest, RobotMotion, Stop, parse_dwell
 from soilmoist_ros.exploration.control.field_access import AccessRules, CurrentAccess, FieldAccess
-from soilmoist_ros.exploration.control.mission_control import MissionControl, MissionSetup
+from soilmoist_ros.exploration.control.mission_control import MissionSetup
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
@@ -189,111 +188,84 @@ def test_all_that_is_sent_is_inside(seed, outline, kind, by_name):
     assert sent or by_name or ground.graph is None or len(access.stops) < 2
 
 
-class Recorder(StandIn):
-    """Navigator and outputs of a mission that stands still."""
+def stand(around, place):
+    for _ in range(8):
+        around.time_s += 1.0
+        around.control.fix(place)
+        around.control.tick()
+    return around
 
-    def __init__(self, graph, place, home="", rules=RADIUS, strategy="random"):
-        self.sent, self.time_s, self.reasons = [], 1000.0, []
-        chosen = ExplorerSettings(strategy=strategy, preset="paper", seed=1, motion=RobotMotion(), access=rules)
-        mission = MissionRules(
-            budget_s=3600.0, dwell=parse_dwell("fmi:60"), warm_up_stops=1, backoff_s=0.0, standstill_s=0.0,
-            arrival_radius_m=3.0, failures_to_pause=100,
-        )  # fmt: skip
-        setup = MissionSetup(field=FIELD, settings=chosen, rules=mission, home=home)
-        self.control = MissionControl(setup, self.navigator, self)
-        self.control.use_graph(graph)
-        for _ in range(8):
-            self.time_s += 1.0
-            self.control.fix(place)
 
-    def go(self, goal_id, stop, way):
-        self.goal_id = goal_id
-        self.sent.append((stop, way))
-
-    def now_s(self):
-        return self.time_s
-
-    def show(self, status, ahead, more):
-        self.status = status
-        self.reasons.append(status.reason)
-
-    def until_sent(self):
-        for _ in range(12_000):
-            self.control.hand_on()
-            self.time_s += 0.001
-            self.control.show()
-            if self.sent or self.status.phase is not Phase.PLANNING:
-                return
-            time.sleep(0.005)
-        raise AssertionError("it still plans")
+def started(graph, place):
+    """A mission around the pond, of a robot that stands."""
+    chosen = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion(), access=RADIUS)
+    rules = MissionRules(
+        budget_s=3600.0, dwell=parse_dwell("fmi:60"), warm_up_stops=1, backoff_s=0.0, standstill_s=0.0,
+        failures_to_pause=100,
+    )  # fmt: skip
+    around = Around(setup=MissionSetup(field=FIELD, settings=chosen, rules=rules))
+    around.time_s = 1000.0
+    around.control.use_graph(graph)
+    around.answer = stand(around, place).control.command(Verb.START)
+    return around
 
 
 def test_a_goal_that_the_fence_refuses_is_never_sent_and_its_stop_ruled_out():
-    around = Recorder(graph({"b": (42, 36), "c": (42, 30)}, "b c"), (15.0, 36.0))
-    assert around.control.command(Verb.START).accepted
-    around.until_sent()
-    for _ in range(200):
+    around = started(graph({"b": (42, 36), "c": (42, 30)}, "b c"), (15.0, 36.0))
+    while around.status.phase is not Phase.FINISHED:
+        around.planned()
+        around.time_s += 1.0
         around.control.tick()
-        around.until_sent()
-        if around.status.phase is Phase.FINISHED:
-            break
-    assert around.sent == []
-    assert any("is ruled out for now: not sent: the route to" in reason for reason in around.reasons)
+    assert around.goals == []
+    reasons = [status.reason for status, _ in around.shown]
+    assert any("is ruled out for now: not sent: the route to" in reason for reason in reasons)
 
 
 @pytest.mark.parametrize("verb", ["measure", "home"])
 def test_after_a_new_map_in_a_pause_the_robot_is_sent_only_to_places_of_that_map(verb):
-    around = Recorder(OLD, (30.0, 6.0))
-    assert around.control.command(Verb.START).accepted
+    around = started(OLD, (30.0, 6.0))
     if verb == "measure":
         assert around.control.request(OperatorRequest("measure", stops=("b",))).accepted
     else:
         assert around.control.request(OperatorRequest("change", home="b")).accepted
         assert around.control.request(OperatorRequest("return_home")).accepted
-    around.until_sent()
-    assert around.sent[-1][0] == Stop("b", 50.0, 20.0)
+    around.planned()
+    goal_id, stop = around.goals[-1]
+    assert stop == Stop("b", 50.0, 20.0)
     assert around.control.command(Verb.PAUSE).accepted
-    around.control.ended(Ended(around.goal_id, Outcome.CANCELED, ""))
-    for _ in range(8):
-        around.time_s += 1.0
-        around.control.fix((30.0, 6.0))
-        around.control.tick()
-    around.control.use_graph(NEW)
-    around.sent.clear()
+    around.control.ended(Ended(goal_id, Outcome.CANCELED, ""))
+    stand(around, (30.0, 6.0)).control.use_graph(NEW)
+    around.goals.clear()
     assert around.control.command(Verb.RESUME).accepted
-    for _ in range(20):
-        around.time_s += 1.0
-        around.control.fix((30.0, 6.0))
-        around.control.tick()
-        around.until_sent()
-    assert around.sent
+    for _ in range(3):
+        stand(around, (30.0, 6.0)).planned()
+    sent = [stop for _, stop in around.goals if stop is not None]
+    assert sent
     places = {stop.name: (stop.x_m, stop.y_m) for stop in NEW.stops}
-    assert all(places[stop.name] == (stop.x_m, stop.y_m) for stop, _ in around.sent)
-    if verb == "home":
-        assert around.sent[-1][0].name == "b"
+    assert all(places[stop.name] == (stop.x_m, stop.y_m) for stop in sent)
+    assert verb != "home" or sent[-1].name == "b"
 
 
 def test_a_robot_in_another_part_of_the_map_uses_that_part(caplog):
     islands = graph({**PLACES, "i": (3, 36), "j": (14, 36)}, "a s t u b", "i j")
     with caplog.at_level(logging.INFO):
-        around = Recorder(islands, (4.0, 35.0))
-        assert around.control.command(Verb.START).accepted
-        around.until_sent()
-    assert {stop.name for stop, _ in around.sent} <= {"i", "j"}
-    assert around.sent
+        around = started(islands, (4.0, 35.0))
+        assert around.answer.accepted
+        around.planned()
+    assert {stop.name for _, stop in around.goals} <= {"i", "j"}
+    assert around.goals
     assert sum("no-go area (p), i" in r.message or "i, j" in r.message for r in caplog.records) == 1
     counted = [r.message for r in caplog.records if r.levelno == logging.INFO]
     assert counted == [f"{n} of 8 nodes of the topological map are stops" for n in (5, 2)]
-    stuck = Recorder(graph({**PLACES, "i": (3, 36)}, "a s t u b"), (4.0, 35.0))
-    answer = stuck.control.command(Verb.START)
-    assert not answer.accepted
-    assert "no way that is allowed leads between i, where the robot stands" in answer.message
+    stuck = started(graph({**PLACES, "i": (3, 36)}, "a s t u b"), (4.0, 35.0))
+    assert not stuck.answer.accepted
+    assert "no way that is allowed leads between i, where the robot stands" in stuck.answer.message
 
 
 # The access to a field follows its graph, cells, home and the robot; an error leaves it as it is ----------------
 
 
-class Around:
+class Used:
     """An access, and what was used."""
 
     def __init__(self, home=""):
@@ -302,7 +274,7 @@ class Around:
 
 
 def test_a_map_that_cannot_be_used_is_named_and_changes_nothing():
-    around = Around(home="a")
+    around = Used(home="a")
     assert "the map of the navigation" in around.current.waiting_for
     with pytest.raises(InputError, match="there is no stop 'a'"):
         around.current.use_graph(graph({"t": (30, 6), "u": (50, 6)}, "t u"))
@@ -316,7 +288,7 @@ def test_a_map_that_cannot_be_used_is_named_and_changes_nothing():
 
 
 def test_the_part_of_the_map_is_looked_for_again_only_after_a_move():
-    around = Around()
+    around = Used()
     around.current.use_graph(graph({**PLACES, "i": (3, 36), "j": (14, 36)}, "a s t u b", "i j"))
     around.current.moved((4.0, 35.0), 3.0)
     around.current.moved((5.0, 35.0), 3.0)

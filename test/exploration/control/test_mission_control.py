@@ -34,13 +34,14 @@ class Around(StandIn):
         surveys=None,
         frames=None,
         delay_s=0.0,
+        setup=None,
         **rules,
     ):
         self.time_s, self.goals, self.shown = 0.0, [], []
         self.visits, self.measured = [], []
         given = {"budget_s": 900.0, "warm_up_stops": 1, "min_last_dwell_s": 60.0, "standstill_s": 0.0, **rules}
         opening = surveys and (lambda changes: surveys(changes, setup.settings))
-        setup = square_setup(
+        setup = setup or square_setup(
             20, 2.0, strategy, settings={"seed": 0, "motion": RobotMotion()}, speed_mps=0.6, backoff_s=0.0,
             more={"home": home, "open_survey": opening, "start_delay_s": delay_s},
             dwell=parse_dwell(dwell), **given,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stand_in import AtOnce, StandIn, square_setup
+from stand_in import AtOnce, Driving, square_setup
 
 from soilmoist_ros.exploration import AccessRules, Explorer, Mission, MissionClock, Property, Stop, Way, cell_stops
 from soilmoist_ros.exploration.control.mission_control import MissionControl
@@ -18,7 +18,6 @@ from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.control.team import PendingMeasurement, Team, foreseen, pending_measurement
 from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, PlanKind, Verb
-from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
@@ -136,26 +135,18 @@ APART_M = 2.0
 Y_M = 32.5
 
 
-class Robot(StandIn):
-    """A robot of a team at 1 m/s with its planner; it is navigator and outputs of its planner, too."""
+class Robot(Driving):
+    """A robot of a team with its planner."""
 
     def __init__(self, name, place, graph=None, by_name=False):
-        self.name, self.place, self.way, self.goal_id = name, place, [], None
-        self.heard, self.time_s, self.visits = True, BEGIN_S, []
+        super().__init__(place)
+        self.name, self.heard, self.time_s, self.visits = name, True, BEGIN_S, []
         access = AccessRules(robot_radius_m=0.5, by_name=by_name)
         clock = MissionClock(self.now_s, self.now_s, "boot")
         setup = square_setup(60, 5.0, settings={"access": access}, more={"map_wait_s": 0.0})
         team = Team(APART_M)
         self.control = MissionControl(setup, self.navigator, self, clock=clock, team=team, executor=AtOnce())
         self.control.use_graph(graph)
-
-    def go(self, goal_id, stop, way):
-        self.goal_id, self.way = goal_id, [tuple(corner) for corner in way.corners[1:].tolist()]
-
-    def cancel(self, goal_id):
-        if self.goal_id is not None:
-            self.goal_id, self.way = None, []
-            self.report(Ended(goal_id, Outcome.CANCELED, "cancelled"))
 
     def now_s(self):
         return self.time_s
@@ -165,17 +156,9 @@ class Robot(StandIn):
 
     def second(self):
         self.time_s += 1.0
-        left_m = 1.0
-        while self.way and left_m > 0:
-            away_m = math.dist(self.place, self.way[0])
-            share = min(1.0, left_m / away_m) if away_m else 1.0
-            self.place = tuple(a + share * (b - a) for a, b in zip(self.place, self.way[0], strict=True))
-            left_m -= away_m
-            self.way = self.way[share == 1.0 :]
+        self.move()
         self.control.fix(self.place, 0.02, self.time_s)
-        if self.goal_id is not None and not self.way:
-            goal_id, self.goal_id = self.goal_id, None
-            self.report(Ended(goal_id, Outcome.SUCCEEDED, "arrived"))
+        self.arrive()
         if self.time_s % 10 == 0:
             self.control.records([CountRecord(self.time_s, *self.place, 0.0, 40, 10.0, 10.0)])
         self.control.second()
@@ -353,19 +336,10 @@ STATUS = Mission(MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"))).sta
 def test_a_silent_robot_is_anywhere_between_its_last_place_and_where_it_may_be(own, after_s, wrong):
     team, start = Team(APART_M), replace(STATUS, phase=Phase.TRAVELLING, target=Stop("there", 40.0, 30.0))
     for place, time_s in [((9.0, 30.0), 0.0), ((10.0, 30.0), 1.0), ((10.1, 30.0), 1.1)]:
-        team.robot("/other").hear(replace(start, place=place), time_s, time_s, True)
+        team.robot("/other").hear(replace(start, place=place), time_s, True)
     team.fault((own[0], own[1] - 20.0), False, False, 1.1)  # it was farther away when this one set off
     team.pass_time(after_s)
     assert bool(team.fault(own, True, False, 1.1 + after_s)) == wrong
-
-
-@pytest.mark.parametrize(("off_s", "named"), [(0.0, False), (2.0, False), (40.0, True), (-3600.0, True)])
-def test_a_clock_that_differs_is_named(off_s, named):
-    one, two = Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0))
-    two.time_s += off_s
-    together([one, two], lambda: one.time_s > BEGIN_S + 10)
-    said = "" if one.others is None else one.others.message
-    assert (f"the clock of /robot_2 differs by {off_s:+.0f} s" in said) == named
 
 
 @pytest.mark.parametrize(("under_way", "level"), [(False, Level.WARN), (True, Level.ERROR)])

@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stand_in import AtOnce, StandIn, square_setup
+from stand_in import AtOnce, Driving, square_setup
 
 from soilmoist_ros.exploration import ANYBODYS, FAILSAFES, Cause, Mission, MissionClock, MissionControl, Watch
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
 from soilmoist_ros.exploration.mission.types import Phase, Response, Verb
-from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, Position
@@ -22,16 +21,15 @@ BEGIN_S = 1.78e9
 STANDING = {Phase.PAUSED, Phase.IDLE, Phase.FINISHED}
 
 
-class Farm(StandIn):
-    """A square field and a robot at 1 m/s with all its devices; it is navigator and outputs too."""
+class Farm(Driving):
+    """A square field and a robot with all its devices."""
 
     def __init__(self, watch=None, no_go=(), **rules):
+        super().__init__((50.0, 50.0))
         self.steady_s, self.stepped_s = 500.0, 0.0
-        self.place, self.goal, self.drive = (50.0, 50.0), None, True
         self.fix = self.stamp = lambda value: value
         self.sd_m, self.receiver_s = 0.02, 0.0
         self.stray = None  # metres east and north in a second, whatever the goal
-        self.cancelled = 0
         self.fixes = self.sensor = self.mapper = True
         self.quarantine = ""
         self.charge = math.nan
@@ -42,20 +40,6 @@ class Farm(StandIn):
             watch=watch or Watch(),
         )  # fmt: skip
         self.control.use_graph(None)
-
-    # the navigator
-
-    def go(self, goal_id, stop, way):
-        self.goal = goal_id, (stop.x_m, stop.y_m)
-
-    def cancel(self, goal_id):
-        self.cancelled += 1
-        if self.goal is not None:
-            self.goal = None
-            self.report(Ended(goal_id, Outcome.CANCELED, "cancelled"))
-
-    def moved(self, place, now_s, sd_m):
-        self.moves.append(place)
 
     # the outputs
 
@@ -82,6 +66,7 @@ class Farm(StandIn):
         self.move()
         if self.fixes:
             self.control.fix(self.fix(self.place), self.sd_m, self.now_s() + self.receiver_s)
+        self.arrive()
         if math.isfinite(self.charge):
             self.control.battery(self.charge, math.nan)
         if self.sensor and self.steady_s % 10 == 0:
@@ -93,17 +78,11 @@ class Farm(StandIn):
     def move(self):
         if self.stray is not None:
             self.place = self.place[0] + self.stray[0], self.place[1] + self.stray[1]
-            return
-        if self.goal is None or self.waiting_for:
-            return
-        goal_id, end = self.goal
-        left_m = math.dist(self.place, end)
-        share = min(1.0, 1.0 / left_m) if left_m else 1.0
-        self.place = tuple(a + share * (b - a) for a, b in zip(self.place, end, strict=True))
-        if share == 1.0:
-            self.goal = None
-            self.control.fix(self.fix(self.place), self.sd_m, self.now_s() + self.receiver_s)
-            self.report(Ended(goal_id, Outcome.SUCCEEDED, "arrived"))
+        elif not self.waiting_for:
+            super().move()
+
+    def moved(self, place, now_s, sd_m):
+        self.moves.append(place)
 
     def count(self):
         record = CountRecord(self.stamp(self.now_s()), *self.fix(self.place), 0.0, 40, 10.0, 10.0)
@@ -136,7 +115,7 @@ class Farm(StandIn):
 
     @property
     def way_m(self):
-        return 0.0 if self.goal is None else math.dist(self.place, self.goal[1])
+        return math.dist(self.place, self.way[-1]) if self.way else 0.0
 
 
 @pytest.fixture
@@ -147,7 +126,7 @@ def farm():
 def stands_because_of(farm, cause):
     assert farm.alarms.get(cause) is FAILSAFES[cause].response
     farm.run(lambda: farm.status.phase in STANDING, 60)
-    assert farm.goal is None
+    assert farm.goal_id is None
     assert (farm.health.level, farm.health.message.split(":")[0]) == (Level.ERROR, cause)
     refused = farm.control.command(Verb.RESUME)
     assert not refused.accepted
@@ -165,7 +144,7 @@ def test_fixes_that_repeat_in_one_short_goal_after_the_other_are_frozen(farm):
     frozen, goals = farm.place, set()
     farm.fix = lambda true: frozen
     for number in range(40):
-        goals.add(farm.goal)
+        goals.add(farm.goal_id)
         if "fix_frozen" in farm.alarms:
             break
         if number % 8 == 7:
@@ -190,7 +169,7 @@ def test_frozen_fixes_wait_for_an_operator(farm):
     began_s = farm.steady_s
     farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
     assert farm.steady_s - began_s >= 4, "what was repeated before does not show that the robot stands"
-    assert farm.goal is None
+    assert farm.goal_id is None
     farm.fix = lambda true: true
     farm.run(lambda: not farm.alarms, 120)
     farm.run(lambda: farm.control.command(Verb.RESUME).accepted, 60)
@@ -230,7 +209,7 @@ def test_while_another_client_drives_the_planner_waits_for_people(farm, phase):
     farm.place = (farm.place[0] - 20.0, farm.place[1])
     farm.pass_by(30)
     assert ANYBODYS not in asked, "the other client's goal is not ours to cancel"
-    assert (farm.goal, farm.status.failures) == (None, 0)
+    assert (farm.goal_id, farm.status.failures) == (None, 0)
     farm.other_client = ""
     farm.run(lambda: not farm.alarms, 20)
     assert farm.status.phase is Phase.PAUSED, "people resume"
@@ -419,7 +398,7 @@ def test_a_robot_that_drives_into_a_small_pond_is_stopped(noise_m, sd_m):
     farm.begin().run(lambda: farm.status.samples == 1)  # a stop teaches what the receiver does not state
     strays(farm, 0.8, (32.5, 63.0), noise_m)
     farm.run(lambda: "in_no_go" in farm.alarms, 100)
-    assert farm.goal is None
+    assert farm.goal_id is None
     left_m = 1.0 if sd_m == 0.02 else 0.3  # what is not stated well is not known as well
     assert math.dist(farm.place, (32.5, 63.0)) > left_m, "it is 3 m from the middle to the border"
 

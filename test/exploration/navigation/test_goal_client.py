@@ -350,14 +350,6 @@ def test_failures(code, text, words):
     assert failure(code, text) == words
 
 
-@pytest.mark.parametrize(
-    ("remaining_m", "recoveries", "words"),
-    [
-        (12.34, 0, "12.3 m to go"),
-        (12.34, 1, "12.3 m to go, 1 recovery"),
-        (math.nan, 3, "3 recoveries"),
-        (math.inf, 0, ""),
-    ],
-)
-def test_progress(remaining_m, recoveries, words):
-    assert progress(remaining_m, recoveries) == words
+def test_progress():
+    assert progress(12.34, 1) == "12.3 m to go, 1 recovery"
+    assert (progress(math.nan, 3), progress(math.inf, 0)) == ("3 recoveries", "")
