@@ -45,18 +45,18 @@ def command(causes: tuple[str, ...], phase: str | None, response: str | None) ->
         phases = [Phase(phase)] if phase else list(Phase) if known else []
         does = {one.value: consequence(answer, one, cause, cause.replace("_", " ")) for one in phases}
         item = {"cause": cause.value, "response": answer.value, "alarm": row.about, "remedy": row.remedy}
-        shown = {name: {"does": one.does, "says": one.says} for name, one in does.items()}
+        shown = {name: {"does": one, "says": says} for name, (one, says) in does.items()}
         found.append({**item, "default": row.response.value, "limits": of, "phases": shown})
         if not known:
-            say(f"{cause:17} {answer:11} {does[phase].does if phase else row.about}")
+            say(f"{cause:17} {answer:11} {does[phase][0] if phase else row.about}")
             continue
         say(f"{cause}: {answer}{f' instead of {row.response}' if answer is not row.response else ''}")
         say(f"  alarm when   {row.about}")
         for name, value in of.items():
             say(f"  limit        {name} {f'{value:g} {LIMITS[name][0]}'.strip() if value else 'not set'}")
         say(f"  operator     {row.remedy}")
-        for name, one in does.items():
-            say(f"  {name:12} {one.does}{f': {one.says!r}' if one.says else ''}")
+        for name, (one, says) in does.items():
+            say(f"  {name:12} {one}{f': {says!r}' if says else ''}")
     put(failsafes=found)
     if not known:
         say("")

@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from soilmoist_ros.exploration.mission.journal import EVENT
-from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.recording import journal as journal_files
 from soilmoist_ros.recording.journal import Journal, load_journal
 from soilmoist_ros.recording.map_records import MapRecords
 from soilmoist_ros.recording.map_sources import DRIVER, MapSources, RecordLog, RecordTail, open_session
-from soilmoist_ros.sensing import CountRecord, Doubt
+from soilmoist_ros.sensing import CountRecord
 
 FRAME = "map"
 _FILES = {name: getattr(journal_files, name) for name in ("_write", "write_whole")}
@@ -65,25 +64,6 @@ class Disk:
         self.full(False)
         self._driver.close()
 
-    def open_map(self, field_map: FieldMap) -> Sources:
-        return Sources(field_map, self._session)
-
-
-class Sources:
-    """The sources of a mapper's map."""
-
-    def __init__(self, field_map: FieldMap, session: Path) -> None:
-        self._records = MapRecords(field_map)
-        self._sources = MapSources(self._records, session, FRAME)
-
-    def doubt(self, doubt: Doubt) -> None:
-        self._records.doubt(doubt)
-
-    def received(self, records: Sequence[CountRecord]) -> None:
-        self._sources.received(records)
-
-    def second(self, age_s: float) -> None:
-        self._sources.poll()
-
-    def close(self) -> None:
-        self._sources.close()
+    def open_map(self, records: MapRecords) -> MapSources:
+        """The sources of a mapper's records."""
+        return MapSources(records, self._session, FRAME)

@@ -19,6 +19,7 @@ from rehearsal.world import World
 from soilmoist_ros.exploration import OperatorRequest, Phase, Verb
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import FieldMap
+from soilmoist_ros.recording.map_records import MapRecords
 from soilmoist_ros.sensing import CountRecord, Doubt
 
 HOME_WITHIN_S = 250.0  # a robot with a low battery is home within this time [s]
@@ -109,16 +110,17 @@ class MapperProcess:
 
     def __init__(self, world: World, store: Disk) -> None:
         self.map = FieldMap(world.case.ground.field.grid())
-        self.store = store.open_map(self.map)
+        self.records = MapRecords(self.map)
+        self.sources = store.open_map(self.records)
         for doubt in world.doubts.all:
-            self.store.doubt(doubt)
-        self._world, self._begun_s = world, world.time_s
+            self.records.doubt(doubt)
+        self._world = world
 
     def second(self, records: list[CountRecord]) -> None:
         if records:
-            self.store.received(records)
+            self.sources.received(records)
         elif self._world.time_s % POLL_S == 0:
-            self.store.second(self._world.time_s - self._begun_s)
+            self.sources.poll()
 
 
 class _Rehearsal:
@@ -161,7 +163,7 @@ class _Rehearsal:
             self.judge.ended(now_s, self.planner.status)
         if self.mapper is None:
             return
-        self.mapper.store.second(0.0)
+        self.mapper.sources.poll()
         records = self.store.stored()
         self.judge.kept(now_s, self.world.published, records, "the driver's log")
         self.judge.known(now_s, records, self.world.published, "the driver's log")
@@ -179,11 +181,11 @@ class _Rehearsal:
 
     def _doubted(self, doubt: Doubt) -> None:
         if self.mapper is not None:
-            self.mapper.store.doubt(doubt)
+            self.mapper.records.doubt(doubt)
 
     def close(self) -> None:
         if self.mapper is not None:
-            self.mapper.store.close()
+            self.mapper.sources.close()
         self.store.close_journal()
 
     def outcome(self) -> Outcome:
@@ -262,7 +264,7 @@ class _Rehearsal:
             case Fault.OTHER_CLIENT if self.planner is not None and isinstance(self.planner.link, PoseNavigator):
                 self.planner.link.overhear()  # its pose is on the topic
             case Fault.KILL_MAPPER if self.mapper is not None:
-                self.mapper.store.close()
+                self.mapper.sources.close()
                 self.mapper = None
                 self._back_s[span.fault] = self.world.time_s + BACK_AFTER_S
                 self._kills += 1

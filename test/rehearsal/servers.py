@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 import shapely
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from rehearsal.cases import Fault, Faults, Ground, Place, Span
 from soilmoist_ros.exploration import TravelGraph
+from soilmoist_ros.exploration.navigation.goal_client import GoalStatus as Status
 
 Array = NDArray[np.float64]
 
@@ -88,14 +88,6 @@ class Driven:
             return []
         self.place = self.place[0] + by[0], self.place[1] + by[1]
         return [self.place]
-
-
-class Status(IntEnum):
-    """Final states of a goal, as action_msgs numbers them."""
-
-    SUCCEEDED = 4
-    CANCELED = 5
-    ABORTED = 6
 
 
 @dataclass(frozen=True, slots=True)

@@ -619,7 +619,6 @@ class MissionControl:
             "on_the_way": self.navigator.on_the_way,
             "travel": str(self._learned),
             DATUM: json.dumps([self._current.field.frame.latitude_deg, self._current.field.frame.longitude_deg]),
-            "records_without_place": str(self._feed.records_without_place),
             RECORD_STAMP: repr(self._record_stamp_s),
             PLACE_TIME: repr(self._feed.place_s + offset_s),
             "settings": json.dumps({**self.settings, "targets": self._settings.targets}),

@@ -357,14 +357,6 @@ _WAY_TO: Final[Mapping[Phase, tuple[events.Event, ...]]] = MappingProxyType(
 """Events that lead a mission with a home into each phase."""
 
 
-@dataclass(frozen=True)
-class Consequence:
-    """Consequence of an alarm for a mission."""
-
-    does: str
-    says: str  # reason in its status, right after the alarm; empty if that does not change
-
-
 def _mission_in(phase: Phase) -> Mission:
     rules = MissionRules(
         budget_s=7200.0, dwell=parse_dwell("fmi:60"), home=_HOME, standstill_s=0.0, backoff_s=60.0
@@ -376,10 +368,12 @@ def _mission_in(phase: Phase) -> Mission:
     return mission
 
 
-def consequence(response: Response, phase: Phase, cause: str = "cause", reason: str = "REASON") -> Consequence:
-    """Give an alarm to a mission in a phase, and compare it with one without the alarm.
+def consequence(response: Response, phase: Phase, cause: str = "cause", reason: str = "REASON") -> tuple[str, str]:
+    """Consequence of an alarm for a mission in a phase, by comparison with a mission without the alarm.
 
     The mission is the pure state machine of the planner, so this is what a robot does.
+
+    :returns: what it does, and the reason in its status right after the alarm; empty if that does not change
     """
     mission, other = _mission_in(phase), _mission_in(phase)
     now_s = other.state.now_s or 0.0
@@ -410,4 +404,4 @@ def consequence(response: Response, phase: Phase, cause: str = "cause", reason: 
     else:
         does.append("ends where the robot is")
     shown = "shows it" if mission.state.alarms else "nothing"
-    return Consequence(", ".join(does) or shown, says)
+    return ", ".join(does) or shown, says

@@ -288,7 +288,6 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         clock_offset_s=state.stamp_offset_s,
         ruled_out=state.ruled_out,
         forecast=state.forecast,
-        forecast_s=state.forecast_s,
         place=state.position,
         yields=state.phase is Phase.PAUSED and any(alarm.cause == OTHER_ROBOT for alarm in state.alarms),
         certificate=state.certificate,

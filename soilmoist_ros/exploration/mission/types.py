@@ -285,7 +285,6 @@ class MissionStatus:
     clock_offset_s: float = 0.0  # step of the clock that stamps the records, since the start [s]
     ruled_out: Polygons = ()  # areas in which no stop is chosen
     forecast: Forecast | None = None  # the last forecast of the map's standard deviation
-    forecast_s: float | None = None  # time of the forecast [s]; ``None`` without one
     place: tuple[float, float] | None = None  # place of the robot [m]; ``None`` if it is unknown
     yields: bool = False  # whether it is paused until another robot is away
     hindered: bool = False  # whether no mission is running and a start would be refused now

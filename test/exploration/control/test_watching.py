@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from stand_in import AtOnce, Driving, square_setup
 
-from soilmoist_ros.exploration import ANYBODYS, FAILSAFES, Cause, Mission, MissionClock, MissionControl, Watch
+from soilmoist_ros.exploration import FAILSAFES, Cause, Mission, MissionClock, MissionControl, Watch
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
 from soilmoist_ros.exploration.mission.types import Phase, Response, Verb
 from soilmoist_ros.foundation.errors import Level
@@ -33,7 +33,7 @@ class Farm(Driving):
         self.fixes = self.sensor = self.mapper = True
         self.quarantine = ""
         self.charge = math.nan
-        self.moves, self.counted = [], []
+        self.counted = []
         self.control = MissionControl(
             square_setup(100, 5.0, no_go=no_go, more={"home": "r0c0"}, **rules), self.navigator, self,
             executor=AtOnce(), clock=MissionClock(self.now_s, lambda: self.steady_s, "boot"),
@@ -80,9 +80,6 @@ class Farm(Driving):
             self.place = self.place[0] + self.stray[0], self.place[1] + self.stray[1]
         elif not self.waiting_for:
             super().move()
-
-    def moved(self, place, now_s, sd_m):
-        self.moves.append(place)
 
     def count(self):
         record = CountRecord(self.stamp(self.now_s()), *self.fix(self.place), 0.0, 40, 10.0, 10.0)
@@ -173,47 +170,6 @@ def test_frozen_fixes_wait_for_an_operator(farm):
     farm.fix = lambda true: true
     farm.run(lambda: not farm.alarms, 120)
     farm.run(lambda: farm.control.command(Verb.RESUME).accepted, 60)
-    goes_on(farm)
-
-
-@pytest.mark.parametrize("lasts_s", [20.0, math.inf])
-def test_a_place_of_a_counting_robot_that_jumps_is_doubted_until_it_is_back_or_people_resume(farm, lasts_s):
-    farm.run(lambda: farm.shown.phase is Phase.COUNTING, 200)
-    for _ in range(10):
-        farm.second()
-    began_s, stood = farm.steady_s, farm.place
-    shifted = lambda true: (true[0] + 8.0, true[1])  # noqa: E731
-    farm.fix = lambda true: shifted(true) if farm.steady_s - began_s < lasts_s else true
-    for _ in range(30):
-        farm.second()
-    first, *later = farm.control.watch.places.news()
-    assert first.since_s == pytest.approx(BEGIN_S + began_s, abs=2.0)
-    if math.isinf(lasts_s):
-        assert later == []
-        farm.run(lambda: farm.shown.phase is Phase.PAUSED and farm.shown.needs_operator, 60)
-        farm.run(lambda: not farm.alarms, 30)
-        assert farm.control.command(Verb.RESUME).accepted
-        later = farm.control.watch.places.news()
-    [last] = later
-    assert (last.since_s, last.outcome) == (first.since_s, "confirmed" if math.isinf(lasts_s) else "returned")
-    assert math.isinf(lasts_s) or math.dist((last.x_m, last.y_m), stood) < 0.1
-
-
-@pytest.mark.parametrize("phase", [Phase.TRAVELLING, Phase.COUNTING])
-def test_while_another_client_drives_the_planner_waits_for_people(farm, phase):
-    farm.run(lambda: farm.status.phase is phase)
-    asked, farm.other_client = [], "another client drives the robot with /nav"
-    farm.cancel, cancel = lambda goal_id: (asked.append(goal_id), cancel(goal_id)), farm.cancel
-    farm.second()
-    assert "another client drives the robot with /nav" in stands_because_of(farm, "other_client")
-    farm.place = (farm.place[0] - 20.0, farm.place[1])
-    farm.pass_by(30)
-    assert ANYBODYS not in asked, "the other client's goal is not ours to cancel"
-    assert (farm.goal_id, farm.status.failures) == (None, 0)
-    farm.other_client = ""
-    farm.run(lambda: not farm.alarms, 20)
-    assert farm.status.phase is Phase.PAUSED, "people resume"
-    assert farm.control.command(Verb.RESUME).accepted
     goes_on(farm)
 
 
@@ -378,29 +334,12 @@ def test_doubts_have_the_clock_of_the_records(receiver_s, step_s):
 # Motion
 
 
-POND = np.array([[30.0, 60.0], [35.0, 60.0], [35.0, 66.0], [30.0, 66.0]])
-
-
 def strays(farm, mps, to=(50.0, 1e6), noise_m=0.02):
     """The robot moves towards a place, whatever it is asked for; its fixes have noise."""
     noise, away_m = np.random.default_rng(3), math.dist(farm.place, to)
     farm.fix = lambda true: tuple(noise.normal(true, noise_m).tolist())
     farm.stray = tuple(mps / away_m * (end - here) for here, end in zip(farm.place, to, strict=True))
     return farm
-
-
-@pytest.mark.parametrize(("noise_m", "sd_m"), [(0.02, 0.02), (0.1, 0.1), (0.02, math.nan), (0.02, 0.0)])
-def test_a_robot_that_drives_into_a_small_pond_is_stopped(noise_m, sd_m):
-    farm = Farm(no_go=(POND,))
-    farm.sd_m = sd_m
-    strays(farm, 0.0, noise_m=noise_m)
-    farm.stray = None
-    farm.begin().run(lambda: farm.status.samples == 1)  # a stop teaches what the receiver does not state
-    strays(farm, 0.8, (32.5, 63.0), noise_m)
-    farm.run(lambda: "in_no_go" in farm.alarms, 100)
-    assert farm.goal_id is None
-    left_m = 1.0 if sd_m == 0.02 else 0.3  # what is not stated well is not known as well
-    assert math.dist(farm.place, (32.5, 63.0)) > left_m, "it is 3 m from the middle to the border"
 
 
 def test_a_robot_that_moves_while_its_place_is_not_believed_is_stopped(farm):

@@ -2,62 +2,48 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion and standstill in the noise of receivers of each kind."""
 
-import math
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rehearsal.cases import Noise
+from rehearsal.world import Receiver
 from soilmoist_ros.exploration.guard.motion import KEPT_S, MEAN_S, Motion
 
 
-@dataclass(frozen=True)
-class Receiver:
-    """Noise of a receiver: one part is new with each fix, one wanders; it may hold its place until it is far."""
-
-    sd_m: float
-    fresh_m: float
-    wander_s: float = 60.0
-    holds_m: float = 0.0
-
-    def motion(self, speed_mps, hz, seconds, seed=0, still_s=60.0):
-        """What is known after each second of a robot that stands at first, and then moves east."""
-        noise, motion, shown = np.random.default_rng(seed), Motion(), None
-        keeps = math.exp(-1 / (hz * self.wander_s))
-        error = noise.normal(0.0, self.sd_m, 2)
-        for number in range(int(seconds * hz)):
-            at_s = number / hz
-            error = keeps * error + math.sqrt(1 - keeps**2) * noise.normal(0.0, self.sd_m, 2)
-            place = (
-                error + noise.normal(0.0, self.fresh_m, 2) + np.array([speed_mps * max(0.0, at_s - still_s), 0.0])
-            )
-            if shown is None or math.dist(shown, place) > self.holds_m:
-                shown = tuple(place.tolist())
-            motion.take(at_s, shown, math.hypot(self.sd_m, self.fresh_m))
-            if number % max(1, round(hz)) == 0:
-                yield at_s, motion
+def seen(noise, speed_mps, hz, seconds, seed=0, still_s=60.0):
+    """Time and what is known after each second of a robot that stands at first, and then moves east."""
+    receiver, motion = Receiver(noise, 1 / hz, np.random.default_rng(seed)), Motion()
+    for number in range(int(seconds * hz)):
+        at_s = number / hz
+        motion.take(at_s, receiver.measure((speed_mps * max(0.0, at_s - still_s), 0.0)), noise.sd_m)
+        if number % max(1, round(hz)) == 0:
+            yield at_s, motion
 
 
-RTK, POOR_RTK = Receiver(0.01, 0.01), Receiver(0.03, 0.04)
-FLOAT, STANDALONE, WHITE = Receiver(0.3, 0.03), Receiver(1.5, 0.2), Receiver(0.0, 1.5)
-HOLDING = Receiver(1.5, 0.1, holds_m=3.0)
+def noise(wander_m, white_m, wander_s=60.0, **more):
+    return Noise(white_sd_m=white_m, wander_sd_m=wander_m, wander_s=wander_s, **more)
+
+
+RTK, POOR_RTK = noise(0.01, 0.01), noise(0.03, 0.04)
+FLOAT, STANDALONE, WHITE = noise(0.3, 0.03), noise(1.5, 0.2), noise(0.0, 1.5)
+HOLDING = noise(1.5, 0.1, holds=True)
 RATES = st.sampled_from([0.5, 1.0, 5.0, 20.0])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("receiver", [RTK, POOR_RTK, FLOAT, STANDALONE, Receiver(3.0, 0.3, 120.0), WHITE, HOLDING])
+@pytest.mark.parametrize("receiver", [RTK, POOR_RTK, FLOAT, STANDALONE, noise(3.0, 0.3, 120.0), WHITE, HOLDING])
 @pytest.mark.parametrize("hz", [0.5, 1.0, 5.0])
 def test_no_noise_is_certain_motion_and_standstill_shows(receiver, hz):
-    seen = [
+    known = [
         (motion.moved(20.0).certain_m, motion.standing(4.0).for_s, motion.driven_m())
-        for at_s, motion in receiver.motion(0.0, hz, 900.0)
+        for at_s, motion in seen(receiver, 0.0, hz, 900.0)
         if at_s > 30
     ]
-    assert max(certain_m for certain_m, *_ in seen) < 0.3
-    assert np.mean([for_s > 0 for _, for_s, _ in seen]) > 0.85
-    assert sum(driven_m for *_, driven_m in seen) < 5.0 * receiver.sd_m + 0.1, "noise is no way"
+    assert max(certain_m for certain_m, *_ in known) < 0.3
+    assert np.mean([for_s > 0 for _, for_s, _ in known]) > 0.85
+    assert sum(driven_m for *_, driven_m in known) < 5.0 * receiver.wander_sd_m + 0.1, "noise is no way"
 
 
 @pytest.mark.slow
@@ -66,7 +52,7 @@ def test_no_noise_is_certain_motion_and_standstill_shows(receiver, hz):
 def test_a_creeping_robot_with_rtk_never_stands_and_is_found(receiver, hz, speed_mps, seed):
     moving = [
         (at_s, motion.standing(4.0), motion.moved(30.0))
-        for at_s, motion in receiver.motion(speed_mps, hz, 100, seed)
+        for at_s, motion in seen(receiver, speed_mps, hz, 100, seed)
         if at_s > 75
     ]
     assert all(standing.for_s == 0 for _, standing, _ in moving)
@@ -79,13 +65,13 @@ def test_a_creeping_robot_with_rtk_never_stands_and_is_found(receiver, hz, speed
     [(RTK, 0.8, 3), (FLOAT, 0.3, 8), (FLOAT, 0.1, 40), (STANDALONE, 0.8, 25), (STANDALONE, 0.05, 500)],
 )
 def test_motion_is_found_in_the_noise_in_the_end(receiver, speed_mps, within_s):
-    found = (at_s for at_s, motion in receiver.motion(speed_mps, 1.0, 700) if motion.moved(20.0).certain_m > 0.5)
+    found = (at_s for at_s, motion in seen(receiver, speed_mps, 1.0, 700) if motion.moved(20.0).certain_m > 0.5)
     assert 60 <= next(found) <= 60 + within_s
 
 
 @pytest.mark.parametrize(("receiver", "unseen_mps"), [(RTK, 0.0), (FLOAT, 0.1), (STANDALONE, 0.5), (HOLDING, 1.1)])
 def test_it_is_said_which_motion_the_noise_hides(receiver, unseen_mps):
-    *_, (_, motion) = receiver.motion(0.0, 1.0, 100.0)
+    *_, (_, motion) = seen(receiver, 0.0, 1.0, 100.0)
     assert motion.standing(4.0).unseen_mps == pytest.approx(unseen_mps, abs=0.1)
 
 

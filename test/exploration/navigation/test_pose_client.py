@@ -206,19 +206,6 @@ def track(*places, start_s=0.0):
     return made
 
 
-def test_one_or_two_positions_are_no_place():
-    assert track().place is None
-    assert track((1.0, 1.0), (1.0, 1.0)).place is None
-    assert track((1.0, 1.0), (1.0, 1.0), (1.2, 1.0)).place == (1.2, 1.0)
-
-
-def test_a_jump_is_left_out_however_often_it_is_repeated():
-    far = [(2000.0, 0.0)] * 10
-    made = track((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), *far)
-    assert made.place is None, "the last plausible place is too old by now"
-    assert track((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), far[0]).place == (0.0, 0.0)
-
-
 def test_age():
     made = track((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
     made.tick(2.0 + MAX_AGE_S)
