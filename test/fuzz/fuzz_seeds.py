@@ -7,7 +7,6 @@ from __future__ import annotations
 import io
 import json
 import tempfile
-import zipfile
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from functools import cache
@@ -193,34 +192,6 @@ def travel_map() -> list[bytes]:
         return [file.read_bytes()]
 
 
-def ros1_bags() -> list[bytes]:
-    """A bag of ROS 1 with lines of a logger and a position, packed and plain."""
-    from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS1_NOETIC)
-    text, fix = "std_msgs/msg/String", "sensor_msgs/msg/NavSatFix"
-    header = store.types["std_msgs/msg/Header"](0, store.types["builtin_interfaces/msg/Time"](9, 0), "gps")
-    status = store.types["sensor_msgs/msg/NavSatStatus"](0, 1)
-    position = store.types[fix](header, status, 52.0, 5.0, 3.0, np.eye(3).ravel(), 2)
-    bags = []
-    for packed in (True, False):
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, "survey.bag")
-            writer = Writer(path)
-            if packed:
-                writer.set_compression(Writer.CompressionFormat.LZ4)
-            with writer:
-                lines = writer.add_connection("/raw/logger", text, typestore=store)
-                places = writer.add_connection("/fix", fix, typestore=store)
-                for number, line in enumerate(live_lines()[0].splitlines()[:20]):
-                    words = store.types[text](line.decode("latin-1"))
-                    writer.write(lines, (9 + number) * 10**9, store.serialize_ros1(words, text))
-                writer.write(places, 9 * 10**9, store.serialize_ros1(position, fix))
-            bags.append(path.read_bytes())
-    return bags
-
-
 def model() -> list[bytes]:
     """Text of the topic ``model``: a variogram with a rate that differs from place to place."""
     from msg_adapters.model import Model, model_to_message
@@ -232,36 +203,6 @@ def model() -> list[bytes]:
     return [model_to_message(one).data.encode() for one in (Model(fit, 1.0, 2.0), Model(None, 1.0, 2.0))]
 
 
-def archive(suffix: str) -> Callable[[], list[bytes]]:
-    def made() -> list[bytes]:
-        stream = io.BytesIO()
-        with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-            parts = {"doc.kml": KML.encode()} if suffix == ".kmz" else shapefile()
-            for name, content in parts.items():
-                archive.writestr(name, content)
-        return [stream.getvalue()]
-
-    return made
-
-
-@cache
-def shapefile() -> dict[str, bytes]:
-    import shapely
-    from pyogrio.raw import write
-
-    with tempfile.TemporaryDirectory() as folder:
-        geometry = np.array([shapely.to_wkb(shapely.Polygon(SQUARE))], object)
-        path = Path(folder, "field.shp")
-        write(path, geometry, [np.array([1])], ["id"], geometry_type="Polygon", crs="EPSG:4326")
-        return {part.name: part.read_bytes() for part in sorted(Path(folder).iterdir())}
-
-
-KML = (
-    '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><name>f</name><Polygon>'
-    "<outerBoundaryIs><LinearRing><coordinates>"
-    + " ".join(f"{x},{y},0" for x, y in SQUARE)
-    + "</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></Document></kml>"
-)
 GEOJSON = {
     "type": "FeatureCollection",
     "features": [{"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [SQUARE]}}],

@@ -10,13 +10,11 @@ caller's limit.
 from __future__ import annotations
 
 import base64
-import io
 import random
 import re
 import shutil
 import signal
 import tempfile
-import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -29,10 +27,8 @@ from fuzz_seeds import (
     DRAWN,
     FIELD,
     GEOJSON,
-    KML,
     ROOT,
     SHAPES,
-    archive,
     event_lines,
     journal,
     live_lines,
@@ -43,9 +39,7 @@ from fuzz_seeds import (
     points,
     raster,
     records,
-    ros1_bags,
     run_files,
-    shapefile,
     shipped,
     snapshot,
     texts,
@@ -63,7 +57,6 @@ from soilmoist_ros.lab.campaign_file import load_campaign
 from soilmoist_ros.lab.mission_store import DamagedMissionError, unpack
 from soilmoist_ros.mapping import CovariateSource, FieldGrid, load_field, read_covariates
 from soilmoist_ros.pipeline import ReplaySettings, read_run, replay_bag
-from soilmoist_ros.pipeline.bag_lines import fix_topic, logger_topic, read_fixes, text_lines
 from soilmoist_ros.recording import BagReader, bag_info, load_journal, read_records, recover_bag
 from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.reporting.opened_run import open_run
@@ -198,15 +191,6 @@ def read_truth(kind: str) -> Callable[[Path], object]:
     return read
 
 
-def read_ros1(path: Path) -> None:
-    bag_info(path)
-    with BagReader(path) as reader:
-        text_lines(reader, logger_topic(reader))
-        topic = fix_topic(reader)
-        if topic is not None:
-            read_fixes(reader, topic)
-
-
 def read_replay(path: Path) -> None:
     """Map a recording again, in a field that is given."""
     field = path.parent / "field.yaml"
@@ -285,15 +269,6 @@ def drawn(suffix: str) -> Callable[[bytes], object]:
     )
 
 
-def read_shapefile(data: bytes) -> None:
-    """The main part of a shapefile that somebody sends to the page; the other parts are right."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for name, content in shapefile().items():
-            archive.writestr(name, data if name.endswith(".shp") else content)
-    drawn(".zip")(stream.getvalue())
-
-
 WORK_REFUSALS = (SoilmoistError, KeyError, TypeError, ValueError, OverflowError)
 """What the process refuses that draws fields."""
 
@@ -324,7 +299,6 @@ TARGETS = {
     "logger_format": Target(load_logger_format, shipped("config/loggers/*.yaml"), "logger.yaml"),
     "bag": Target(read_bag, shipped("test/golden/*/bag/*.mcap", 100_000), "bag/bag_0.mcap"),
     "plain_bag": Target(read_bag, plain_bags, "bag/bag_0.mcap"),
-    "ros1_bag": Target(read_ros1, ros1_bags, "survey.bag"),
     "metadata": Target(read_metadata, shipped("test/golden/one_stop/bag/metadata.yaml"), "bag/metadata.yaml"),
     "replay": Target(read_replay, plain_bags, "bag/bag_0.mcap"),
     "journal": Target(read_journal, journal, "journal/entries.jsonl"),
@@ -349,10 +323,6 @@ TARGETS = {
         read_request, texts({"verb": "measure", "place": [1, 2]}), refusals=(SoilmoistError, ValueError)
     ),
     "drawn_geojson": Target(drawn(".geojson"), texts(GEOJSON)),
-    "drawn_kml": Target(drawn(".kml"), texts(KML)),
-    "drawn_kmz": Target(drawn(".kmz"), archive(".kmz")),
-    "drawn_zip": Target(drawn(".zip"), archive(".zip")),
-    "drawn_shapefile": Target(read_shapefile, lambda: [shapefile()["field.shp"]]),
     "drawn_field": drawn_task("field"),
     "drawn_map": drawn_task("map"),
     "drawn_walk": drawn_task("walk"),

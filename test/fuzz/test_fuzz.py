@@ -26,11 +26,11 @@ ROS = ("model", "status")
 """Targets that need ROS."""
 NAMES = (
     "log", "live", "nmea", "field", "geojson", "site", "scenario", "campaign", "truth", "truth_points",
-    "truth_grid", "truth_raster", "logger_format", "bag", "plain_bag", "ros1_bag", "metadata", "replay",
+    "truth_grid", "truth_raster", "logger_format", "bag", "plain_bag", "metadata", "replay",
     "journal", "snapshot", "summary", "samples", "series", "visits", "map", "stored_mission", "records", "cores",
     "monitor", "raster", "vectors",
-    "topological_map", "mission", "mission_events", "request", "drawn_geojson", "drawn_kml", "drawn_kmz",
-    "drawn_zip", "drawn_shapefile", "drawn_field", "drawn_map", "drawn_walk", *ROS,
+    "topological_map", "mission", "mission_events", "request", "drawn_geojson",
+    "drawn_field", "drawn_map", "drawn_walk", *ROS,
 )  # fmt: skip
 
 
