@@ -373,12 +373,9 @@ def _fit(
 
     area = source.boundary.difference(union_all(list(source.no_go)))
     to_edge = np.where(intersects_xy(area, *xy.T), distance(points(xy), boundary(area)), -1.0)
-    best: tuple[tuple[list[int], list[float]], float, float] = ([], []), 0.0, 0.0
-    for edge, spacing in itertools.product((1.0, 0.5, 0.25, 0.0), (1.0, 0.8, 0.6, 0.45, 0.3, 0.2)):
-        free = to_edge >= edge * edge_m
-        if free.any() and len(best[0][0]) < count:
-            found = choose_places(model, xy, vwc, count, spacing * spacing_m, free)
-            best = max(best, (found, edge * edge_m, spacing * spacing_m), key=lambda one: len(one[0][0]))
-    if best[0][0]:
-        return best
+    for share in (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.0):
+        free = to_edge >= share * edge_m
+        found = choose_places(model, xy, vwc, count, share * spacing_m, free) if free.any() else ([], [])
+        if len(found[0]) == count or (share == 0 and found[0]):
+            return found, share * edge_m, share * spacing_m
     raise InputError("has no cell where cores could be taken", "check field and no-go areas", source.run.folder)

@@ -333,7 +333,7 @@ class DosePlan:
 
     @property
     def need_sure(self) -> float:
-        """Share of the irrigated area that certainly needs water [0..1]; NaN without one, or of an old run."""
+        """Share of the irrigated area that certainly needs water [0..1]; NaN without one."""
         return zones_mean(self.irrigated, "need_sure") if self.irrigated else math.nan
 
     @property
@@ -383,7 +383,7 @@ def saved_zones(summary: Any, where: Path | None = None) -> list[DoseZone]:
         raise InputError(f"there is no dose: {what}", about.get("remedy") or "make the run again", where)
     columns = [field.name for field in fields(DoseZone)[1:]]
     return [
-        DoseZone(Polygon(zone["rings_m"][0], zone["rings_m"][1:]), *(zone.get(name, math.nan) for name in columns))
+        DoseZone(Polygon(zone["rings_m"][0], zone["rings_m"][1:]), *(zone[name] for name in columns))
         for zone in about["zones"]
     ]
 

@@ -18,7 +18,6 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.reporting.dose import DosePlan, DoseSettings, saved_zones
 from soilmoist_ros.reporting.exports.layers import Layer, origin, texts, write_layers, write_shapefile
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportedProperty, ExportSettings, RunSource
-from soilmoist_ros.reporting.page.field_dose import useless
 from soilmoist_ros.reporting.page.frame import percent
 
 RATE_UNITS: dict[str, Fraction] = {
@@ -95,9 +94,7 @@ def irrigation_plan(source: RunSource, settings: ExportSettings) -> Plan:
     about = source.run.summary
     zones = saved_zones(about, source.run.folder)
     used, sure = DoseSettings(**about["dose"]["settings"]), float(about["dose"]["sure_share"])
-    plan = Plan(used, zones, sure, about["dose"].get("blurred", ""), one, date)
-    if (missing := useless(plan.sure)) is not None:  # a run of a release that gave it
-        raise InputError(f"there is no dose: {missing.missing}", missing.remedy, source.run.folder)
+    plan = Plan(used, zones, sure, about["dose"]["blurred"], one, date)
     depth_mm = plan.settings.root_depth_mm
     if settings.root_depth_mm not in (None, depth_mm):
         raise InputError(

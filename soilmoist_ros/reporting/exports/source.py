@@ -242,8 +242,7 @@ def open_source(run: OpenedRun) -> RunSource:
     if not run.properties or not about.get("datum"):
         raise InputError(*_no_map(run), run.folder)
     frame = LocalFrame(about["datum"]["latitude_deg"], about["datum"]["longitude_deg"])
-    notes: list[str] = []
-    boundary, no_go, tracks = _shapes(run, frame, notes)
+    boundary, no_go, tracks = _shapes(run, frame)
     labels = {one.get("name", ""): one.get("label", "") for one in about.get("properties") or ()}
     maps = []
     for name in run.properties:
@@ -252,15 +251,10 @@ def open_source(run: OpenedRun) -> RunSource:
         real, simulated = not is_illustrative(about), bool(about.get("simulated"))
         state = calibration_state(MOISTURE.band in bands, real, simulated, calibration_method(about))
         tags = {CALIBRATION_TAG: state, **tags}  # older GeoTIFFs do not say it
-        one = ExportedProperty(
-            name, label, bands, transform, crs, tags, frame, run.samples(name), run.records(name),
-            None if name else curve_of(about, run.folder),
-        )  # fmt: skip
-        if not one.records:
-            lacks = f"has no records{one.suffix}.csv: the exports have no layers of records and quarantine"
-            notes.append(f"{run.folder} {lacks}")
-        maps.append(one)
-    return RunSource(run, maps, frame, boundary, no_go, tracks, notes)
+        curve = None if name else curve_of(about, run.folder)
+        columns = run.samples(name), run.records(name)
+        maps.append(ExportedProperty(name, label, bands, transform, crs, tags, frame, *columns, curve))
+    return RunSource(run, maps, frame, boundary, no_go, tracks)
 
 
 def _no_map(run: OpenedRun) -> tuple[str, str]:
@@ -276,11 +270,9 @@ def _no_map(run: OpenedRun) -> tuple[str, str]:
     )
 
 
-def _shapes(
-    run: OpenedRun, frame: LocalFrame, notes: list[str]
-) -> tuple[BaseGeometry, list[BaseGeometry], list[BaseGeometry]]:
+def _shapes(run: OpenedRun, frame: LocalFrame) -> tuple[BaseGeometry, list[BaseGeometry], list[BaseGeometry]]:
     """Field, no-go areas and tracks in the plane of the field."""
-    from shapely import Polygon, get_parts, transform, union_all
+    from shapely import get_parts, transform, union_all
 
     found: dict[str, list[BaseGeometry]] = {"field": [], "no_go": [], "track": []}
     for feature in run.features():
@@ -290,8 +282,4 @@ def _shapes(
             found[kind].append(transform(there, lambda lon_lat: frame.to_local(lon_lat[:, 1], lon_lat[:, 0])))
     if not found["field"]:
         raise InputError("samples.geojson has no field", "make the run again", run.folder)
-    boundary = union_all(found["field"])
-    holes: list[BaseGeometry] = [Polygon(ring) for part in get_parts(boundary) for ring in part.interiors]
-    if holes and not found["no_go"]:
-        notes.append("the run does not list no-go areas: the holes of the field stand for them")
-    return boundary, found["no_go"] or holes, list(get_parts(found["track"]))
+    return union_all(found["field"]), found["no_go"], list(get_parts(found["track"]))

@@ -163,14 +163,9 @@ def field_dose(run: MapRun) -> FieldDose | NoDose:
         return NoDose(mistake.message, mistake.remedy)
     sure, found = sure_share(dose), remedies(run, settings, dose)
     remedy = f"get {remedy_text(run, found[0])}" if found else f"get {level_remedy(run)}"
-    return useless(sure, remedy) or FieldDose(settings, zones, sure, run.blurred, dose, text, found)
-
-
-def useless(sure: float, remedy: str = "get more soil cores, or count longer") -> NoDose | None:
-    """Reason to give no dose, whatever the calibration; ``None`` if enough of the area is certain."""
-    if sure >= USEFUL_SHARE:
-        return None
-    return NoDose(f"whether to irrigate is certain on only {percent(sure)} of the area", remedy)
+    if sure < USEFUL_SHARE:
+        return NoDose(f"whether to irrigate is certain on only {percent(sure)} of the area", remedy)
+    return FieldDose(settings, zones, sure, run.blurred, dose, text, found)
 
 
 def remedy_text(run: MapRun, one: Remedy) -> str:

@@ -7,15 +7,11 @@ from __future__ import annotations
 import json
 import shutil
 
-import numpy as np
-import pyogrio
 import pytest
-import rasterio
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.exports import registry
 from soilmoist_ros.reporting.exports.registry import EXPORTS, Export, export_run
-from soilmoist_ros.reporting.exports.source import RATE
 
 WITH_DOSE = ["dose", "isoxml", "sheet"]
 """Exports of runs with a dose."""
@@ -56,49 +52,6 @@ def test_a_failure_leaves_earlier_files(exported, tmp_path, monkeypatch):
     with pytest.raises(RuntimeError):
         export_run(exported.folder, ["bad"], tmp_path)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("map.nc", "whole")]
-
-
-def older(folder):
-    for path in folder.glob("records*.csv"):
-        path.unlink()
-    for path in folder.glob("samples*.geojson"):
-        content = json.loads(path.read_text())
-        content["features"] = [one for one in content["features"] if one["properties"]["kind"] != "no_go"]
-        for feature in content["features"]:
-            for key in ("n_records", "first_stamp_s", "last_stamp_s", "vwc_p05", "vwc_p95"):
-                if feature["properties"]["kind"] == "sample":
-                    del feature["properties"][key]
-        path.write_text(json.dumps(content))
-    summary = json.loads((folder / "summary.json").read_text())
-    for key in ("irrigation", "survey_start_utc", "survey_end_utc", "properties"):
-        summary.pop(key, None)
-    (folder / "summary.json").write_text(json.dumps(summary))
-    names = ["rate", "rate_sd", "vwc", "vwc_sd"]
-    for path in folder.glob("map*.tif"):
-        with rasterio.open(path) as raster:
-            profile, bands = raster.profile, dict(zip(raster.descriptions, raster.read(), strict=True))
-        nothing = np.full_like(bands["rate"], np.nan)
-        with rasterio.open(path, "w", **{**profile, "count": 4}) as raster:
-            for number, name in enumerate(names, start=1):
-                raster.write(bands.get(name, nothing), number)
-                raster.set_band_description(number, name)
-
-
-@pytest.mark.slow
-def test_folders_of_earlier_releases_export_what_they_have(exported, tmp_path):
-    folder = shutil.copytree(exported.folder, tmp_path / "run")
-    older(folder)
-    notes = []
-    every = [name for name in EXPORTS.names() if name not in (*WITH_DOSE, "prior")]
-    written = export_run(folder, every, note=notes.append)
-    assert len(written) == 4 + 2 * 2
-    assert any("has no records.csv" in text for text in notes)
-    assert any("no-go areas" in text for text in notes)
-    layers = {name for name, _ in pyogrio.list_layers(folder / "export" / "soilmoist.gpkg")}
-    assert {"no_go", "samples", "track", "zones"} < layers
-    assert "records" not in layers
-    salt = registry.open_source(registry.open_run(folder)).properties[1]
-    assert salt.quantity is RATE, "a band of moisture without values does not count"
 
 
 @pytest.mark.parametrize(
