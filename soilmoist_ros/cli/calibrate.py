@@ -106,7 +106,8 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
     unit = unit.model_copy(update={**fresh, "curve": options.curve or unit.curve})
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
-    counted = _counted(known, options) if run is None else _no_counts(run, options)
+    about = {} if run is None else reporting.open_run(run).summary
+    counted = _counted(known, options) if run is None else _no_counts(about, options)
     _require_days_of_counts(table.days or dates, counted, cores)
     if run is not None and not (table.days or dates) and math.isfinite(counted.last_s):
         dates = (f"{datetime.fromtimestamp(counted.last_s, UTC):%Y-%m-%d}",)
@@ -165,11 +166,13 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
         n0_sd_cps=round(estimate.n0_sd_cps, 5), date=", ".join(dates or table.days) or None,
         note=f"{mean.count} soil cores, mean VWC {mean.vwc:.3f} m3/m3, {mean.weights}",
         n0_per_bound_water=round(per_water, 5), n0_per_density=round(per_density, 5),
-        reference_hpa=_reference_hpa(known, options),
+        reference_hpa=_reference_hpa(known, about, options),
     )  # fmt: skip
     if not options.cores_only:
-        of_air = sensing.SurveyAir(pressure_hpa=counted.pressure_hpa, humidity_gm3=counted.humidity_gm3)
-        prior = _general_of_run(run, known) if run is not None else _general(known, of_air)
+        datum = about.get("datum") or {}
+        place = (float(datum.get(name, math.nan)) for name in ("latitude_deg", "longitude_deg"))
+        of_air = sensing.SurveyAir(*place, counted.pressure_hpa, humidity_gm3=counted.humidity_gm3)
+        prior = _general(known, of_air)
         days = tuple(table.days) or dates
         day_sd = sensing.DAY_SD if run is None else 0.0  # a map is of the day of its cores
         result = _combined(
@@ -335,23 +338,22 @@ def _counted(site: sensing.Site, given: Options) -> sensing.CalibrationCounts:
     return sensing.calibration_counts(_read(site, given.logs, given.logger), site, first_s, last_s)
 
 
-def _no_counts(run: Path, given: Options) -> sensing.CalibrationCounts:
+def _no_counts(about: Mapping[str, Any], given: Options) -> sensing.CalibrationCounts:
     """Stand-in for counts where the rates are those of a map: its time and mean weather."""
     if given.logs or given.counts is not None or given.exposure_s is not None or given.start or given.end:
         raise click.UsageError("--run has the counts: leave out --log, --counts, --exposure, --from and --to")
-    about = reporting.open_run(run).summary
     first_s, last_s = (about.get(name) or math.nan for name in ("first_stamp_s", "last_stamp_s"))
     if about.get("simulated"):
         first_s = last_s = math.nan  # the date of a simulation is not one of cores
     return sensing.CalibrationCounts(0, 1.0, 0, 0, *_weather_of(about), first_s, last_s)
 
 
-def _reference_hpa(site: sensing.Site, given: Options) -> float | None:
+def _reference_hpa(site: sensing.Site, about: Mapping[str, Any], given: Options) -> float | None:
     """Air pressure to which the counts of the calibration are corrected [hPa]; ``None`` if to none, or unknown."""
     own = site.corrections_parameters.reference_pressure_hpa if site.corrections.pressure is not None else None
     if given.run is None:
         return None if own is None or not given.logs else round(own, 2)
-    rows = reporting.open_run(given.run).summary.get("corrections") or []
+    rows = about.get("corrections") or []
     found = next((row["parameters"]["P0 [hPa]"] for row in rows if "P0 [hPa]" in row["parameters"]), None)
     if rows and found != (own and round(own, 2)):
         texts = ["no pressure" if one is None else f"{one:.2f} hPa" for one in (found, own)]
@@ -456,26 +458,6 @@ def _general(site: sensing.Site, air: sensing.SurveyAir) -> tuple[sensing.Calibr
     if found is None:
         return None, "the site file needs a location, with altitude_m where the log has no pressure"
     return found[0], ""
-
-
-def _general_of_run(run: Path, site: sensing.Site) -> tuple[sensing.Calibration | None, str]:
-    """The general calibration that a run was made with, else the one of the site at its datum; or the reason."""
-    summary = reporting.open_run(run).summary
-    pressure_hpa, humidity_gm3 = _weather_of(summary)
-    about, own = summary.get("calibration") or {}, sensing.sensitivity_of(site)
-    known = [{name: value for name, value in part.items() if value is not None} for part in about.get("parts", [])]
-    parts = [sensing.UncertaintyPart(**part) for part in known]
-    used = next((part.value for part in parts if part.name == "sensitivity"), math.nan)
-    of_site = own is None or math.isclose(own.value, used, rel_tol=1e-3)
-    right_curve = site.calibration is None or site.calibration.curve == about.get("curve")
-    if about.get("method") == "general" and of_site and right_curve:
-        values = {name: about[name] for name in ("n0_cps", "n0_sd_cps", "method")}
-        measured = {("humidity", "measured"): {"value": humidity_gm3, "sd_origin": "assumed"}}
-        parts = [part.model_copy(update=measured.get((part.name, part.origin), {})) for part in parts]
-        return sensing.Calibration(**values, parts=parts, note=about.get("source")), ""
-    datum = summary.get("datum") or {}
-    latitude, longitude = (float(datum.get(name, math.nan)) for name in ("latitude_deg", "longitude_deg"))
-    return _general(site, sensing.SurveyAir(latitude, longitude, pressure_hpa, humidity_gm3=humidity_gm3))
 
 
 def _reference_n0_cps(site: sensing.Site, path: Path) -> float:
