@@ -20,17 +20,13 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.reporting.certainty import CERTAIN, Moistures
-from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, dissolved, divided, workable
+from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, inside, places_in, swaths, zones_of_blocks
 from soilmoist_ros.sensing import Irrigation, MoistureCurve, soil_limits
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 Array = NDArray[np.float64]
-MAX_BLOCKS = 4000
-"""Number of blocks of a field; larger fields have blocks of several swaths."""
-TOLERANCE_M = 0.01
-"""Distance that common borders of zones may move to get fewer corners [m]."""
 
 
 class DoseSettings(Irrigation):
@@ -165,21 +161,13 @@ class DoseZone:
 def zones_of_dose(
     dose: Dose, xy: Array, cell_m: float, boundary: BaseGeometry, settings: DoseSettings
 ) -> list[DoseZone]:
-    """Zones from the lowest to the highest dose. They do not overlap, and together they are the field.
-
-    Blocks of whole swaths of the machine, along its driving direction, get the dose of their mean need where at
-    least half of them is expected to need water. Blocks of one dose become one zone, and zones that are too small
-    join a neighbour.
+    """Zones from the lowest to the highest dose, see :func:`zones_of_blocks`: each block gets the dose of its mean
+    need where at least half of it is expected to need water.
 
     :param xy: places of the dose, shape (n, 2) [m]
     :raises InputError: if the machine is wider than the field
     """
-    from scipy.ndimage import distance_transform_edt
-    from shapely import get_coordinates, point_on_surface
-
     smallest_m2 = SHARE_OF_FIELD * boundary.area if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
-    along, across, size = swaths(boundary, settings, cell_m)
-    blocks = _Blocks.over(xy, along, across, size, cell_m)
     steps = np.concatenate([[0.0], settings.doses_mm])
 
     def step(net_mm: Array, needed: Array) -> NDArray[np.intp]:
@@ -187,119 +175,17 @@ def zones_of_dose(
         nearest = np.abs(steps - np.asarray(net_mm)[:, None] / settings.efficiency).argmin(axis=1)
         return np.where(np.asarray(needed) >= 0.5, nearest, 0)
 
-    block, every = blocks.index(xy), int(blocks.count.prod())
-    count = np.bincount(block, minlength=every)
-    means = (np.bincount(block, figure, every) / np.maximum(count, 1) for figure in (dose.net_mm, dose.needed))
-    # A block without a place is that of the nearest one that has some.
-    empty = (count == 0).reshape(blocks.count)
-    row, column = distance_transform_edt(empty, return_distances=False, return_indices=True)
-    of_block = step(*means)[(row * blocks.count[1] + column).ravel()]
-    faces = divided(blocks.borders(of_block, boundary), boundary)
-    number = of_block[blocks.index(get_coordinates(point_on_surface(faces)))]
-    shapes, _ = workable(*dissolved(faces, number), smallest_m2, TOLERANCE_M, alike=True)
-    # What has joined counts in the dose of its zone.
-    places = [_places(shape, xy) for shape in shapes]
-    of_shapes = ([figure[own].mean() for own in places] for figure in (dose.net_mm, dose.needed))
-    shapes, number = dissolved(shapes, step(*map(np.array, of_shapes)))
+    of_machine = swaths(boundary, smallest_m2, cell_m, settings.width_m, settings.direction_deg)
+    figures = dose.net_mm, dose.needed
+    shapes, number = zones_of_blocks(figures, step, xy, cell_m, boundary, of_machine, smallest_m2)
     used, zones = sorted(set(number.tolist())), []
     for shape, index in zip(shapes, number.tolist(), strict=True):
-        own = _places(shape, xy)
-        figures = [float(figure[own].mean()) for figure in (dose.net_mm, dose.p05_mm, dose.p95_mm, dose.needed)]
-        figures.append(float(dose.right(float(steps[index]), own).mean()))
-        figures.append(float((dose.needed[own] >= CERTAIN).mean()))
-        zones.append(DoseZone(shape, used.index(index) + 1, float(steps[index]), *figures))
+        own = places_in(shape, xy)
+        means = [float(figure[own].mean()) for figure in (dose.net_mm, dose.p05_mm, dose.p95_mm, dose.needed)]
+        means.append(float(dose.right(float(steps[index]), own).mean()))
+        means.append(float((dose.needed[own] >= CERTAIN).mean()))
+        zones.append(DoseZone(shape, used.index(index) + 1, float(steps[index]), *means))
     return sorted(zones, key=lambda zone: (zone.number, -zone.area_m2))
-
-
-def _inside(shape: BaseGeometry, xy: Array) -> NDArray[np.intp]:
-    """Numbers of the places in a zone."""
-    from shapely import contains_xy, prepare
-
-    prepare(shape)
-    west, south, east, north = shape.bounds
-    x, y = xy.T
-    near = np.flatnonzero((x >= west) & (x <= east) & (y >= south) & (y <= north))
-    return np.asarray(near[contains_xy(shape, x[near], y[near])])
-
-
-def _places(shape: BaseGeometry, xy: Array) -> NDArray[np.intp]:
-    """Numbers of the places in a zone; of the nearest one if there is none."""
-    from shapely import get_coordinates, point_on_surface
-
-    own = _inside(shape, xy)
-    if own.size:
-        return own
-    return np.atleast_1d(np.hypot(*(xy - get_coordinates(point_on_surface(shape))).T).argmin())
-
-
-def swaths(boundary: BaseGeometry, settings: DoseSettings, cell_m: float) -> tuple[Array, Array, float]:
-    """Unit vectors along and across the driving direction, and the side of a block [m].
-
-    :raises InputError: if the machine is wider than the field
-    """
-    from shapely import get_coordinates
-
-    if settings.direction_deg is None:
-        sides = np.diff(get_coordinates(boundary.minimum_rotated_rectangle)[:3], axis=0)
-        along = sides[np.argmax(np.hypot(*sides.T))]
-    else:
-        angle = math.radians(settings.direction_deg)
-        along = np.array([math.sin(angle), math.cos(angle)])
-    along = along / np.hypot(*along)
-    across = np.array([along[1], -along[0]])
-    wide = float(np.ptp(get_coordinates(boundary) @ across))
-    if settings.width_m is None:
-        smallest_m2 = SHARE_OF_FIELD * boundary.area
-        return along, across, min(max(math.sqrt(smallest_m2) / 2, 2 * cell_m), wide)
-    if settings.width_m > wide:
-        raise InputError(
-            f"the machine of {settings.width_m:g} m is wider than the field of {wide:.0f} m",
-            "give the width that it irrigates, in metres, or another driving direction",
-        )
-    finest = max(cell_m, math.sqrt(boundary.area / MAX_BLOCKS))
-    return along, across, min(settings.width_m * math.ceil(finest / settings.width_m - 1e-6), wide)
-
-
-@dataclass(frozen=True, eq=False)
-class _Blocks:
-    """Blocks over a field, rows along the driving direction of the machine and columns across it.
-
-    The last block along and across takes the remainder, so that no block is narrower than the machine.
-    """
-
-    axes: Array
-    start: Array
-    count: NDArray[np.intp]
-    size_m: float
-
-    @classmethod
-    def over(cls, xy: Array, along: Array, across: Array, size_m: float, cell_m: float) -> _Blocks:
-        """Blocks over places."""
-        axes = np.column_stack([along, across])
-        places = xy @ axes
-        start = places.min(axis=0) - cell_m / 2
-        count = ((places.max(axis=0) + cell_m / 2 - start) / size_m + 1e-6).astype(int)
-        return cls(axes, start, np.maximum(count, 1), size_m)
-
-    def index(self, xy: Array) -> NDArray[np.intp]:
-        """Number of the block of each place, shape (n,)."""
-        at = np.clip(((xy @ self.axes - self.start) / self.size_m).astype(int), 0, self.count - 1)
-        return np.asarray(at @ [self.count[1], 1], np.intp)
-
-    def borders(self, of_block: NDArray[np.intp], boundary: BaseGeometry) -> list[BaseGeometry]:
-        """Lines between blocks of different classes; those at the edge reach over the field."""
-        from shapely import get_coordinates, linestrings
-
-        corners, classes = get_coordinates(boundary) @ self.axes, of_block.reshape(self.count)
-        found = []
-        for axis in (0, 1):
-            edges = self.start[1 - axis] + self.size_m * np.arange(self.count[1 - axis] + 1.0)
-            edges[[0, -1]] = corners[:, 1 - axis].min() - 1, corners[:, 1 - axis].max() + 1
-            before, along = np.nonzero(np.diff(classes if axis == 0 else classes.T, axis=0))
-            at = (self.start[axis] + self.size_m * (before + 1.0))[:, None, None] * self.axes[:, axis]
-            ends = np.stack([edges[along], edges[along + 1]], axis=1)[:, :, None] * self.axes[:, 1 - axis]
-            found += list(linestrings(at + ends))
-        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -399,7 +285,7 @@ def dose_at(zones: Sequence[DoseZone], xy: Array) -> Array:
 
     found = np.full(len(xy), np.nan)
     for zone in zones:
-        found[_inside(zone.shape, xy)] = zone.gross_mm
+        found[inside(zone.shape, xy)] = zone.gross_mm
     left = np.isnan(found)
     nearest = STRtree([zone.shape for zone in zones]).nearest(points(xy[left]))
     found[left] = np.array([zone.gross_mm for zone in zones])[nearest]

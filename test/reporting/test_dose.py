@@ -15,7 +15,8 @@ from shapely import Polygon, box, union_all
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping.soil_map import possible_moisture
-from soilmoist_ros.reporting.dose import DoseSettings, find_dose, saved_zones, sure_share, swaths, zones_of_dose
+from soilmoist_ros.reporting.dose import DoseSettings, find_dose, saved_zones, sure_share, zones_of_dose
+from soilmoist_ros.reporting.workable import swaths
 from soilmoist_ros.sensing import CalibrationCurve
 
 CURVE = CalibrationCurve(7.0, 1.4, 0.02, n0_sd_cps=0.15)
@@ -146,10 +147,9 @@ def test_a_machine_wider_than_the_field_is_refused():
 
 
 def test_a_narrow_machine_has_blocks_of_several_swaths():
-    one = changed(width_m=0.3)
-    assert swaths(FIELD, one, 1.0)[2] == pytest.approx(1.2)
-    assert swaths(FIELD, one, 0.1)[2] == pytest.approx(0.9)  # 2200 m2 in at most 4000 blocks
-    along, across, _ = swaths(FIELD, changed(direction_deg=90), 1.0)
+    assert swaths(FIELD, 100.0, 1.0, 0.3, None)[2] == pytest.approx(1.2)
+    assert swaths(FIELD, 100.0, 0.1, 0.3, None)[2] == pytest.approx(0.9)  # 2200 m2 in at most 4000 blocks
+    along, across, _ = swaths(FIELD, 100.0, 1.0, None, 90)
     assert (*along, *across) == pytest.approx((1, 0, 0, -1), abs=1e-9)
 
 

@@ -166,12 +166,6 @@ class ExportedProperty:
         column, row = np.asarray(pixels, float).reshape(-1, 2).T + 0.5
         return np.column_stack(self._from_crs.transform(*transformed(self.transform, column, row)))
 
-    def to_pixels(self, xy_m: ArrayLike) -> Array:
-        """Raster places (column, row) of points [m], counted from the centre of the first cell; (n, 2)."""
-        xy = np.asarray(xy_m, float).reshape(-1, 2)
-        there = self._from_crs.transform(xy[:, 0], xy[:, 1], direction="INVERSE")
-        return np.column_stack(transformed(~self.transform, *there)) - 0.5
-
     @cached_property
     def cells(self) -> tuple[NDArray[np.bool_], Array]:
         """Mask of the cells inside the field, shape (rows, columns), and their places, shape (n, 2) [m]."""

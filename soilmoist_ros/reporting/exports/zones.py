@@ -15,17 +15,12 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.reporting.certainty import Certainty, certainty
 from soilmoist_ros.reporting.dose import DoseSettings, find_dose
 from soilmoist_ros.reporting.exports.source import ExportedProperty
-from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, divided, workable
+from soilmoist_ros.reporting.workable import SHARE_OF_FIELD, places_in, swaths, zones_of_blocks
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 Array = NDArray[np.float64]
-
-PAD = 2
-"""Cells by which a map is continued beyond the field, so that lines reach its boundary."""
-SMOOTHING = 0.12
-"""Standard deviation of the smoothing, in widths of the smallest zone."""
 
 
 def zone_limits(values: ArrayLike, classes: int) -> Array:
@@ -48,25 +43,6 @@ def shown_range(values: ArrayLike) -> tuple[float, float]:
 def _finite(values: ArrayLike) -> Array:
     found: Array = np.asarray(values, float)
     return found[np.isfinite(found)]
-
-
-def continued(values: Array) -> Array:
-    """A raster with a margin of :data:`PAD` cells; cells without a value have that of the nearest one."""
-    from scipy.ndimage import distance_transform_edt
-
-    wide = np.pad(values, PAD, constant_values=np.nan)
-    nearest = distance_transform_edt(np.isnan(wide), return_distances=False, return_indices=True)
-    return np.asarray(wide[tuple(nearest)], float)
-
-
-def level_lines(the_map: ExportedProperty, raster: Array, level: float) -> list[BaseGeometry]:
-    """Lines on which a continued raster has a value, in the plane of the field [m], beyond its boundary too."""
-    from contourpy import contour_generator
-    from shapely.geometry import LineString
-
-    found = contour_generator(z=raster).lines(level)
-    places = [the_map.to_local(np.asarray(line, float) - PAD) for line in found]
-    return [LineString(line) for line in places if len(np.unique(line, axis=0)) > 1]
 
 
 # Management zones: classes of a map as workable polygons that share their borders and cover the field -----------
@@ -113,9 +89,7 @@ def management_zones(
 ) -> list[Zone]:
     """Zones of a map, from low to high classes. They do not overlap, and together they are the field.
 
-    The map is smoothed at the scale of the smallest zone. Contour lines at the limits of the classes divide the
-    field, each smaller part joins the neighbour with the longest common border, and borders are simplified
-    together. Means are those of the map itself.
+    Blocks of the map get the class of their mean, see :func:`zones_of_blocks`; means are those of the map itself.
 
     :param boundary: the field in its plane [m]
     :param classes: number of classes of equal area, where no limits are given
@@ -125,8 +99,6 @@ def management_zones(
         their errors count in the certainty
     :raises InputError: for a number of classes, an area or limits out of range, or an old shapely
     """
-    from scipy.ndimage import gaussian_filter
-
     if not 1 <= classes <= 20:
         raise InputError(f"{classes} zones are not possible", "choose from 1 to 20")
     smallest_m2 = SHARE_OF_FIELD * boundary.area if min_area_m2 is None else min_area_m2
@@ -137,13 +109,15 @@ def management_zones(
     shown = edges - 100 * zone.shift if of_plants and zone is not None else edges
     if (np.diff(edges) <= 0).any():
         raise InputError(f"the limits of zones {list(edges)} do not rise", "give them in rising order")
-    raster = gaussian_filter(
-        continued(the_map.values), SMOOTHING * np.sqrt(smallest_m2) / the_map.cell_m, mode="nearest"
-    )
-    faces = divided([line for edge in shown for line in level_lines(the_map, raster, float(edge))], boundary)
-    number = _classes(the_map, raster, shown, faces)
-    shapes, number = workable(faces, number, smallest_m2, the_map.cell_m / 2)
-    of_map = np.searchsorted(shown, the_map.values[the_map.cells[0]], side="right") + 1
+    values, xy = the_map.values[the_map.cells[0]], the_map.cells[1]
+
+    def classes_of(mean: Array) -> NDArray[np.intp]:
+        return np.asarray(np.searchsorted(shown, mean, side="right") + 1, np.intp)
+
+    direction_deg = None if zone is None else zone.direction_deg
+    of_machine = swaths(boundary, smallest_m2 / 16, the_map.cell_m / 2, None, direction_deg)  # finer than a dose
+    shapes, number = zones_of_blocks([values], classes_of, xy, the_map.cell_m, boundary, of_machine, smallest_m2)
+    of_map = classes_of(values)
     limiting = zone if of_plants else None
     probability = {
         one: the_map.probability(one - 1, edges, limits is None, limiting)[the_map.cells[0]]
@@ -152,25 +126,11 @@ def management_zones(
     return _described(the_map, shapes, number, of_map, probability, zone)
 
 
-def _classes(
-    the_map: ExportedProperty, raster: Array, edges: Array, faces: Sequence[BaseGeometry]
-) -> NDArray[np.intp]:
-    """Class of each face, from 1, by the raster at a point inside."""
-    from scipy.ndimage import map_coordinates
-    from shapely import get_coordinates, point_on_surface
-
-    places = the_map.to_pixels(get_coordinates(point_on_surface(faces))) + PAD
-    values = map_coordinates(raster, places[:, ::-1].T, order=1, mode="nearest")
-    return np.asarray(np.searchsorted(edges, values) + 1, np.intp)
-
-
 def _described(
     the_map: ExportedProperty, shapes: Sequence[BaseGeometry], number: NDArray[np.intp],
     of_map: NDArray[np.intp], probability: Mapping[int, Array], zone: DoseSettings | None,
 ) -> list[Zone]:  # fmt: skip
     """Zones with the figures of their cells, of which the map knows the class ``of_map``."""
-    from shapely import contains_xy, get_coordinates, point_on_surface, prepare
-
     inside, xy = the_map.cells
     values, sd = the_map.values[inside], the_map.sd[inside]
     below = [np.full(len(xy), np.nan)] * 3
@@ -180,16 +140,12 @@ def _described(
         below = [need.net_mm, need.p05_mm, need.p95_mm]
     zones = []
     for shape, one in zip(shapes, number.tolist(), strict=True):
-        prepare(shape)
-        own = np.asarray(contains_xy(shape, xy[:, 0], xy[:, 1]), bool)
-        if not own.any():
-            middle = get_coordinates(point_on_surface(shape))[0]
-            own[np.argmin(((xy - middle) ** 2).sum(axis=1))] = True
-        known = own & np.isfinite(values)
+        own = places_in(shape, xy)
+        known = own[np.isfinite(values[own])]
         mean, spread, *missing = (
-            float(band[known].mean()) if known.any() else np.nan for band in (values, sd, *below)
+            float(band[known].mean()) if known.size else np.nan for band in (values, sd, *below)
         )
-        other = float((of_map[known] != one).mean()) if known.any() else np.nan
+        other = float((of_map[known] != one).mean()) if known.size else np.nan
         sure = certainty(probability[one][own])
         zones.append(Zone(shape, one, mean, spread, sure, other, (missing[0], missing[1], missing[2])))
     return sorted(zones, key=lambda zone: (zone.number, -zone.area_ha))
