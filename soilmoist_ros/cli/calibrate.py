@@ -170,8 +170,8 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
     )  # fmt: skip
     if not options.cores_only:
         datum = about.get("datum") or {}
-        place = (float(datum.get(name, math.nan)) for name in ("latitude_deg", "longitude_deg"))
-        of_air = sensing.SurveyAir(*place, counted.pressure_hpa, humidity_gm3=counted.humidity_gm3)
+        latitude, longitude = (float(datum.get(name, math.nan)) for name in ("latitude_deg", "longitude_deg"))
+        of_air = sensing.SurveyAir(latitude, longitude, counted.pressure_hpa, humidity_gm3=counted.humidity_gm3)
         prior = _general(known, of_air)
         days = tuple(table.days) or dates
         day_sd = sensing.DAY_SD if run is None else 0.0  # a map is of the day of its cores

@@ -16,7 +16,7 @@ from typing import Any
 import click
 
 from soilmoist_ros.cli import options
-from soilmoist_ros.cli.answer import answering, echo, live_view, progress_bar, say, warn, wrote
+from soilmoist_ros.cli.answer import answering, echo, live_view, say, warn, wrote
 from soilmoist_ros.cli.mission_options import (
     GroupedCommand,
     chosen_settings,
@@ -24,7 +24,7 @@ from soilmoist_ros.cli.mission_options import (
     irrigation_option,
     mission_options,
 )
-from soilmoist_ros.cli.replay import print_replay
+from soilmoist_ros.cli.replay import map_recording
 from soilmoist_ros.foundation import InputError, install, is_installed
 from soilmoist_ros.mapping import FIT_SETTINGS
 
@@ -93,8 +93,7 @@ def command(
     from soilmoist_ros.console import PORT, free_port
     from soilmoist_ros.mapping import CovariateSource, read_covariates
     from soilmoist_ros.nodes import DemoSettings, run_demo
-    from soilmoist_ros.pipeline import mission_earlier, replay_bag
-    from soilmoist_ros.reporting import write_outputs
+    from soilmoist_ros.pipeline import mission_earlier
     from soilmoist_ros.simulation import surrogate_field
 
     mission_earlier(mission, earlier)  # before the nodes start
@@ -109,24 +108,19 @@ def command(
         out, mission, time_factor, navigator, scenario, autostart, True, earlier, sources, port, irrigation
     )
     address = f"console    http://127.0.0.1:{port}/"
-    replay = None
+    written = list[Path]()
     try:
         with ExitStack() as stack:
-            stack.enter_context(options.reported_failure(out))
             with live_view() as show:
                 recorded = stack.enter_context(run_demo(settings, show, partial(say, address)))
-            with progress_bar() as progress:
-                replay = replay_bag(out / "bag", recorded, progress)
-                progress("writing the results", 1.0)
-                written = write_outputs(out, replay.run)
-            print_replay(replay)
+            written = map_recording(out / "bag", recorded, out)
             wrote((*written, out / "bag"), out)
             if console and not leave and sys.stdin.isatty() and sys.stdout.isatty():
                 say(f"{address} stays until Ctrl-C")
                 while True:
                     time.sleep(1.0)
     except KeyboardInterrupt:
-        if replay is None:
+        if not written:
             remedy = f"soilmoist replay {out} --out {out}-map maps the recording"
             echo(f"interrupted: all nodes have stopped; {remedy}", err=True)
             sys.exit(130)

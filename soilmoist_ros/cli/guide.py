@@ -12,9 +12,9 @@ from typing import Any
 import click
 
 from soilmoist_ros.cli import options
-from soilmoist_ros.cli.answer import answering, echo, progress_bar, say, wrote
+from soilmoist_ros.cli.answer import answering, echo, say, wrote
 from soilmoist_ros.cli.mission_options import mission_options, with_graph
-from soilmoist_ros.cli.replay import print_replay
+from soilmoist_ros.cli.replay import map_recording
 from soilmoist_ros.foundation import InputError, install, is_installed
 from soilmoist_ros.sensing import FORMAT_NAME
 
@@ -85,8 +85,7 @@ def command(
         if not is_installed(module):
             raise InputError(f"{module} is not installed, and a guided survey needs it", install(extra))
     from soilmoist_ros.console import BORDER, PORT, FieldBorder, GuidedSurvey, GuidePage, GuideSettings, free_port
-    from soilmoist_ros.pipeline import replay_bag, write_sensor_site
-    from soilmoist_ros.reporting import write_outputs
+    from soilmoist_ros.pipeline import write_sensor_site
     from soilmoist_ros.sensing import PHONE, DriverSettings
     from soilmoist_ros.simulation import MissionSettings
 
@@ -123,12 +122,7 @@ def command(
         if not survey.has_records:
             echo("no record has a place yet: the same command continues the survey", err=True)
             sys.exit(130 if survey.ended is None else 1)
-        with options.reported_failure(out), progress_bar() as progress:
-            replay = replay_bag(out / "bag", None, progress)
-            progress("writing the results", 1.0)
-            written = write_outputs(out, replay.run)
-        print_replay(replay)
-        wrote((*written, out / "bag"), out)
+        wrote((*map_recording(out / "bag", None, out), out / "bag"), out)
         if survey.ended is None:
             echo("interrupted: the same command continues the survey", err=True)
             sys.exit(130)

@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,7 +14,6 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from soilmoist_ros.cli.answer import wrote
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import MappingSettings
 
@@ -163,20 +161,6 @@ def prepare_output(out: Path, overwrite: bool) -> None:
     from soilmoist_ros.reporting import require_free
 
     require_free(out, overwrite)
-
-
-@contextmanager
-def reported_failure(out: Path) -> Iterator[None]:
-    """Write the report of a run without a map."""
-    from soilmoist_ros.pipeline import NoMapError
-
-    try:
-        yield
-    except NoMapError as error:
-        from soilmoist_ros.reporting import write_failed
-
-        wrote(write_failed(out, error.failed), out)
-        raise
 
 
 # Positions ------------------------------------------------------------------------------------------------------

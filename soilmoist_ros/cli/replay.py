@@ -24,7 +24,7 @@ from soilmoist_ros.cli.answer import (
 )
 
 if TYPE_CHECKING:
-    from soilmoist_ros.pipeline import Replay
+    from soilmoist_ros.pipeline import Replay, ReplaySettings
 
 
 @click.command("replay")
@@ -72,22 +72,32 @@ def command(
     With the settings of the run, the map equals the map of the robot bit for bit.
     """
     options.prepare_output(out, overwrite)
-    from soilmoist_ros.pipeline import ReplaySettings, replay_bag
-    from soilmoist_ros.reporting import write_outputs
+    from soilmoist_ros.pipeline import ReplaySettings
 
     named: dict[str | int, str] = dict(_truth(text) for text in truths)
+    settings = ReplaySettings(
+        truths=named, crs=crs, earlier=_earlier(earlier),
+        covariates=() if covariates == ("none",) else covariates or None, **options.chosen_settings(choices),
+        **choices,
+    )  # fmt: skip
+    wrote(map_recording(bag, settings, out), out)
+
+
+def map_recording(bag: Path, settings: ReplaySettings | None, out: Path) -> list[Path]:
+    """Map a recording into a folder, print what came of it, and return the files; without a map, write why."""
+    from soilmoist_ros.pipeline import NoMapError, replay_bag
+    from soilmoist_ros.reporting import write_failed, write_outputs
+
     with progress_bar() as progress:
-        settings = ReplaySettings(
-            truths=named, crs=crs, earlier=_earlier(earlier),
-            covariates=() if covariates == ("none",) else covariates or None, **options.chosen_settings(choices),
-            **choices,
-        )  # fmt: skip
-        with options.reported_failure(out):
+        try:
             replay = replay_bag(bag, settings, progress)
+        except NoMapError as error:
+            wrote(write_failed(out, error.failed), out)
+            raise
         progress("writing the results", 1.0)
-        written = write_outputs(out, replay.run, crs)
-    print_replay(replay)
-    wrote(written, out)
+        written = write_outputs(out, replay.run, settings.crs if settings else None)
+    _print(replay)
+    return written
 
 
 def _earlier(paths: tuple[Path, ...]) -> tuple[Path, ...] | None:
@@ -101,7 +111,7 @@ def _truth(text: str) -> tuple[str | int, str]:
     return (name, field) if equals and name.isidentifier() else (0, text)
 
 
-def print_replay(replay: Replay) -> None:
+def _print(replay: Replay) -> None:
     """Print the results of a run in a few lines."""
     from soilmoist_ros.reporting import truth_score
 

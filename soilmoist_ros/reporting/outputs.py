@@ -44,7 +44,7 @@ from soilmoist_ros.reporting.output_folder import (
     writable,
 )
 from soilmoist_ros.reporting.page.field_dose import FieldDose, field_dose
-from soilmoist_ros.reporting.page.report import render_failed, write_report
+from soilmoist_ros.reporting.page.report import render_failed, render_report
 from soilmoist_ros.reporting.page.statistics import resolution_m
 from soilmoist_ros.reporting.run_summary import failed_summary, settings_summary, summary
 from soilmoist_ros.reporting.text_files import write_json, write_samples, write_series, write_visits
@@ -106,7 +106,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
             ]
             write_run_project(workshop / PROJECT_NAME, run.field_name or run.title, maps)
         if "report.html" in names:
-            write_report(workshop / "report.html", run)
+            (workshop / "report.html").write_text(render_report(run), encoding="utf-8")
         if at_one_place(run):
             write_moisture(workshop / SERIES_NAME, run)
         if run.mission is not None:

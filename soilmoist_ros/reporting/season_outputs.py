@@ -23,7 +23,7 @@ from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
 from soilmoist_ros.reporting.geotiff import BANDS, CHANGES, write_cell_raster
 from soilmoist_ros.reporting.output_folder import replaced_together, writable
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, limits_of
-from soilmoist_ros.reporting.page.frame import number, percent, render_page
+from soilmoist_ros.reporting.page.frame import number, percent, render_page, with_interval
 from soilmoist_ros.reporting.page.viewer import (
     FIXED_VWC,
     PERCENT,
@@ -65,20 +65,14 @@ def write_season(folder: Path, season: Season) -> list[Path]:
 def estimate_text(survey: SeasonSurvey) -> str:
     """Mean of a survey with its interval, and the change since the one before, on one line."""
     moist = survey.mean_vwc is not None
-    text = f"{_interval(_mean(survey, moist), moist)} {PERCENT if moist else 'counts/s'}"
+    text = f"{with_interval(_mean(survey, moist), moist)} {PERCENT if moist else 'counts/s'}"
     if survey.change is not None:
-        text += f", change {_interval(_mean(survey.change, moist), moist, '+')}"
+        text += f", change {with_interval(_mean(survey.change, moist), moist, '+')}"
     return text
 
 
 def _mean(one: SeasonSurvey | FieldChange, moist: bool) -> SurveysEstimate:
     return one.mean_vwc if moist and one.mean_vwc is not None else one.mean_rate
-
-
-def _interval(estimate: SurveysEstimate, moist: bool, sign: str = "") -> str:
-    factor, form = (100.0, f"{sign}.1f") if moist else (1.0, f"{sign}.3f")
-    low, high = (factor * value for value in estimate.interval95)
-    return f"{factor * estimate.value:{form}} ({low:{form}} to {high:{form}})".replace("-", "−")
 
 
 def summary(season: Season, outputs: Sequence[str]) -> dict[str, Any]:
@@ -270,9 +264,9 @@ def _rows(season: Season) -> Iterator[dict[str, str]]:
         drier, wetter = change.shares if change else (None, None)
         yield {
             "label": label, "name": survey.run.survey.name, "samples": str(len(survey.run.survey.samples)),
-            "end": _end(season, survey.run), "mean": _interval(_mean(survey, moist), moist),
+            "end": _end(season, survey.run), "mean": with_interval(_mean(survey, moist), moist),
             "rate": f"{survey.mean_rate.value:.3f}" if moist else "",
-            "change": "–" if change is None else _interval(_mean(change, moist), moist, "+"),
+            "change": "–" if change is None else with_interval(_mean(change, moist), moist, "+"),
             "wetter": percent(wetter), "drier": percent(drier), "remarks": " ".join(survey.run.remarks),
         }  # fmt: skip
 

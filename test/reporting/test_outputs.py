@@ -52,7 +52,7 @@ def test_a_failure_leaves_the_old_files(make_run, tmp_path, monkeypatch):
     def fail(*_):
         raise RuntimeError("no space left")
 
-    monkeypatch.setattr(outputs, "write_report", fail)
+    monkeypatch.setattr(outputs, "render_report", fail)
     with pytest.raises(RuntimeError, match="no space"):
         write_outputs(tmp_path, make_run())
     assert {path.read_text() for path in tmp_path.iterdir()} == {"old"}

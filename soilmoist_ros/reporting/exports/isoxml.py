@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.reporting.dose import DoseZone, zones_mean
+from soilmoist_ros.reporting.dose import DoseZone, zones_by_dose, zones_mean
 from soilmoist_ros.reporting.exports.irrigation import RATE_UNITS, Plan, irrigation_plan, rate
 from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource
@@ -150,9 +150,7 @@ def pdv_value(gross_mm: float, passes: int = 1) -> int:
 
 def _zones(plan: Plan, settings: ExportSettings) -> dict[int, list[DoseZone]]:
     """Zones of each dose by its code; refused if they are too many for the terminal."""
-    found: dict[int, list[DoseZone]] = {}
-    for zone in plan.zones:
-        found.setdefault(zone.number, []).append(zone)
+    found = {zones[0].number: zones for zones in zones_by_dose(plan.zones).values()}
     polygons = settings.isoxml_form == "polygons"
     count, limit = len(plan.zones if polygons else found), min(settings.max_zones, MAX_CODE)
     if count > limit and settings.isoxml_form != "grid2":

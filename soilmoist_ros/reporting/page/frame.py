@@ -19,6 +19,8 @@ from soilmoist_ros.foundation import thousands as thousands
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+    from soilmoist_ros.mapping import SurveysEstimate
+
 
 def render_page(
     template: str, *, title: str, version: str, place: str = "", when: str = "", where: str = "",
@@ -80,6 +82,13 @@ def with_sd(value: float, sd: float | None, digits: int = 3) -> str:
         return number(value, digits)
     decimals = max(1 - math.floor(math.log10(sd)), 0)
     return f"{value:.{decimals}f} ± {sd:.{decimals}f}".replace("-", "−")
+
+
+def with_interval(one: SurveysEstimate, moist: bool, sign: str = "") -> str:
+    """A mean and its 95 % interval: of the moisture [% by volume], or of the rate [counts/s], without the unit."""
+    factor, form = (100.0, f"{sign}.1f") if moist else (1.0, f"{sign}.3f")
+    low, high = (factor * value for value in one.interval95)
+    return f"{factor * one.value:{form}} ({low:{form}} to {high:{form}})".replace("-", "−")
 
 
 def percent(share: float | None) -> str:

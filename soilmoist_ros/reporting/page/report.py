@@ -6,14 +6,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from types import SimpleNamespace as Part
 
 import numpy as np
 
 from soilmoist_ros.exploration import polyline_length_m
 from soilmoist_ros.foundation import __version__
-from soilmoist_ros.mapping import FieldChange, SurveysEstimate, possible_moisture
+from soilmoist_ros.mapping import FieldChange, SurveysEstimate
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, RunChange, track_xy
 from soilmoist_ros.reporting.budget import make_budget
 from soilmoist_ros.reporting.certainty import NO_LEVEL, calibration_of
@@ -42,6 +41,7 @@ from soilmoist_ros.reporting.page.frame import (
     render_page,
     strategy_text,
     volume,
+    with_interval,
     with_sd,
 )
 from soilmoist_ros.reporting.page.irrigation import irrigation
@@ -52,12 +52,6 @@ from soilmoist_ros.reporting.page.wording import Fact, notes
 from soilmoist_ros.simulation import MissionResult, forecast_texts, mission_efficiency, series_columns
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
-
-
-def write_report(path: Path, run: MapRun) -> Path:
-    """Write the report; return ``path``."""
-    path.write_text(render_report(run), encoding="utf-8")
-    return path
 
 
 def render_report(run: MapRun) -> str:
@@ -278,11 +272,8 @@ def change_summary(found: RunChange) -> str:
 
 def change_amount(found: RunChange) -> str:
     """Change of the field's mean with its 95 % interval: of the moisture, or of the rate without a calibration."""
-    mean = found.change.mean_vwc
-    if mean is None:
-        return _rate(found.change.mean_rate)
-    value, low, high = (round(100 * value, 1) + 0.0 for value in (mean.value, *mean.interval95))
-    return f"{value:+.1f} % by volume ({low:+.1f} to {high:+.1f})"
+    rate, vwc = found.change.mean_rate, found.change.mean_vwc
+    return _rate(rate) if vwc is None else f"{with_interval(vwc, True, '+')} % by volume"
 
 
 def change_since(found: RunChange) -> str:
@@ -296,22 +287,16 @@ def dated(run: EarlierRun) -> str:
 
 
 def _since(run: MapRun, name: str) -> str:
-    """Change of the mean since a survey: of the rate, or of the moisture that the mean rate means."""
+    """Change of the mean since a survey: of the rate, and of the moisture since the latest one."""
     change = None if run.change is None else run.change.means.get(name)
-    curve = run.soil_map.curve
-    if change is None or curve is None:
-        return "" if change is None else _rate(change)
-    if run.change is not None and run.change.since.survey.name == name:
-        return f"{change_amount(run.change)} [{change.value:+.3f} counts/s]"
-    now = float(np.nanmean(run.soil_map.rate))
-    then = now - np.array([change.value, *change.interval95])
-    value, high, low = (100 * (possible_moisture(curve, now) - possible_moisture(curve, then))).tolist()
-    return f"{value:+.1f} % by volume ({low:+.1f} to {high:+.1f}) [{change.value:+.3f} counts/s]"
+    if run.change is None or change is None:
+        return ""
+    latest = run.change.since.survey.name == name and run.change.change.mean_vwc is not None
+    return f"{change_amount(run.change)} [{change.value:+.3f} counts/s]" if latest else _rate(change)
 
 
 def _rate(change: SurveysEstimate) -> str:
-    low, high = change.interval95
-    return f"{change.value:+.3f} counts/s ({low:+.3f} to {high:+.3f})"
+    return f"{with_interval(change, False, '+')} counts/s"
 
 
 # Report section of the mission: its course over time and its stops ----------------------------------------------

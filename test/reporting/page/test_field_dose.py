@@ -29,7 +29,7 @@ from soilmoist_ros.reporting.page.field_dose import (
     field_dose,
     soil_water_index,
 )
-from soilmoist_ros.reporting.page.report import render_report, write_report
+from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.sensing import Irrigation, SensedSoil
 
 LIMITS = Irrigation(wilting_point=0.12, field_capacity=0.30, width_m=6, efficiency=0.8)
@@ -130,7 +130,8 @@ def test_the_advice_leads_with_the_dose(make_run):
 
 @pytest.mark.slow
 def test_a_phone_shows_the_whole_dose_and_scrolls_down_only(make_run, tmp_path):
-    path = write_report(tmp_path / "report.html", make_run(irrigation=LIMITS, sensed=DEEP))
+    path = tmp_path / "report.html"
+    path.write_text(render_report(make_run(irrigation=LIMITS, sensed=DEEP)))
     with chromium() as browser:
         page = browser.new_page(viewport=PHONE)
         page.goto(path.as_uri())
