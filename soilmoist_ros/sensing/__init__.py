@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.formats.logger_reader import LogFile as LogFile, detect_format as detect_format, format_of_lines as format_of_lines, parse_log as parse_log, read_log as read_log
     from soilmoist_ros.sensing.formats.notation import UndecidedOrderError as UndecidedOrderError, matching_formats as matching_formats
     from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME as FORMAT_NAME, RECORDS_PER_HEADER as RECORDS_PER_HEADER, TUBES as TUBES, format_header as format_header, format_record as format_record
-    from soilmoist_ros.sensing.gnss import FIX_TYPE as FIX_TYPE, UNKNOWN_COVARIANCE as UNKNOWN_COVARIANCE, Covariance as Covariance, CovarianceKind as CovarianceKind, Fix as Fix, FixStatus as FixStatus, Heard as Heard, clock_words as clock_words, fix_from_message as fix_from_message, stamp_of as stamp_of, utc_text as utc_text
+    from soilmoist_ros.sensing.gnss import FIX_TYPE as FIX_TYPE, UNKNOWN_COVARIANCE as UNKNOWN_COVARIANCE, Covariance as Covariance, CovarianceKind as CovarianceKind, Fix as Fix, FixStatus as FixStatus, Heard as Heard, clock_words as clock_words, fix_from_message as fix_from_message, stamp_of as stamp_of
     from soilmoist_ros.sensing.lines import log_files as log_files, read_data as read_data, split_lines as split_lines
     from soilmoist_ros.sensing.moisture.combined import DISAGREEMENT_SD as DISAGREEMENT_SD, PROFILE_DENSITY_SD_GCM3 as PROFILE_DENSITY_SD_GCM3, PROFILE_SD as PROFILE_SD, CombinedN0 as CombinedN0, N0Source as N0Source, combine_n0 as combine_n0, combined_calibration as combined_calibration, difference_sd as difference_sd, earlier_source as earlier_source
     from soilmoist_ros.sensing.moisture.cores import SoilCore as SoilCore, possible_days as possible_days, profiles_of as profiles_of, read_soil_cores as read_soil_cores
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.position.track import NO_ARMS as NO_ARMS, CheckedTrack as CheckedTrack, LeverArms as LeverArms, Track as Track, distance_m as distance_m
     from soilmoist_ros.sensing.position.track_file import read_positions as read_positions
     from soilmoist_ros.sensing.problems import Consequence as Consequence, Kind as Kind, Problem as Problem, Severity as Severity, reason_text as reason_text
-    from soilmoist_ros.sensing.records import FIRST_STAMP_S as FIRST_STAMP_S, LAST_STAMP_S as LAST_STAMP_S, CountRecord as CountRecord, LoggerRecord as LoggerRecord, Position as Position
+    from soilmoist_ros.sensing.records import FIRST_STAMP_S as FIRST_STAMP_S, LAST_STAMP_S as LAST_STAMP_S, CountRecord as CountRecord, LoggerRecord as LoggerRecord, Position as Position, utc_text as utc_text
     from soilmoist_ros.sensing.survey.correction import intensity_source as intensity_source, unusual_factors as unusual_factors
     from soilmoist_ros.sensing.survey.driver import Batch as Batch, Driver as Driver, DriverSettings as DriverSettings, logger_fault as logger_fault
     from soilmoist_ros.sensing.survey.logs import CalibrationCounts as CalibrationCounts, SurveyRecords as SurveyRecords, calibration_counts as calibration_counts, log_doubts as log_doubts, process_logs as process_logs, why_unplaced as why_unplaced
@@ -70,7 +70,7 @@ __getattr__, __dir__, __all__ = open_door(
         "formats.logger_reader": "LogFile detect_format format_of_lines parse_log read_log",
         "formats.notation": "UndecidedOrderError matching_formats",
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
-        "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of utc_text",
+        "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of",
         "lines": "log_files read_data split_lines",
         "moisture.combined": "DISAGREEMENT_SD PROFILE_DENSITY_SD_GCM3 PROFILE_SD CombinedN0 N0Source combine_n0 combined_calibration difference_sd earlier_source",
         "moisture.cores": "SoilCore possible_days profiles_of read_soil_cores",
@@ -86,7 +86,7 @@ __getattr__, __dir__, __all__ = open_door(
         "position.track": "CheckedTrack LeverArms NO_ARMS Track distance_m",
         "position.track_file": "read_positions",
         "problems": "Consequence Kind Problem Severity reason_text",
-        "records": "CountRecord FIRST_STAMP_S LAST_STAMP_S LoggerRecord Position",
+        "records": "CountRecord FIRST_STAMP_S LAST_STAMP_S LoggerRecord Position utc_text",
         "survey.correction": "intensity_source unusual_factors",
         "survey.driver": "Batch Driver DriverSettings logger_fault",
         "survey.logs": "CalibrationCounts SurveyRecords calibration_counts log_doubts process_logs why_unplaced",

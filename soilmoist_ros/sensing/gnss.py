@@ -8,11 +8,10 @@ import enum
 import math
 from collections import Counter
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any
 
 from soilmoist_ros.foundation import DAY_S, Mistake
-from soilmoist_ros.sensing.records import NAN, Position
+from soilmoist_ros.sensing.records import NAN, Position, utc_text
 
 Row = tuple[float, float, float]
 Covariance = tuple[Row, Row, Row]
@@ -321,18 +320,15 @@ class Heard:
             return Mistake(f"{both}: {SIMULATED}", remedy)
         needed_s = 0.8 * min(self.last_s - self.first_s, last_s - first_s)
         steps = [half / 2 for half in range(round(-2 * MAX_ZONE_H), round(2 * MAX_ZONE_H) + 1)]
-        common = {hour: overlap_s(3600 * hour) for hour in steps}
-        zones = [hour for hour in steps if common[hour] >= max(needed_s, 1.0)]
-        if zones:  # the logger's clock may be ahead by whole or half hours, the likeliest first
-            zones = sorted(zones, key=lambda hour: (-common[hour], hour % 1, abs(hour)))[:3]
-            of_logger, of_positions = (" or ".join(f"{sign * zone:+g}" for zone in zones) for sign in (1, -1))
-            remedy = f"if it is the positions: {self._shift(3600 * zones[0])}"
+        zone = max(steps, key=lambda hour: (overlap_s(3600 * hour), -(hour % 1), -abs(hour)))
+        if overlap_s(3600 * zone) >= max(needed_s, 1.0):  # the logger's clock may be ahead by whole or half hours
+            remedy = f"if it is the positions: {self._shift(3600 * zone)}"
             if not clock_known:
-                key = f"'logger_utc_offset_hours: {zones[0]:g}'"
+                key = f"'logger_utc_offset_hours: {zone:g}'"
                 remedy = f"if it is the logger, say so in the site file: {key}; {remedy}"
             return Mistake(
-                f"{both}: they fit if the logger's clock shows local time, UTC {of_logger} h, "
-                f"or the positions have local time, UTC {of_positions} h",
+                f"{both}: they fit if the logger's clock shows local time, UTC {zone:+g} h, "
+                f"or the positions have local time, UTC {-zone:+g} h",
                 remedy,
             )
         days = round((first_s - self.first_s) / DAY_S)
@@ -361,11 +357,3 @@ def clock_words(ahead_s: float) -> str:
     if 0 < abs(hours) <= MAX_ZONE_H and abs(ahead_s - 3600 * hours) < MAX_EDGE_S:
         return f"{hours:+g} h: local time instead of UTC"
     return ""
-
-
-def utc_text(stamp_s: float) -> str:
-    """Date and time in UTC."""
-    try:
-        return f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d %H:%M:%S}"
-    except (ValueError, OverflowError, OSError):
-        return f"{stamp_s:g} s after 1970"

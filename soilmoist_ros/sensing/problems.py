@@ -78,7 +78,7 @@ class Kind(enum.StrEnum):
     FROZEN_PRESSURE = "frozen_pressure", "pressure never changes", Severity.WARNING  # of older bags
     PLACE_JUMP = "place_jump", "jump of place", Severity.WARNING
     PLACE_DOUBT = "place_doubt", "place not trusted", Severity.WARNING
-    CLOCK_DRIFT = "clock_drift", "logger clock drifts against GNSS time", Severity.WARNING
+    CLOCK_DRIFT = "clock_drift", "logger clock drifts against GNSS time", Severity.WARNING  # of older bags
     OVERDISPERSED = "overdispersed", "counts scatter more than counting statistics", Severity.WARNING
     RATE_JUMP = "rate_jump", "count unlike the records before", Severity.WARNING
     UNEXPECTED_COUNT = "unexpected_count", "unexpected count", Severity.WARNING

@@ -13,6 +13,14 @@ FIRST_STAMP_S = -62_135_596_800.0
 LAST_STAMP_S = 253_402_300_799.0  # the years 1 to 9999, which Python's calendar has [s since 1970 UTC]
 
 
+def utc_text(stamp_s: float) -> str:
+    """Date and time in UTC."""
+    try:
+        return f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d %H:%M:%S}"
+    except (ValueError, OverflowError, OSError):
+        return f"{stamp_s:g} s after 1970"
+
+
 @dataclass(frozen=True, slots=True)
 class Position:
     """A GNSS position (WGS-84).
@@ -59,7 +67,7 @@ class LoggerRecord:
     def __repr__(self) -> str:
         present = [count for count in self.tube_counts if not math.isnan(count)]
         tubes = f"{len(present)} of {len(self.tube_counts)} tubes"
-        return f"LoggerRecord({_clock(self.stamp_s)}, {sum(present):g} counts of {tubes}, line {self.line})"
+        return f"LoggerRecord({utc_text(self.stamp_s)}Z, {sum(present):g} counts of {tubes}, line {self.line})"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -105,12 +113,4 @@ class CountRecord:
         place = f"x={self.x_m:.1f} m, y={self.y_m:.1f} m"
         counts = f"{self.raw_counts} counts, {self.corrected_rate:.2f} counts/s"
         quarantine = f", {self.quarantine}" if self.quarantine else ""
-        return f"CountRecord({_clock(self.stamp_s)}, {place}, {counts}{quarantine})"
-
-
-def _clock(stamp_s: float) -> str:
-    """Readable date and time (UTC)."""
-    try:
-        return f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d %H:%M:%S}Z"
-    except (ValueError, OverflowError, OSError):
-        return f"{stamp_s} s"
+        return f"CountRecord({utc_text(self.stamp_s)}Z, {place}, {counts}{quarantine})"

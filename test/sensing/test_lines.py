@@ -96,7 +96,7 @@ MAX_LINE = 115
         (CountRecord(1714557610.0, 1.0, -2.25, NAN, 60, 10.0, 8.0),
          "CountRecord(2024-05-01 10:00:10Z, x=1.0 m, y=-2.2 m, 60 counts, 7.50 counts/s)"),
         (CountRecord(NAN, NAN, NAN, NAN, 60, 10.0, 10.0),
-         "CountRecord(nan s, x=nan m, y=nan m, 60 counts, 6.00 counts/s)"),
+         "CountRecord(nan s after 1970Z, x=nan m, y=nan m, 60 counts, 6.00 counts/s)"),
         (LoggerRecord(1714557610.0, (5.0, NAN, 6.0), (10.0, NAN, 10.0), line=7),
          "LoggerRecord(2024-05-01 10:00:10Z, 11 counts of 2 of 3 tubes, line 7)"),
         (sensing.Site(name="north"), "Site(name='north')"),

@@ -39,7 +39,6 @@ class Corrections:
     :param humidity_response: rate at an absolute humidity [g/m^3] over the rate at the reference humidity [-],
         from a curve that knows the humidity; ``None`` for the linear factor
     :param f_surroundings: constant factor of the site, such as plants and road [-]
-    :raises ValueError: if a parameter is not finite or out of range
     """
 
     beta_per_hpa: float = 0.0077
@@ -50,15 +49,6 @@ class Corrections:
     intensity_scale: float = 1.0
     humidity_response: Callable[[float], float] | None = None
     f_surroundings: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name in ("beta_per_hpa", "f_surroundings", "reference_pressure_hpa", "intensity_scale"):
-            _require_positive(name, getattr(self, name))
-        if self.reference_intensity is not None:
-            _require_positive("reference_intensity", self.reference_intensity)
-        for name in ("humidity_coefficient_m3g", "reference_humidity_gm3"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise ValueError(f"{name} must be zero or positive and finite, got {getattr(self, name)}")
 
     def f_pressure(self, pressure_hpa: float) -> float:
         """``exp(beta (P - P0))`` [-]."""

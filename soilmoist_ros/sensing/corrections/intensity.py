@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache, lru_cache
 from pathlib import Path
@@ -27,7 +27,6 @@ Scaling = Literal["none", "hawdon2014", "mcjannet2023"]
 TABLE = Path(__file__).with_name("cutoff_rigidity.csv")
 Gaps = Literal["interpolate", "hold"]
 MAX_GAP_S = 6 * 3600.0
-MAX_MISTAKES = 3  # maximum number of rows that are named in an error for one remedy
 _TAG = re.compile(r"<[^<>]{1,40}>")
 _KEY_AND_VALUE = re.compile(r"#\s*([A-Z][A-Z .]{2,20}):\s*(.*?)\s*")
 _DURATION = re.compile(r"(\d+)\s*(min|hour|day)")
@@ -36,7 +35,6 @@ _MISSING = ("", "null", "nan", "na", "-")
 _DATA_TYPES = re.compile(r"(?:R|1H)?(?:CORR?|UNCORR?|PRESS)(?:_\w+)?|\w*mbar", re.IGNORECASE)
 _CORRECTED_E = re.compile(r"(?:R|1H)?CORR?_E", re.IGNORECASE)
 _NOT_CORRECTED = re.compile(r"uncorr|press_|pressure_mbar", re.IGNORECASE)
-_NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
 _WORDS = re.compile(r"(\S+(?:[ T]\d\d?:\d\d\S*)?)\s+(.+)")
 _CORRECTED = "export the rates 'corrected for pressure and efficiency' instead"
 _EXPECTED = "expected lines such as '2018-05-01 14:00:00;151.2' (UTC), as exported from nmdb.eu"
@@ -208,21 +206,17 @@ def read_neutron_monitor(
     :param max_gap_s: maximum duration of a gap that is filled [s]
     :raises InputError: if the file cannot be read, has uncorrected counts, no positive rate, or not the station
     """
-    lines = [_TAG.sub("", line).strip() for line in read_lines(path, "check 'file' under 'intensity'")]
-    if any("no data available" in line.lower() for line in lines):
-        raise InputError("says that there are no data", "export another time or station from nmdb.eu", path)
     head: dict[str, str] = {}
     names: list[str] = []
     rows: list[tuple[int, float, list[str]]] = []
-    faults: list[Mistake] = []
-    example = ""
-    for number, line in enumerate(lines, start=1):
+    for number, raw in enumerate(read_lines(path, "check 'file' under 'intensity'"), start=1):
+        line = _TAG.sub("", raw).strip()
+        if "no data available" in line.lower():
+            raise InputError("says that there are no data", "export another time or station from nmdb.eu", path)
         if match := _KEY_AND_VALUE.fullmatch(line):
             if match[1] == "STATION" and head.get("STATION", match[2]) != match[2]:
-                remedy = "give the export of one station"
-                raise InputError(
-                    f"has the stations {head['STATION']} and {match[2]}, one after the other", remedy, path
-                )
+                what = f"has the stations {head['STATION']} and {match[2]}, one after the other"
+                raise InputError(what, "give the export of one station", path)
             head[match[1].strip()] = match[2]
         cells = _cells(line.lstrip("# "))
         if cells[0].startswith("start_date_time"):
@@ -231,15 +225,13 @@ def read_neutron_monitor(
             continue
         elif (stamp_s := _stamp(cells[0])) is not None:
             rows.append((number, stamp_s, cells[1:]))
-        elif _NUMBER.fullmatch(cells[1]) and cells[0][:1].isdigit():
-            remedy = "write times as 2018-05-01 14:00 (UTC)"
-            faults.append(Mistake(f"the time {cells[0]!r} cannot be read", remedy, path, number))
-        else:
-            names, example = names if rows else cells[1:], f", but rows such as {line[:60]!r}"
+        elif cells[0][:1].isdigit():
+            remedy = "write times as 2018-05-01 14:00 (UTC), as in an export from nmdb.eu"
+            raise InputError([Mistake(f"the time {cells[0]!r} cannot be read", remedy, path, number)])
+        elif not rows:
+            names = cells[1:]
     if _NOT_CORRECTED.search(head.get("DATA TYPE", "")):
         raise InputError(f"has the data type {head['DATA TYPE']}", _CORRECTED, path)
-    if not rows and not faults:
-        raise InputError(f"has no row of time and rate{example}", _EXPECTED, path)
     stations = re.findall(r"[^\s,;]+", head.get("STATION") or head.get("STATIONS") or "")
     if len(stations) > 1:
         names = stations  # the names of the columns are what was measured, not where
@@ -253,13 +245,8 @@ def read_neutron_monitor(
         if not (math.isfinite(rate) and rate > 0):
             remedy = "correct the row, or export counts per second, not relative units"
             remedy = "if it marks a gap, leave the rate empty" if rate == 0 or rate <= -99 else remedy
-            faults.append(Mistake(f"rate {cell!r} is not a positive number", remedy, path, number))
+            raise InputError([Mistake(f"rate {cell!r} is not a positive number", remedy, path, number)])
         rates[stamp_s] = rate
-    if faults:
-        shown, more = faults[:MAX_MISTAKES], len(faults) - MAX_MISTAKES
-        if more > 0:
-            shown[-1] = replace(shown[-1], message=f"{shown[-1].message}, and {more} more rows")
-        raise InputError(shown)
     if not rates:
         raise InputError("has no row of time and rate", _EXPECTED, path)
     interval = _DURATION.search(head.get("AVERAGING", "")) or _DURATION.search(head.get("ORIGINAL RES", ""))

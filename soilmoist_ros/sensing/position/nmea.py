@@ -33,10 +33,9 @@ from soilmoist_ros.sensing.gnss import (
     diagonal_covariance,
     horizontal_sd,
     is_place,
-    utc_text,
 )
 from soilmoist_ros.sensing.problems import Kind, Problem
-from soilmoist_ros.sensing.records import NAN, Position
+from soilmoist_ros.sensing.records import NAN, Position, utc_text
 
 MAX_SENTENCE = 512  # the standard allows 82 characters; receivers send more
 MAX_SD_M = 1e5  # standard deviation from which on it is impossible [m]

@@ -22,11 +22,11 @@ from soilmoist_ros.sensing.formats.log_values import (
     read_number,
     read_time,
 )
-from soilmoist_ros.sensing.gnss import STATUS_OF_QUALITY, Fix, FixStatus, NoPlace, is_place, utc_text
+from soilmoist_ros.sensing.gnss import STATUS_OF_QUALITY, Fix, FixStatus, NoPlace, is_place
 from soilmoist_ros.sensing.lines import read_lines
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.problems import Kind, Problem
-from soilmoist_ros.sensing.records import NAN, Position
+from soilmoist_ros.sensing.records import NAN, Position, utc_text
 
 _HEAD = 50  # number of lines in which the header of a table is searched
 _LEAP_S = 18.0  # GPS time minus UTC since 2017 [s]
@@ -52,9 +52,6 @@ _GGA_OF_RTKLIB = {0: 0, 1: 4, 2: 5, 3: 9, 4: 2, 5: 1, 6: 2}
 """Quality of GGA by the Q of RTKLIB: 1 fix, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP."""
 _PARTS = re.compile(r"(lat|lon|lng|latitude|longitude)_?(min|sec)[a-z]*")
 """Names of columns of minutes and seconds, next to one of degrees."""
-_RTKLIB_HEADER = (
-    "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
-)
 _DEGREES = "give decimal degrees, such as 53.2680 and -0.5245"
 
 
@@ -75,7 +72,7 @@ def read_positions(path: Path | str, log_s: tuple[float, float] | None = None) -
         for number, raw in enumerate(lines[:_HEAD], 1):
             for delimiter in ";\t, ":
                 if (table := _table(decode_line(raw), delimiter, number, path)) is not None:
-                    return _read_table(path, table, lines, log_s)
+                    return _read_table(path, table, lines)
         if (why := _why_no_table("\n".join(map(decode_line, lines[:_HEAD])))) is not None:
             raise InputError(*why, path)
     return parse_nmea(lines, path, log_s)
@@ -86,12 +83,6 @@ def _why_no_table(head: str) -> tuple[str, str] | None:
     if "-ecef(m)" in head or "e-baseline(m)" in head:
         what = "from the centre of the earth" if "-ecef(m)" in head else "relative to a base"
         return f"has coordinates {what}, not latitude and longitude", "let RTKLIB write Lat/Lon/Height"
-    solution = r"^\s*\d{4}(/\d\d/\d\d +\d\d:\d\d:\d\d(\.\d*)?| +\d{1,6}\.\d+)( +-?\d+\.\d+){3} +\d "
-    if re.search(solution, head, re.M):
-        message = (
-            "looks like a solution of RTKLIB without its header: GPS time or UTC, and degrees, are not stated"
-        )
-        return message, f"put the header in front, with GPST or UTC: {_RTKLIB_HEADER!r}"
     first = next((line for line in head.splitlines() if line.strip() and not line.startswith("sep=")), "")
     names = [name.strip() for name in re.split("[;\t,]", first)]
     if len(names) > 2 and all(re.fullmatch(r"[^<>{}$*\d][^<>{}$*]{0,60}", name) for name in names if name):
@@ -260,9 +251,7 @@ def _letter_columns(rows: Sequence[tuple[int, list[str]]], names: Sequence[str])
     return found if "lon" in found else {}
 
 
-def _read_table(
-    path: Path, table: _Table, lines: Sequence[bytes], log_s: tuple[float, float] | None
-) -> tuple[list[Fix], list[Problem]]:
+def _read_table(path: Path, table: _Table, lines: Sequence[bytes]) -> tuple[list[Fix], list[Problem]]:
     columns = table.columns
     if columns["time"] < 0 and columns["date"] < 0:
         remedy = "name the times 'time' or 'timestamp' in the header, as 2026-05-14T09:00:10Z"
@@ -278,8 +267,7 @@ def _read_table(
         (number, cells, {key: cells[at].strip() if 0 <= at < len(cells) else "" for key, at in columns.items()})
         for number, cells in rows
     ]
-    formats, chosen = _time_formats([_time(text) for _, _, text in texts], log_s, path)
-    fixes, times = [], _Times(path, formats)
+    fixes, times = [], _Times(path, _time_formats([_time(text) for _, _, text in texts], path))
     shift_s = _LEAP_S * (table.scale == "GPS")
     for number, cells, text in texts:
         if any(cell.strip() for cell in cells[len(table.names) :]):
@@ -297,7 +285,7 @@ def _read_table(
     if table.scale == "GPS":
         message = f"the times are GPS time: {_LEAP_S:g} leap seconds are taken off for UTC"
         times.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", path)))
-    return fixes, [*chosen, *times.problems]
+    return fixes, times.problems
 
 
 def _fix_of_row(
@@ -311,10 +299,7 @@ def _fix_of_row(
         said, side = points[key], sides[key]
         value = read_coordinate(f"{said} {side}" if side and said[-1:].upper() not in "NSEW" else said)
         if said and (value is None or abs(value) > limit):
-            packed = read_coordinate(f"{said} {side}".strip(), packed=True)
-            known = packed is not None and abs(packed) <= limit
-            also = f"; read as degrees and minutes, as NMEA writes them, it is {packed:.5f}" if known else ""
-            raise InputError([Mistake(f"{text[key][:40]!r} is no {name} in degrees", _DEGREES + also, path, line)])
+            raise InputError([Mistake(f"{text[key][:40]!r} is no {name} in degrees", _DEGREES, path, line)])
         degrees[key] = value
     state, quality = text["state"].lower(), read_number(text["quality"])
     if quality is not None and table.rtklib:
@@ -341,26 +326,15 @@ def _time(text: Mapping[str, str]) -> str:
     return time if re.search(r"\d[-/.]\d+[-/.]\d", time) else " ".join(filter(None, (date, time)))
 
 
-def _time_formats(
-    texts: Sequence[str], log_s: tuple[float, float] | None, path: Path
-) -> tuple[list[str], list[Problem]]:
-    """Format of times that are not in ISO 8601, if all of a file have one, and a note if the log decided it."""
+def _time_formats(texts: Sequence[str], path: Path) -> list[str]:
+    """Format of times that are not in ISO 8601, if all of a file have one."""
     texts = [text for text in texts if text]
     if not texts or not re.match(r"\d{1,2}[-/. ][\dA-Za-z]{1,3}[-/. ]\d{2,4}\b", texts[0]):
-        return [], []
+        return []
     readings = {tuple(read_time(text, [one]) for text in texts): one for one in likely_time_formats(texts[0])}
     fitting = {one: times for times, one in readings.items() if None not in times}
     if len(fitting) < 2:
-        return list(fitting), []
-    near = [
-        one
-        for one, times in fitting.items()
-        if log_s is not None and any(log_s[0] - DAY_S <= (time or 0.0) <= log_s[1] + DAY_S for time in times)
-    ]
-    if len(near) == 1:
-        words = "day before month" if near[0].index("%d") < near[0].index("%m") else "month before day"
-        message = f"dates such as {texts[0][:40]!r} are read with the {words}, which is the date of the log"
-        return near, [Problem(Kind.ASSUMED_TIME, Mistake(message, "", path))]
+        return list(fitting)
     both = " or ".join(utc_text(times[0] or 0.0)[:10] for times in list(fitting.values())[:2])
     message = f"dates such as {texts[0][:40]!r} have two meanings: {both}"
     raise InputError(message, "write times as 2026-05-14T09:00:10Z", path)

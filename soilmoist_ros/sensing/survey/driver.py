@@ -15,13 +15,13 @@ from datetime import UTC, datetime
 from soilmoist_ros.foundation import Health, Level, LocalFrame
 from soilmoist_ros.sensing.connections import MAX_SILENT_PERIODS, ReconnectingSource, Retry, open_source
 from soilmoist_ros.sensing.formats.log_layout import LogHeader
-from soilmoist_ros.sensing.gnss import EARLIEST_DATE_S, SIMULATED, Fix, FixStatus, clock_words, utc_text
+from soilmoist_ros.sensing.gnss import EARLIEST_DATE_S, SIMULATED, Fix, FixStatus, clock_words
 from soilmoist_ros.sensing.lines import LineReader, LineSource, LinkState, LinkStatus
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.place_doubt import Doubts
 from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.problems import Kind, reason_text
-from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
+from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, utc_text
 from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
 
 LINES_PER_STEP = 500  # maximum number of lines per step; a backlog must not block other work

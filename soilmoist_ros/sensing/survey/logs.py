@@ -20,11 +20,10 @@ from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, listing
 from soilmoist_ros.sensing.checks.record_checks import unlikely_weather
 from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
 from soilmoist_ros.sensing.formats.logger_reader import MAX_CLOCK_CHANGE_S, LogFile
-from soilmoist_ros.sensing.gnss import utc_text
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms, Track
 from soilmoist_ros.sensing.problems import Finding, Kind, Problem
-from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
+from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position, utc_text
 from soilmoist_ros.sensing.survey.correction import (
     counting_interval_s,
     live_time_s,
@@ -33,7 +32,6 @@ from soilmoist_ros.sensing.survey.correction import (
 )
 from soilmoist_ros.sensing.survey.survey import Survey
 
-MIN_DRIFT_S = 3.0  # drift of the logger's clock over a log that matters: a rover drives 30 m in this time [s]
 MIN_OVERLAP = 0.2  # share of a counting interval that lies before the record before, from which the two overlap
 MIN_OVERLAP_S = 5.0  # overlap that rounded stamps and late lines do not cause [s]
 MIN_BARE = 0.3  # counts of a tube relative to the others below which it is not connected, rather than bare
@@ -99,22 +97,13 @@ def process_logs(
     :param track: positions of a separate GNSS receiver; if ``None``, the positions in the logs are used
     :param arms: where antenna and sensor sit on the robot
     :param times_s: begin and end of the part that is used, by the clock of the logger [s since 1970-01-01 UTC]
-    :raises InputError: if the logs are of different probes, or were read with another clock than that of the site,
-        or no record can be placed and corrected
+    :raises InputError: if the logs are of different probes, or no record can be placed and corrected
     """
-    _require_clock(logs, site.logger_clock)
     entries = [one for one in _in_order_of_time(logs) if times_s[0] < one[1].stamp_s <= times_s[1]]
     problems = [*(problem for log in logs for problem in log.problems), *log_doubts(logs)]
     entries = _without_duplicates(entries, problems)
     problems += _require_same_time([record for _, record in entries], track, site)
-    changes_s = [_clock_changes_s(log) for log in logs]
-    for log, changes in zip(logs, changes_s, strict=True):
-        drift_s = math.fsum(change_s for change_s in changes if abs(change_s) <= MAX_CLOCK_CHANGE_S)
-        if abs(drift_s) > MIN_DRIFT_S:
-            message = f"the logger's clock drifts by {drift_s:+.1f} s against GNSS time in this log"
-            remedy = "set the clock before each survey; places are found with the drift taken off"
-            problems.append(Problem(Kind.CLOCK_DRIFT, Mistake(message, remedy, log.path)))
-    if any(abs(change_s) > MAX_CLOCK_CHANGE_S for changes in changes_s for change_s in changes):
+    if any(map(_was_set, logs)):
         # A clock that was set mixes or parts the records of a survey: their order is that of GNSS time.
         shifted = ((path, _by_gnss_time(record)) for path, record in entries)
         entries = sorted(shifted, key=lambda entry: entry[1].stamp_s)
@@ -137,9 +126,10 @@ def process_logs(
     return SurveyRecords(good, survey.frame, tuple(problems), survey.tube_share, quarantined)
 
 
-def _clock_changes_s(log: LogFile) -> list[float]:
-    """Changes of the logger's clock against GNSS time from record to record [s]."""
-    return [after.clock_ahead_s - before.clock_ahead_s for before, after in pairwise(log.records)]
+def _was_set(log: LogFile) -> bool:
+    """True if the logger's clock was set during a log, by its offsets from GNSS time."""
+    changes_s = (abs(after.clock_ahead_s - before.clock_ahead_s) for before, after in pairwise(log.records))
+    return any(change_s > MAX_CLOCK_CHANGE_S for change_s in changes_s)
 
 
 def _by_gnss_time(record: LoggerRecord) -> LoggerRecord:
@@ -167,23 +157,6 @@ def _require_same_time(records: Sequence[LoggerRecord], track: Track | None, sit
         raise InputError([why])
     message = f"the positions of the separate receiver are not used: {why.message}"
     return [Problem(Kind.DOUBTFUL_POSITIONS, replace(why, message=message))]
-
-
-def _require_clock(logs: Sequence[LogFile], clock: float | str | None) -> None:
-    """Check that logs were read with the site's clock: otherwise all times are wrong by hours."""
-
-    def text(clock: float | str) -> str:
-        return clock if isinstance(clock, str) else f"UTC{clock:+g} h"
-
-    used = [(log.path, log.logger.time.zone or log.logger.time.utc_offset_hours) for log in logs]
-    remedy = "read_log(path, utc_offset_hours=site.logger_clock)"
-    mistakes = [
-        Mistake(f"was read with a clock of {text(read)}, and the site has {text(clock)}", remedy, path)
-        for path, read in used
-        if clock is not None and read != clock
-    ]
-    if mistakes:
-        raise InputError(mistakes)
 
 
 @dataclass(frozen=True)

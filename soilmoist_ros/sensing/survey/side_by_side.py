@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
-from soilmoist_ros.sensing.gnss import utc_text
 from soilmoist_ros.sensing.moisture.general import Sensitivity
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing.records import CountRecord, utc_text
 from soilmoist_ros.sensing.survey.logs import stationary_records
 
 Array = NDArray[np.float64]

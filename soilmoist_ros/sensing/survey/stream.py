@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from itertools import pairwise
-from statistics import median, median_low
+from statistics import median_low
 
-from soilmoist_ros.foundation import LocalFrame, Mistake
+from soilmoist_ros.foundation import LocalFrame
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
-from soilmoist_ros.sensing.formats.logger_reader import MAX_CLOCK_CHANGE_S, RecordParser
+from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.formats.notation import matching_formats
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site
@@ -21,7 +21,6 @@ from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.survey import Survey
 
 LAST_RECORDS = 20  # number of latest records for the diagnostics
-CLOCK_COMPARISONS = 9  # number of comparisons of the logger's clock with GNSS time from which it is known
 SURE_GAPS = 3  # number of times between records from which they count more than the nominal period
 MAX_LINES = 50  # number of lines kept for the search of their format
 MAX_EXAMPLE = 80  # number of characters shown of a line
@@ -74,7 +73,6 @@ class SensorStream:
         )  # fmt: skip
         self.last_record: LoggerRecord | None = None
         self.last_fix: Fix | None = None
-        self._new_fix: Fix | None = None
         self.records_out = 0
         self.quarantined: Counter[str] = Counter()
         """Number of records of each reason of quarantine."""
@@ -87,8 +85,6 @@ class SensorStream:
         self._period_s = 0.0
         self.recent_good: deque[bool] = deque(maxlen=LAST_RECORDS)
         """False for each of the last records that was lost."""
-        self._gnss_offsets_s: deque[float] = deque(maxlen=CLOCK_COMPARISONS)
-        self._gnss_offset_s = NAN
         self._clock_differences_s: deque[float] = deque(maxlen=LAST_RECORDS)
 
     def take_logger_line(self, line: bytes, now_s: float) -> LoggerRecord | None:
@@ -98,7 +94,6 @@ class SensorStream:
         if record is None:
             return None
         self.last_record = record
-        self._compare_with_gnss(record)
         self._stamps.append(record.stamp_s)
         # The median, because a break or a clock that was set is one gap of many.
         gaps_s = [gap_s for a, b in pairwise(self._stamps) if (gap_s := b - a) > 0]
@@ -106,23 +101,6 @@ class SensorStream:
             self._period_s = median_low(gaps_s or [0.0])
         self.survey.take_record(record, now_s, unused_tubes=self.parser.unused_tubes)
         return record
-
-    def _compare_with_gnss(self, record: LoggerRecord) -> None:
-        """Report a clock that has changed against the receiver's, for which a late line stands now and then."""
-        if self._new_fix is None:  # a receiver that is silent shows no change
-            return
-        self._gnss_offsets_s.append(record.stamp_s - record.clock_ahead_s - self._new_fix.stamp_s)
-        self._new_fix = None
-        if len(self._gnss_offsets_s) < CLOCK_COMPARISONS:
-            return
-        now_s = median(self._gnss_offsets_s)
-        change_s = now_s - self._gnss_offset_s
-        if not abs(change_s) <= MAX_CLOCK_CHANGE_S:
-            self._gnss_offset_s = now_s
-        if abs(change_s) > MAX_CLOCK_CHANGE_S:
-            message = f"the logger's clock has changed by {change_s:+.1f} s against GNSS time"
-            remedy = "set it by GNSS, and do not change it in a survey: records are placed by it"
-            self._on_problem(Problem(Kind.CLOCK_DRIFT, Mistake(message, remedy)))
 
     def take_nmea_line(self, line: bytes, now_s: float = NAN) -> Fix | None:
         """Process a line of the GNSS receiver; returns the fix that it completes, if any."""
@@ -132,7 +110,7 @@ class SensorStream:
 
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch from another source, with or without a fix."""
-        self.last_fix = self._new_fix = fix
+        self.last_fix = fix
         self.survey.take_fix(fix)
 
     def take_ready(self, now_s: float) -> list[CountRecord]:

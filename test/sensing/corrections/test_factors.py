@@ -53,8 +53,6 @@ def test_values_that_cannot_be_are_refused(value):
         Corrections().f_pressure(value)
     with pytest.raises(ValueError, match="factor must be positive and finite"):
         effective_exposure(10.0, value)
-    with pytest.raises(ValueError, match="beta_per_hpa must be positive and finite"):
-        Corrections(beta_per_hpa=value)
     with pytest.raises(ValueError, match="intensity must be positive and finite"):
         Corrections(reference_intensity=150.0).f_intensity(value)
 

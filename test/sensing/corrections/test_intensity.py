@@ -184,7 +184,7 @@ def test_gaps_are_bridged_up_to_their_limit() -> None:
         (HEAD.replace("corr_for_efficiency(RCORR_E)", "uncorrected(RUNCORR)") + ROWS, "the data type uncorrected"),
         ("<html>Sorry, no data available for JUNG</html>", "no data"),
         ("time,rate\n", "has no row of time and rate"),
-        ("Date,Time,JUNG\n29/10/2021,23:00,151.15\n", "but rows such as '29/10/2021,23:00,151.15'"),
+        ("Date,Time,JUNG\n29/10/2021,23:00,151.15\n", "2: the time '29/10/2021' cannot be read"),
         (
             "2018-05-01 12:00;150\n2018-05-01 13:00;-999\n",
             "'-999' is not .* -> if it marks a gap, leave the rate empty",
@@ -192,7 +192,7 @@ def test_gaps_are_bridged_up_to_their_limit() -> None:
         ("2018-05-01 12:00;150\n2018-05-01 13:00;0\n", "'0' is not .* -> if it marks a gap, leave the rate empty"),
         (
             "".join(f"5/{day}/2018 12:00;150\n" for day in range(1, 10)),
-            "3/2018 12:00' cannot be read, and 6 more rows",
+            "1: the time '5/1/2018 12:00' cannot be read",
         ),
         ("0001-01-01 12:00:00;150\n", "1: the time '0001-01-01 12:00:00' cannot be read"),
         (HEAD + "2018-05-01 12:00:00; -1.007\n", "-1.007' is not a positive number"),

@@ -87,8 +87,6 @@ def test_times_without_a_zone_are_said_once_and_rows_without_a_place_are_no_fix(
         ("time,lat,lon\n2026-10-25 02:59:50,53,0\n2026-10-25 02:00:00,53,0\n",
          "go back from 2026-10-25 02:59:50 to"),
         ("%  GPST  x-ecef(m) y-ecef(m) z-ecef(m) Q\n", "from the centre of the earth"),
-        ("2026/05/14 09:00:18.000   53.268   -0.5245   31.5   1  18  0.0\n", "RTKLIB without its header"),
-        ("2418 378018.000   53.268   -0.5245   31.5   1  18  0.0\n", "RTKLIB without its header"),
         ("<TrainingCenterDatabase></TrainingCenterDatabase>", "TCX"),
         ("time,lat,lon\n2026-05-14T09:00:00Z,5316.08,-0.5\n", r"track:2: '5316.08' is no latitude in degrees"),
         ("lat,lon\n53.2,-0.5\n", "no column of times"),
@@ -130,13 +128,3 @@ def test_the_quality_of_rtklib_is_read(tmp_path):
     fixes, _ = read(tmp_path, header + "".join(rows))
     assert [fix.said for fix in fixes] == ["quality 0", *[""] * 6, "quality 7"]
     assert [fix.quality for fix in fixes] == [0, 4, 5, 9, 2, 1, 2, 0]
-
-
-def test_the_log_decides_between_day_and_month(tmp_path):
-    path = tmp_path / "track.csv"
-    path.write_text("time,lat,lon\n05/06/2026 09:00:00,53.2,-0.5\n05/06/2026 09:00:01,53.2,-0.5\n")
-    june_s = T0 + 22 * 86_400  # 2026-06-05 09:00 UTC
-    for log_s, words in ((june_s, "day before month"), (june_s - 30 * 86_400, "month before day")):
-        fixes, problems = read_positions(path, (log_s, log_s + 60.0))
-        assert [fix.stamp_s for fix in fixes] == [log_s, log_s + 1]
-        assert words in problems[0].mistake.message

@@ -13,8 +13,8 @@ import pytest
 
 from soilmoist_ros.foundation import InputError, Level, LocalFrame
 from soilmoist_ros.sensing import PHONE, LogHeader, PhoneReceiver, Site, format_record, load_site
-from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, utc_text
-from soilmoist_ros.sensing.records import LoggerRecord, Position
+from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace
+from soilmoist_ros.sensing.records import LoggerRecord, Position, utc_text
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings, fix_health, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream
 from virtual_survey import write_survey

@@ -160,19 +160,6 @@ def test_no_record_is_lost_and_their_order_remains_whatever_comes_when(data):
     assert live.survey.waiting == 0
 
 
-def test_a_drift_of_the_loggers_clock_is_reported_once_and_a_silent_receiver_is_none():
-    drifting, silent = survey(), survey()
-    for number in range(1, 40):
-        for live, drift in ((drifting, 0.02), (silent, 0.0)):
-            if live is drifting or number < 10:
-                live.take_fix(fix(10.0 * number, 0.0))
-            counts = tuple(float((number * tube) % 7 + 2) for tube in range(1, 13))
-            one = record(number, tube_counts=counts)
-            live.take_logger_line(line(replace(one, stamp_s=one.stamp_s + drift * 10.0 * number)), 0.0)
-    assert drifting.logger_problems.noted[Kind.CLOCK_DRIFT] == 1
-    assert silent.logger_problems.noted[Kind.CLOCK_DRIFT] == 0
-
-
 # No record -------------------------------------------------------------------------------------------------------
 
 BEGIN = 1.78e9
