@@ -311,7 +311,7 @@ def _growth_child(samples: int, cells: int, connection: object) -> None:
     start = time.process_time()
     soil_map = make_soil_map(driven, grid, Variogram("matern32", 0.01, 30.0, 0.3))
     seconds = time.process_time() - start
-    kriging = "exact" if soil_map.accuracy is None else f"{soil_map.accuracy.nearest} nearest"
+    kriging = "exact" if not soil_map.pooling else f"{len(soil_map.kriging.places):,} pools"
     row = (f"{samples:,}", f"{cells:,}", f"{seconds:.2f}", f"{_peak_mb():.0f}", kriging)
     connection.send(row)  # type: ignore[attr-defined]
 

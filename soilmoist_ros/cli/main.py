@@ -42,7 +42,7 @@ RENAMED = {
     **dict.fromkeys(("--live", "--topics", "--start"), _PLAY),
     "--figures": "print report.html, or draw map.tif", "--local": "the variance is alike everywhere",
     "--formats": "soilmoist list exports shows the formats",
-    "--scheduler": "give --workers; a cluster runs campaigns",
+    **dict.fromkeys(("--exact", "--scheduler", "--workers"), "of more than 2000 samples, neighbours are pooled"),
 }  # fmt: skip
 """Options of earlier releases, and what to do."""
 EXAMPLES = {

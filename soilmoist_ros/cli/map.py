@@ -55,9 +55,6 @@ NO_MOISTURE = "the site file asks for the rate alone, or its soil is peat withou
 @click.option("--preset", type=click.Choice(tuple(PRESETS)), default="recommended", show_default=True,
               help="Model and fit where none are given: the recommended ones, or the published ones.")  # fmt: skip
 @options.map_options("by --preset")
-@click.option("--exact", "max_exact_samples", type=click.IntRange(min=1), default=2000, show_default=True,
-              help="Samples up to which the map is exact; beyond, it is made tile by tile.")  # fmt: skip
-@click.option("--workers", type=click.IntRange(min=0), help="Local processes for tiles. Default: one per core.")
 @options.earlier_option()
 @options.covariate_option()
 @options.crs_option
@@ -69,7 +66,6 @@ def command(
     site: str | None,
     field: str | None,
     preset: str,
-    workers: int | None,
     crs: str | None,
     out: Path,
     overwrite: bool,
@@ -89,7 +85,6 @@ def command(
     if start_s >= end_s:
         raise click.UsageError("--from must be before --to")
     options.prepare_output(out, overwrite)
-    from soilmoist_ros.foundation import shared_work
     from soilmoist_ros.mapping import CovariateSource
     from soilmoist_ros.pipeline import MapSettings, map_logs
     from soilmoist_ros.reporting import write_outputs
@@ -99,8 +94,8 @@ def command(
         site=site, field=field, crs=crs, covariates=tuple(map(CovariateSource.parse, covariates)),
         times_s=(start_s, end_s), **options.chosen_settings(choices, PRESETS[preset]), **choices,
     )  # fmt: skip
-    with progress_bar() as progress, shared_work(workers) as compute:
-        run = map_logs(logs, settings, progress, compute)
+    with progress_bar() as progress:
+        run = map_logs(logs, settings, progress)
         progress("writing the results", 0.0)
         written = write_outputs(out, run, crs)
     if start or end:
@@ -149,8 +144,8 @@ def _print_summary(run: MapRun) -> None:
             say(f"moisture   impossible on {share:.0f} % of the area: N0 does not fit the rate")
         say(f"irrigation {irrigation(run).steps[0]}")
     say(f"map of     {run.support_text}")
-    if soil_map.accuracy is not None:
-        say(f"kriging    {soil_map.accuracy}")
+    if soil_map.pooling:
+        say(f"kriging    {soil_map.pooling}")
     print_knowledge(run)
     print_notes(run)
 

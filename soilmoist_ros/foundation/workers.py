@@ -6,16 +6,12 @@ from __future__ import annotations
 
 import importlib
 import logging
-import multiprocessing
 import os
 import re
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager
-from functools import lru_cache
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
 from soilmoist_ros.foundation.errors import InputError
@@ -23,8 +19,6 @@ from soilmoist_ros.foundation.registry import install
 
 Item = TypeVar("Item")
 _log = logging.getLogger(__name__)
-Compute = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]
-"""Like ``map``: applies a function to items, in their order."""
 
 THREADS = (
     "OPENBLAS_NUM_THREADS",
@@ -100,38 +94,6 @@ def _check_address(scheduler: str, distributed: Any) -> None:
             raise InputError(f"Dask's keys cannot be used: {error}", _KEYS) from None
         if keys is None:
             raise InputError(f"{scheduler!r} needs keys, and Dask has none", _KEYS)
-
-
-@contextmanager
-def shared_work(workers: int | None = None) -> Iterator[Compute]:
-    """A ``map`` on several processes, which stay open from the first item to the end.
-
-    :param workers: local processes; one per core if ``None``, 0 or 1 computes in this process
-    :raises InputError: when used, if a process dies
-    """
-    count = cores() if workers is None else workers
-    with ExitStack() as stack:
-        if count > 1:
-            pool = lru_cache(lambda: _open_pool(count, stack))
-            yield lambda function, items: _on_processes(pool(), function, items)
-        else:
-            yield map
-
-
-def _open_pool(count: int, stack: ExitStack) -> ProcessPoolExecutor:
-    """New local processes, each with one thread of linear algebra."""
-    stack.enter_context(one_thread_each())
-    return stack.enter_context(ProcessPoolExecutor(count, multiprocessing.get_context("spawn")))
-
-
-def _on_processes(
-    pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]
-) -> Iterator[Any]:
-    try:
-        yield from pool.map(function, items)
-    except BrokenProcessPool:
-        remedy = "free some memory, or give --workers 1"
-        raise InputError("a process that computed the map died", remedy) from None
 
 
 # Batches ---------------------------------------------------------------------------------------------------------

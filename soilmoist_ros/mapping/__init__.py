@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.knowledge import EarlierSurvey as EarlierSurvey, Knowledge as Knowledge, samples_at_end as samples_at_end
     from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging as PoissonKriging
     from soilmoist_ros.mapping.kriging.system import coincident as coincident, sample_correlation as sample_correlation
-    from soilmoist_ros.mapping.kriging.tiled_kriging import Compute as Compute
     from soilmoist_ros.mapping.map_worker import MapWorker as MapWorker, map_health as map_health
     from soilmoist_ros.mapping.mapping_settings import FIT_SETTINGS as FIT_SETTINGS, MappingSettings as MappingSettings
     from soilmoist_ros.mapping.placement import Placement as Placement, PositionSource as PositionSource, likely_cause as likely_cause, require_near as require_near
@@ -54,7 +53,6 @@ __getattr__, __dir__, __all__ = open_door(
         "knowledge": "EarlierSurvey Knowledge samples_at_end",
         "kriging.poisson_kriging": "PoissonKriging",
         "kriging.system": "coincident sample_correlation",
-        "kriging.tiled_kriging": "Compute",
         "map_worker": "MapWorker map_health",
         "mapping_settings": "FIT_SETTINGS MappingSettings",
         "placement": "Placement PositionSource likely_cause require_near",

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import threading
 from bisect import insort
 from collections import deque
@@ -36,7 +35,6 @@ from soilmoist_ros.mapping.knowledge import NOTHING, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Progress
-from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.mapping_settings import MappingSettings
 from soilmoist_ros.mapping.records import (
     DrivenPaths,
@@ -86,8 +84,6 @@ class FieldMapSettings:
     :param curve: calibration that turns the rate into soil moisture; without one the map is of the rate only
     :param footprint_radius_m: radius of the footprint over which the records were counted [m], >= 0; 0 if it is
         not known, and for a sensor that sees its own place only
-    :param max_exact_samples: number of samples beyond which :class:`TiledKriging` makes the map
-    :param for_planning: keep every map exact, however many samples it has: planning needs their kriging
     :param deconvolve: whether the map is of the rate at each place (true), or of its mean over the footprint
         around the place (false); ``None`` for each place unless the counts object (:func:`fits_footprint`). With
         soft_l1 it is always the mean
@@ -100,8 +96,6 @@ class FieldMapSettings:
     margin_m: float = 10.0
     curve: MoistureCurve | None = None
     footprint_radius_m: float = 0.0
-    max_exact_samples: int = MAX_EXACT_SAMPLES
-    for_planning: bool = False
     noise: NoiseModel = "local"
     drift_model: DriftModel = "auto"
     deconvolve: bool | None = None
@@ -353,7 +347,7 @@ class FieldMap:
         began_s, end_s = (records[0].stamp_s, records[-1].stamp_s) if records else (0.0, 0.0)
         self._timed = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m, WINDOW_S)
         timed = None
-        if self._finds_drift and len(samples) <= self.settings.max_exact_samples:
+        if self._finds_drift and len(samples) <= MAX_EXACT_SAMPLES:
             for record, spread in zip(records, spreads, strict=True):
                 self._timed.add_record(record, spread)
             timed = self._timed_samples
@@ -420,11 +414,8 @@ class FieldMap:
 
     @property
     def kriging(self) -> PoissonKriging | None:
-        """The kriging of the last map, of a map for planning; ``None`` before the first map."""
-        if self.soil_map is None:
-            return None
-        assert isinstance(self.soil_map.kriging, PoissonKriging)  # exact however many samples there are
-        return self.soil_map.kriging
+        """The kriging of the last map; ``None`` before the first map."""
+        return None if self.soil_map is None else self.soil_map.kriging
 
     @property
     def changing(self) -> Changing | None:
@@ -462,11 +453,7 @@ class FieldMap:
         return soil_map
 
     def compute(
-        self,
-        state: MapState,
-        progress: Progress | None = None,
-        compute: Compute = map,
-        grid: FieldGrid | None = None,
+        self, state: MapState, progress: Progress | None = None, grid: FieldGrid | None = None
     ) -> SoilMap | None:
         """The map of a state, ``None`` while its samples are too few: one place for REML, two for soft-L1.
 
@@ -480,7 +467,6 @@ class FieldMap:
             return None
         timed = state.mapped_timed
         changing = None if timed is None else Changing(timed, self._change(state, fit), state.stamp_s)
-        most = sys.maxsize if settings.for_planning else settings.max_exact_samples
         curve = settings.curve if self.curve_of is None else self.curve_of(state)
         with self._computing:
             return make_soil_map(
@@ -490,8 +476,6 @@ class FieldMap:
                 curve,
                 settings.keep_nugget,
                 progress,
-                most,
-                compute,
                 self._raster if grid is None else None,
                 changing,
                 settings.footprint_radius_m,
@@ -583,7 +567,7 @@ class FieldMap:
         """Change of the mean rate up to a state, as far as it is known."""
         if state.given_change is not None:
             return state.given_change
-        if state.fit_timed is None or len(state.samples) > self.settings.max_exact_samples:
+        if state.fit_timed is None or len(state.samples) > MAX_EXACT_SAMPLES:
             return NO_CHANGE
         timed, samples, now_s = state.fit_timed
 

@@ -11,7 +11,6 @@ also with five counts a stop (``test/mapping/test_soil_map.py``).
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +24,6 @@ from soilmoist_ros.mapping.drift import NO_CHANGE, Change, Changing
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
 from soilmoist_ros.mapping.kriging.rows import RasterKriging
-from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
 from soilmoist_ros.mapping.samples import Samples, noise_rate, pooled
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
@@ -45,7 +43,9 @@ UNITS = {
 }  # fmt: skip
 """Unit of each band."""
 MAX_EXACT_SAMPLES = 2000
-"""Number of samples up to which a map is exact; beyond, each tile is made from the samples around it."""
+"""Number of samples up to which a map is exact; of more, neighbours are pooled. With the usual radius of merging,
+hardly any survey has so many. Of 10,000 samples 6 m apart the pooled map had an error of 1.04 to 1.07 of that of a
+kriging from 300 to 1200 neighbours of each tile, in a quarter of its time."""
 CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *UNITS)])
 """A cell: centre in the plane z = 0 [m], and the bands."""
 
@@ -184,7 +184,7 @@ class SoilMap:
     mean_rate: float
     curve: MoistureCurve | None
     keep_nugget: bool
-    made_by: PoissonKriging | TiledKriging | None
+    made_by: PoissonKriging | None
     clipped_variances: int
     change: Change = NO_CHANGE
     footprint_radius_m: float = 0.0
@@ -252,14 +252,9 @@ class SoilMap:
         return int(np.count_nonzero(~self.curve.valid(self.rate) & self.grid.mask))
 
     @cached_property
-    def kriging(self) -> PoissonKriging | TiledKriging:
+    def kriging(self) -> PoissonKriging:
         """The fitted kriging, for estimates at other places."""
-        return self.exact_kriging if self.made_by is None else self.made_by
-
-    @cached_property
-    def exact_kriging(self) -> PoissonKriging:
-        """Kriging of all samples at once, also for a map that was made tile by tile: for few samples only."""
-        if isinstance(self.made_by, PoissonKriging):
+        if self.made_by is not None:
             return self.made_by
         samples = self.samples
         prior = None if self.fit is None else self.fit.prior
@@ -281,9 +276,10 @@ class SoilMap:
         return math.sqrt(self.variogram.sill if self.keep_nugget else self.variogram.structured_sill)
 
     @property
-    def accuracy(self) -> Accuracy | None:
-        """Distance of a map made tile by tile from the exact one; ``None`` if it is exact."""
-        return self.made_by.accuracy if isinstance(self.made_by, TiledKriging) else None
+    def pooling(self) -> str:
+        """What the map is made of if its samples are very many, in words; empty if it is made of all of them."""
+        count = len(self.samples)
+        return f"of {count} samples in {len(self.kriging.places)} pools" if count > MAX_EXACT_SAMPLES else ""
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The cells inside the field, one row each: x_m, y_m and the bands; needs pandas."""
@@ -313,45 +309,35 @@ def make_soil_map(
     curve: MoistureCurve | None = None,
     keep_nugget: bool = True,
     progress: Callable[[float], None] | None = None,
-    max_exact_samples: int = MAX_EXACT_SAMPLES,
-    compute: Compute = map,
     raster: RasterKriging | None = None,
     changing: Changing | None = None,
     footprint_radius_m: float = 0.0,
 ) -> SoilMap:
-    """Krige the samples onto the cells of a field: exactly, or tile by tile if there are very many.
+    """Krige the samples onto the cells of a field; of more than :data:`MAX_EXACT_SAMPLES`, neighbours are pooled.
 
     With a fit, the rate in the noise is the fit's, mean or local: noise changes only at the next fit. What the fit
-    knows besides the samples is used; then of more samples than ``max_exact_samples`` neighbours are pooled.
+    knows besides the samples is used.
 
     :param curve: calibration that turns the rate into soil moisture
-    :param max_exact_samples: number of samples beyond which :class:`TiledKriging` makes the map
     :param raster: of the same grid and nugget; makes the map if it can, from what it has kept
     :param changing: the samples by place and time, how their mean changed, and the time of the map [s]; a drift
-        needs at most ``max_exact_samples``, and the samples by time at the places of the samples
+        needs at most :data:`MAX_EXACT_SAMPLES`, and the samples by time at the places of the samples
     """
     fit = variogram if isinstance(variogram, VariogramFit) else None
     model = variogram.variogram if isinstance(variogram, VariogramFit) else variogram
     known_rate = None if fit is None else fit.noise_rate
     prior = None if fit is None else fit.prior
-    kriged = samples
-    if prior is not None:
-        kriged, raster, max_exact_samples = pooled(samples, max_exact_samples), None, sys.maxsize
-    kriging: PoissonKriging | TiledKriging | None = None
-    rasters, drifts = None, changing is not None and changing.change.drift is not None
-    if raster is not None and 0 < len(samples) <= max_exact_samples and not drifts:
+    kriging, rasters = None, None
+    drifts = changing is not None and changing.change.drift is not None
+    if raster is not None and prior is None and len(samples) and not drifts:
         mean_rate = (fit.mean_rate if fit is not None else 0.0) or noise_rate(samples)
         rasters = raster.update(samples, model, known_rate or mean_rate)
     if rasters is not None:
         rate, variance = rasters
         clipped = clip_negative(variance, model.sill)
     else:
-        if len(samples) <= max_exact_samples:
-            kriging = PoissonKriging(model, keep_nugget, known_rate, prior)
-        else:
-            kriging = TiledKriging(model, keep_nugget, compute=compute, mean_rate=known_rate)
-        fitted = _fit(kriging, kriged, changing)
-        samples = samples if fitted is kriged else fitted
+        kriging = PoissonKriging(model, keep_nugget, known_rate, prior)
+        samples = _fit(kriging, samples, changing)
         rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress)
         clipped, mean_rate = kriging.clipped_variances, (fit.mean_rate if fit else 0.0) or kriging.noise_mean_rate
     return SoilMap(
@@ -371,10 +357,14 @@ def make_soil_map(
     )
 
 
-def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Changing | None) -> Samples:
-    """Fit a kriging to samples, or to those by place and time, as they would be counted at the time of the map."""
-    if changing is None or changing.change.drift is None or isinstance(kriging, TiledKriging):
-        kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
+def _fit(kriging: PoissonKriging, samples: Samples, changing: Changing | None) -> Samples:
+    """Fit a kriging to samples, or to those by place and time, as they would be counted at the time of the map.
+
+    :returns: the samples behind the map, as they are before pooling
+    """
+    if changing is None or changing.change.drift is None:
+        some = pooled(samples, MAX_EXACT_SAMPLES)
+        kriging.fit(some.xy, some.counts, some.exposure_s, some.spread)
         return samples
     samples, time_s = changing.timed.samples, changing.timed.time_s
     exposure_s = samples.exposure_s * changing.change.factor(time_s)

@@ -365,7 +365,7 @@ def run_change(soil_map: mapping.SoilMap, stamp_s: float, earlier: Sequence[Earl
     persistence = mapping.Persistence.estimate(soil_map.variogram, surveys, stamps)
     kriging = mapping.JointKriging(soil_map.variogram, surveys, persistence.matrix(stamps))
     # With a drift, the samples are as at the end of the survey: but for a common error.
-    shared = soil_map.made_by.shared if isinstance(soil_map.made_by, mapping.PoissonKriging) else None
+    shared = None if soil_map.made_by is None else soil_map.made_by.shared
     change = mapping.field_change(kriging, soil_map.grid, 0, 1, soil_map.curve, shared=shared)
     means = {used[0].survey.name: change.mean_rate}
     places, share = mapping.mean_places(soil_map.grid)

@@ -70,7 +70,6 @@ class MapSettings(mapping.MappingSettings):
     :param field: field file; ``None`` maps the hull of the track
     :param nmea: GNSS logs, for loggers without positions
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
-    :param max_exact_samples: maximum number of samples for an exact map; larger maps are computed in tiles
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
     :param covariates: files with covariates, in addition to those of the field
     :param logger_topic: topic with the lines of the logger in bags; see :func:`.logger_topic` if empty
@@ -86,7 +85,6 @@ class MapSettings(mapping.MappingSettings):
     nmea: tuple[Path, ...] = ()
     title: str | None = None
     crs: str | None = None
-    max_exact_samples: int = mapping.FieldMapSettings.max_exact_samples
     earlier: tuple[Path, ...] = ()
     covariates: tuple[mapping.CovariateSource, ...] = ()
     logger_topic: str = ""
@@ -119,15 +117,11 @@ class _Logs:
 
 
 def map_logs(
-    paths: Sequence[Path],
-    settings: MapSettings,
-    progress: Progress = lambda step, share: None,
-    compute: mapping.Compute = map,
+    paths: Sequence[Path], settings: MapSettings, progress: Progress = lambda step, share: None
 ) -> MapRun:
     """Map the logs of a survey.
 
     :param paths: log files of one probe, folders and ZIP archives of them, or bags with the lines of its logger
-    :param compute: computes the tiles of a large map, see :func:`shared_work`; writing the outputs needs it again
     :raises InputError: if a file cannot be used; lists all mistakes
     """
     values = settings.values()
@@ -146,7 +140,7 @@ def map_logs(
     if values["merge_radius_m"] is None:
         values["merge_radius_m"] = site.footprint_radius_m / 4
     radius_m = values["merge_radius_m"]
-    chosen = field_map_settings(values, site, max_exact_samples=settings.max_exact_samples)
+    chosen = field_map_settings(values, site)
     simulated = any(log.simulated for log in logs)
     target = EarlierTarget(survey.frame, _grid(field, survey, site, settings.cell_m), chosen, simulated=simulated)
     field_map, earlier = open_map(target, settings.earlier, read.covariates)
@@ -157,7 +151,7 @@ def map_logs(
         field_map.curve_of = lambda _: site.curve
     progress(f"fitting the variogram of {len(field_map.samples)} samples", 0.0)
     kriging = f"kriging {np.count_nonzero(field_map.grid.mask)} cells"
-    soil_map = field_map.compute(field_map.state, lambda share: progress(kriging, share), compute)
+    soil_map = field_map.compute(field_map.state, lambda share: progress(kriging, share))
     if soil_map is None:
         raise InputError("there are too few samples for a map", "survey at two places at least, or use REML")
     range_m = soil_map.variogram.practical_range_m
@@ -178,7 +172,7 @@ def map_logs(
             **{f"log: {key}": text for key, text in reading_of(logs).items()},
             **({"log: sensor": f"{read.named}, by the header of the log"} if read.named else {}),
             **({"log: longitudes": f"{site.longitude} of Greenwich: written without a sign"} if unsigned else {}),
-            **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),
+            **({"kriging": soil_map.pooling} if soil_map.pooling else {}),
         },
         title=settings.title or ("Soil moisture over time" if site.curve and len(soil_map.samples) == 1 else None),
         inputs=_inputs(read, settings), logger_format=logs[0].logger.title,

@@ -183,7 +183,6 @@ class NoteCode(StrEnum):
     UNKNOWN_SENSOR = "unknown_sensor"
     ILLUSTRATIVE_CALIBRATION = "illustrative_calibration"
     RATE_BELOW_CURVE = "rate_below_curve"
-    TILE_ERROR = "tile_error"
     ABOVE_PORE_VOLUME = "above_pore_volume"
     NEGATIVE_MOISTURE = "negative_moisture"
     BEYOND_LIMITS = "beyond_limits"

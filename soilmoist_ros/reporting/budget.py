@@ -34,8 +34,6 @@ from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve, UncertaintyPart
 Array = NDArray[np.float64]
 
 _ROUNDED = 1e-3
-NEAREST = 400
-"""Number of samples around a place that split the variance of a map made tile by tile."""
 COUNTING, MAPPING, CHANGE, OTHER = "counting", "mapping", "change during the survey", "other parts of N0"
 CORES, N0 = "calibration by soil cores", "N0"
 DENSITY, WATER = "bulk density", "lattice and organic water"
@@ -207,10 +205,10 @@ def _at_one_place(run: MapRun) -> tuple[float, float, tuple[float, float], list[
 
 def _of_place(soil_map: SoilMap, xy: Array, variance: float, total: float) -> list[Part]:
     """Parts of the kriging variance at a place, scaled to its total."""
-    samples, kriging = soil_map.samples, _kriging(soil_map, xy)
+    samples, kriging = soil_map.samples, _kriging(soil_map)
     split = {COUNTING: 0.0, CHANGE: 0.0}
     if kriging is not None:
-        own = float(kriging.predict(xy)[1][0])  # of the neighbours alone for a map made of tiles
+        own = float(kriging.predict(xy)[1][0])
         scale = variance / own if own > 0 else 0.0
         split[COUNTING] = min(scale * float(kriging.counting_variance(xy)[0]), variance)
         split[CHANGE] = min(scale * float((kriging.shared(xy) ** 2).sum()), variance - split[COUNTING])
@@ -225,13 +223,10 @@ def _of_place(soil_map: SoilMap, xy: Array, variance: float, total: float) -> li
     return [Part(name, *about[name], 0.0, sd, 0.0, total * sd / math.sqrt(variance)) for name, sd in sds.items()]
 
 
-def _kriging(soil_map: SoilMap, xy: Array) -> PoissonKriging | None:
-    """Kriging that knows its weights: of all samples, or of those around a place; ``None`` if it is singular."""
-    if isinstance(soil_map.made_by, PoissonKriging):
-        return soil_map.made_by
+def _kriging(soil_map: SoilMap) -> PoissonKriging | None:
+    """The kriging of a map, that knows its weights; ``None`` if it is singular."""
     try:
-        near = np.argsort(np.hypot(*(soil_map.samples.xy - xy[0]).T))[:NEAREST]
-        return replace(soil_map, samples=soil_map.samples.some(near), made_by=None).exact_kriging
+        return soil_map.kriging
     except np.linalg.LinAlgError:
         return None
 

@@ -1,19 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Shared work: in this process, in local processes, or on a cluster."""
+"""Work on a cluster, and in a thread that takes batches."""
 
 import sys
 import threading
 
 import pytest
 
-from soilmoist_ros.foundation import Batches, InputError, connect, cores, shared_work
-
-
-def test_without_processes_the_work_is_done_here():
-    with shared_work(0) as compute:
-        assert list(compute(abs, [-1, 2, -3])) == [1, 2, 3]
-    assert cores() >= 1
+from soilmoist_ros.foundation import Batches, InputError, connect
 
 
 @pytest.mark.slow

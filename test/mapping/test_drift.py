@@ -151,7 +151,7 @@ def test_a_planner_that_is_told_the_drift_has_the_map_of_the_mapper(rain):
     mapper.set_records(records(timed))
     soil_map = mapper.update()
     assert soil_map.change.drift.is_jump is rain
-    planner, untold = (FieldMap(GRID, FieldMapSettings(for_planning=True)) for _ in range(2))
+    planner, untold = (FieldMap(GRID, FieldMapSettings()) for _ in range(2))
     planner.set_samples(mapper.samples, soil_map.fit, mapper.changing)
     np.testing.assert_array_equal(planner.update().rate, soil_map.rate)
     np.testing.assert_array_equal(planner.soil_map.variance, soil_map.variance)
@@ -165,7 +165,7 @@ def test_a_planner_that_is_told_the_drift_has_the_map_of_the_mapper(rain):
 def test_places_visited_long_ago_are_worth_a_return():
     timed, _ = survey(1, passes=1)
     drift = Drift(0.99, False, (0.0, HOURS * 3600), (0.0, 0.0), ((0.3, 0.0),))
-    told, untold = (FieldMap(GRID, FieldMapSettings(for_planning=True)) for _ in range(2))
+    told, untold = (FieldMap(GRID, FieldMapSettings()) for _ in range(2))
     untold.set_samples(timed.samples)
     fit = untold.update().fit
     told.set_samples(timed.samples, fit, Changing(timed, Change(drift), HOURS * 3600))
@@ -252,10 +252,11 @@ def test_a_series_at_one_place_has_no_drift_in_space():
 
 
 @pytest.mark.parametrize("at_once", [False, True])
-def test_a_map_with_a_drift_is_of_the_places_of_the_samples(at_once):
+def test_a_map_with_a_drift_is_of_the_places_of_the_samples(at_once, monkeypatch):
     """A stop has one micro-scale variation, and the number of samples its limit."""
+    monkeypatch.setattr("soilmoist_ros.mapping.field_map.MAX_EXACT_SAMPLES", 40)
     timed, _ = survey(1, 0.3)
-    field_map = FieldMap(GRID, FieldMapSettings(max_exact_samples=40))
+    field_map = FieldMap(GRID)
     if at_once:
         field_map.set_records(records(timed))
     else:

@@ -213,7 +213,7 @@ def test_the_footprint_is_part_of_every_sample_when_it_is_to_be_deconvolved():
         field_map(footprint_radius_m=-1.0)
 
 
-PLANNING = FieldMapSettings(for_planning=True)
+PLANNING = FieldMapSettings()
 RNG = np.random.default_rng(6)
 SAMPLES = Samples(RNG.uniform(0, 50, (9, 2)), RNG.poisson(400, 9), np.full(9, 100.0))
 

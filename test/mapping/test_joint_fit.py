@@ -300,11 +300,16 @@ def test_where_a_covariate_is_missing_the_map_is_less_certain():
     assert (half.variance[:, 10:] > 0.99 * own[:, 10:]).all()
 
 
-def test_of_very_many_samples_neighbours_are_pooled():
+@pytest.mark.parametrize("is_known", [False, True])
+def test_of_very_many_samples_neighbours_are_pooled(is_known, monkeypatch):
     (before, now), truth = simulated(2, 120, 0.9)
-    known = Knowledge((EarlierSurvey("may", 0.0, before),))
-    exact, quick = (mapped(now, known, max_exact_samples=most) for most in (120, 60))
+    known = Knowledge((EarlierSurvey("may", 0.0, before),)) if is_known else None
+    exact = mapped(now, known)
+    for name in ("soil_map.MAX_EXACT_SAMPLES", "kriging.rows.MAX_SAMPLES"):
+        monkeypatch.setattr(f"soilmoist_ros.mapping.{name}", 60)
+    quick = mapped(now, known)
     assert len(quick.kriging.places) <= 60 < len(quick.samples) == len(exact.kriging.places)
+    assert quick.pooling == f"of 120 samples in {len(quick.kriging.places)} pools"
     errors = [np.mean((one.rate[GRID.mask] - truth) ** 2) for one in (exact, quick)]
     assert errors[1] < 1.3 * errors[0]
 
@@ -353,7 +358,7 @@ def test_model_samples_follow_the_records_and_not_the_maps():
 def test_a_planner_with_the_variogram_of_the_mapper_has_the_same_map():
     (before, now), _ = simulated(2, 30, 0.9)
     known = Knowledge((EarlierSurvey("may", 0.0, before),))
-    mapper, planner = (FieldMap(GRID, FieldMapSettings(for_planning=True), known) for _ in range(2))
+    mapper, planner = (FieldMap(GRID, FieldMapSettings(), known) for _ in range(2))
     mapper.set_samples(now)
     of_mapper = mapper.update()
     planner.set_samples(now, replace(of_mapper.fit, prior=None))  # as in the message

@@ -180,7 +180,7 @@ def test_a_planner_has_the_map_of_the_mapper_when_the_rate_drifts(ros, start, fi
     assert soil_map.change.drift is not None
     model = model_from_message(outputs.model[-1])
     assert model.changing.change.drift == soil_map.change.drift
-    planner = FieldMap(core.grid, FieldMapSettings(for_planning=True))
+    planner = FieldMap(core.grid, FieldMapSettings())
     planner.set_samples(samples_from_message(outputs.samples[-1]), model.fit, model.changing)
     planned = planner.update()
     np.testing.assert_array_equal(planned.rate, soil_map.rate)

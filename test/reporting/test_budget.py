@@ -259,16 +259,6 @@ def test_more_counting_lowers_a_place_at_least_as_promised(map_of):
     assert (before - after >= found / 2 - 1e-12).all()
 
 
-def test_counting_of_a_place_by_its_neighbours(make_run, the_map, monkeypatch):
-    """A map without the weights of all samples is split by those around the place."""
-    exact = make_budget(make_run())
-    monkeypatch.setattr("soilmoist_ros.reporting.budget.NEAREST", 8)
-    near = make_budget(make_run(soil_map=replace(the_map, made_by=None)))
-    assert near.place_sd == exact.place_sd
-    assert near.parts[0].place == pytest.approx(exact.parts[0].place, rel=0.1)
-    assert squares(near.parts, "place") == pytest.approx(near.place_sd)
-
-
 def test_one_place_has_counting_alone(make_run, map_of):
     found = make_budget(make_run(soil_map=map_of(n=1)))
     assert [one.name for one in found.parts] == [COUNTING, CORES]

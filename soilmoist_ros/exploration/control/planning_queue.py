@@ -197,7 +197,7 @@ def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:
     for each in maps:
         samples = each.samples[0] if each.samples is not None else Samples.none()
         held = known.get(each.name) if each.required else None
-        held = held or Property(FieldMap(explorer.grid, FieldMapSettings(for_planning=True)), name=each.name)
+        held = held or Property(FieldMap(explorer.grid, FieldMapSettings()), name=each.name)
         held.weight, held.factor = each.weight, each.factor
         properties.append(held)
         if len(samples):  # the places are known without a map, too
@@ -226,7 +226,7 @@ class Terms(NamedTuple):
 
 def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
     """An explorer for one mission."""
-    planning = FieldMapSettings(for_planning=True)
+    planning = FieldMapSettings()
     return Explorer(
         [
             Property(

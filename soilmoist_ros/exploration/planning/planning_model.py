@@ -119,9 +119,7 @@ class PlanningModel:
 
     @cached_property
     def _kriging(self) -> PoissonKriging:
-        kriging = self._map.kriging if isinstance(self._map, SoilMap) else self._map
-        assert isinstance(kriging, PoissonKriging)
-        return kriging
+        return self._map.kriging if isinstance(self._map, SoilMap) else self._map
 
     @cached_property
     def _posterior(self) -> tuple[Array, Array]:

@@ -154,8 +154,8 @@ def fit_soft_l1(lag: Array, gamma: Array, model: ModelName, least_sill: float) -
         best = int(np.argmin(cost + tie))
         found = SoftL1Fit(*(float(values[best]) for values in (nugget, np.exp(log_range), structured, cost)))
         weight = weights[best]
-        around = log_range[[max(best - 1, 0), min(best + 1, len(log_range) - 1)]]
-        log_range = np.linspace(*around, _CLOSER)
+        shorter, longer = log_range[max(best - 1, 0)], log_range[min(best + 1, len(log_range) - 1)]
+        log_range = np.linspace(shorter, longer, _CLOSER)
     return found
 
 

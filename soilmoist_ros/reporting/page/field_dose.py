@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd
+from soilmoist_ros.mapping import SoilMap, common_rate_sd
 from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.budget import level_remedy
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, absolute, calibration_of, once_a_run
@@ -327,10 +327,7 @@ class _Decision:
 
 def _counting(run: MapRun, soil_map: SoilMap, problem: _Decision, xy: Array, now: float) -> Remedy | None:
     """The shortest counting that gains at least half of what the longest would; ``None`` if that is too little."""
-    kriging = soil_map.kriging
-    if not isinstance(kriging, PoissonKriging):
-        return None
-    between = kriging.covariance(xy)
+    between = soil_map.kriging.covariance(xy)
     nugget = soil_map.variogram.nugget
     live_s, exposure_s = sum(record.exposure_s for record in run.track), float(soil_map.samples.exposure_s.sum())
     used = min(exposure_s / live_s, 1.0) if live_s > 0 else 1.0

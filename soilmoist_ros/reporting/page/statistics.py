@@ -163,7 +163,7 @@ def _kriging(soil_map: SoilMap) -> PoissonKriging | None:
     if not 1 <= len(soil_map.samples.xy) <= MAX_SAMPLES or not soil_map.variogram.sill > 0:
         return None
     try:
-        return soil_map.exact_kriging
+        return soil_map.kriging
     except np.linalg.LinAlgError:
         return None
 
@@ -230,7 +230,7 @@ def _mean_of_moistures(soil_map: SoilMap, curve: MoistureCurve) -> tuple[float, 
         rate, variance = of_places.predict(cells)
     value = float(np.mean(moisture_terms(curve, rate, np.sqrt(variance))[0]))
     above = value - float(np.mean(possible_moisture(curve, rate)))
-    if not isinstance(kriging, PoissonKriging) or len(soil_map.samples) > MAX_SAMPLES:
+    if len(soil_map.samples) > MAX_SAMPLES:
         return value, None
     some = _evenly(len(cells), MAX_PAIRED_CELLS)
     cells, rate, variance = cells[some], rate[some], variance[some]

@@ -239,8 +239,6 @@ def datum(run: MapRun) -> str:
 FEW_SAMPLES = 10
 MIN_EXPLAINED = 0.1
 """Share of the variance that a map explains below which its squared errors are mostly as large as the variance."""
-MAX_RATE_ERROR = 0.05
-"""Largest error of a tiled map that needs no note, as a share of the standard deviation."""
 MAX_FROM_REFERENCE_HPA = 40.0
 """Largest distance of the mean pressure from its reference that needs no note [hPa]: more than any weather."""
 FAR_SHARE = 0.1
@@ -411,7 +409,7 @@ def _on_knowledge(run: MapRun) -> Iterator[Note]:
 def _on_model(run: MapRun) -> Iterator[Note]:
     """Notes on a mean rate that changed, and on a model that the counts hardly support or that is not exact."""
     soil_map = run.soil_map
-    count, fit, accuracy = len(soil_map.samples), soil_map.fit, soil_map.accuracy
+    count, fit = len(soil_map.samples), soil_map.fit
     if soil_map.change.text:
         yield _on_change(soil_map)
     if at_one_place(run):
@@ -423,12 +421,6 @@ def _on_model(run: MapRun) -> Iterator[Note]:
         return
     if run.blurred:
         yield Note(NoteCode.WIDE_FOOTPRINT, run.blurred)
-    if accuracy is not None and accuracy.rate_error > MAX_RATE_ERROR:
-        yield Note(
-            NoteCode.TILE_ERROR,
-            f"The map is made tile by tile and its rate may be off by {100 * accuracy.rate_error:.0f} % "
-            "of its standard deviation: use matern32 or exponential, or merge samples in a larger radius.",
-        )
     if count < FEW_SAMPLES:
         yield Note(
             NoteCode.FEW_SAMPLES,

@@ -60,9 +60,7 @@ class Channel:
         self.wanted = wanted
         self.curve = curve
         self._of_stops = settings.map_from == "stops"
-        choices = FieldMapSettings.chosen(
-            settings, curve=curve, footprint_radius_m=settings.footprint_m, for_planning=True
-        )
+        choices = FieldMapSettings.chosen(settings, curve=curve, footprint_radius_m=settings.footprint_m)
         self.series = earlier_series(field, grid, settings, number)
         merge_m = default_merge_radius_m(grid, choices.margin_m)
         surveys = (one.survey(merge_m, choices.sample_radius_m) for one in self.series)

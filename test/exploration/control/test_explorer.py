@@ -32,7 +32,7 @@ PLACE = (2.5, 2.5)
 
 
 def explorer(factor=1.0, dwell="optimal", strategy="greedy", stops=None):
-    mapped = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)), factor=factor)
+    mapped = Property(FieldMap(GRID, FieldMapSettings()), factor=factor)
     mapped.field_map.set_samples(SAMPLES, FIT)
     mapped.field_map.update()
     return Explorer(
@@ -65,7 +65,7 @@ def test_a_dwell_by_counts_is_expected_shorter_where_more_neutrons_arrive():
 
 def test_before_the_first_map_the_dwell_follows_the_nominal_rate():
     planner = explorer(dwell="ami:0.05")
-    planner.properties = [Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))]
+    planner.properties = [Property(FieldMap(GRID, FieldMapSettings()))]
     look = planner.situation(REQUEST, PLACE)
     assert look.expected_dwell_s == 400 / planner.nominal_rate_cps
     assert (look.map_variance == 1).all()

@@ -38,7 +38,7 @@ FIT = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, extent_
 
 
 def field_map(known=True):
-    found = FieldMap(GRID, FieldMapSettings(for_planning=True))
+    found = FieldMap(GRID, FieldMapSettings())
     if known:
         found.set_samples(SAMPLES, FIT)
         found.update()

@@ -167,7 +167,7 @@ def samples_of(rate, seed=0, exposure_s=100.0, places=PLACES):
 
 
 def mapped(rate=4.0, variogram=None, curve=None, **more):
-    samples, field_map = samples_of(rate, **more), FieldMap(GRID, FieldMapSettings(for_planning=True))
+    samples, field_map = samples_of(rate, **more), FieldMap(GRID, FieldMapSettings())
     fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=40.0)
     variogram = variogram or Variogram("matern32", 0.02, 9.0, 0.3)
     field_map.set_samples(samples, replace(fit, variogram=variogram, mean_rate=4.0))
@@ -217,14 +217,14 @@ def test_forecasts_are_not_made_more_often_than_useful():
     assert maker.forecast(of, 160.0, 3440.0) is not None
     assert maker.forecast(of, 3600.0, 0.0) is None, "nothing is left to forecast"
     guess = Forecaster(CELLS, GRID.extent_m, 4.0).forecast(
-        Property(FieldMap(GRID, FieldMapSettings(for_planning=True))), 0.0, 3600.0
+        Property(FieldMap(GRID, FieldMapSettings())), 0.0, 3600.0
     )
     assert guess is not None
     assert guess.is_guess
 
 
 def test_a_uniform_field_is_told_after_a_fifth_of_the_time_and_never_again_once_it_varies():
-    uniform = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))
+    uniform = Property(FieldMap(GRID, FieldMapSettings()))
     uniform.field_map.set_samples(samples_of(4.0, 3, 200.0))
     uniform.field_map.update()
     maker = Forecaster(CELLS, GRID.extent_m, 4.0)

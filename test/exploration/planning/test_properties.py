@@ -21,7 +21,7 @@ from soilmoist_ros.mapping.samples import as_samples
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [40, 0], [40, 20], [0, 20]], float), 2.5)
 STOPS = cell_stops(GRID)
-PLANNING = FieldMapSettings(for_planning=True)
+PLANNING = FieldMapSettings()
 LATTICE = [(x, y) for x in (3.0, 11.0, 19.0, 27.0, 35.0) for y in (4.0, 16.0)]
 FIT = estimate_variogram(
     np.array(LATTICE), [250, 300, 350, 380, 300, 260, 420, 500, 480, 300], [100.0] * 10, extent_m=40.0

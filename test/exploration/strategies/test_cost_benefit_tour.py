@@ -26,7 +26,7 @@ from soilmoist_ros.simulation.fields.catalogue import known_field
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [60, 0], [60, 50], [0, 50]], float), 5.0)
 PLACE = (2.5, 2.5)
-PLANNING = FieldMapSettings(for_planning=True)
+PLANNING = FieldMapSettings()
 OPTIMAL, MOTION = Optimal(), RobotMotion()
 
 
