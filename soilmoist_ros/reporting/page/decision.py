@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import OF_DOSE, Thresholds, parse_thresholds, spread_cells
-from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, possible_moisture
+from soilmoist_ros.mapping import SoilMap, common_rate_sd, possible_moisture
 from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import calibration_of, certainty, class_probability, once_a_run
 from soilmoist_ros.reporting.colours import WATER, hex_ramp
@@ -104,11 +104,9 @@ def decision(run: MapRun) -> DecisionMap | None:
 
 def _band(
     soil_map: SoilMap, number: Array, edges: tuple[float, ...], curve: MoistureCurve | None
-) -> tuple[float, float] | None:
+) -> tuple[float, float]:
     """Band of the share in the wrong zone, by draws from the posterior: errors of neighbours are alike."""
     kriging = soil_map.kriging
-    if not isinstance(kriging, PoissonKriging):
-        return None
     chosen, rng = spread_cells(np.isfinite(number), BAND_CELLS), np.random.default_rng(0)
     xy = soil_map.grid.cells[chosen[soil_map.grid.mask]]
     (rate, variance), covariance = kriging.predict(xy), kriging.covariance(xy)
