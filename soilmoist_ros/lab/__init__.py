@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.lab.campaign import RUNS as RUNS, CampaignInterrupted as CampaignInterrupted, CampaignProgress as CampaignProgress, Progress as Progress, run_campaign as run_campaign
     from soilmoist_ros.lab.campaign_data import CampaignData as CampaignData
     from soilmoist_ros.lab.campaign_file import Campaign as Campaign, load_campaign as load_campaign, missions as missions
-    from soilmoist_ros.lab.comparisons import PairedDifference as PairedDifference
     from soilmoist_ros.lab.mission_store import MissionStore as MissionStore
     from soilmoist_ros.lab.report import write_campaign_report as write_campaign_report
     # fmt: on
@@ -22,7 +21,6 @@ __getattr__, __dir__, __all__ = open_door(
         "campaign": "CampaignInterrupted CampaignProgress Progress RUNS run_campaign",
         "campaign_data": "CampaignData",
         "campaign_file": "Campaign load_campaign missions",
-        "comparisons": "PairedDifference",
         "mission_store": "MissionStore",
         "report": "write_campaign_report",
     },

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from soilmoist_ros.exploration import STRATEGIES
 from soilmoist_ros.lab.campaign_file import Campaign, missions
-from soilmoist_ros.lab.comparisons import PairedDifference, hindsight_table, paired_differences
+from soilmoist_ros.lab.comparisons import hindsight_table, paired_differences
 from soilmoist_ros.lab.mission_store import Stored
 from soilmoist_ros.lab.table import CASE, missions_table, results_table
 from soilmoist_ros.reporting import plain
@@ -64,7 +64,7 @@ class CampaignData:
         """Combinations against the best lattice in hindsight, by the number of the case."""
         return hindsight_table(self.missions, ["case"])
 
-    def differences(self, case: Case) -> list[PairedDifference]:
+    def differences(self, case: Case) -> list[dict[str, Any]]:
         """Differences of the strategies with the main dwell rule, or of all combinations of a single strategy."""
         rows = self.final(case) if case in self.strategy_cases else self._of(self.missions, case)
         return list(paired_differences(rows))

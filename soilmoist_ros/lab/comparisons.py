@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -38,26 +37,12 @@ LATTICES: tuple[Combination, ...] = tuple(("lattice", dwell) for dwell in LATTIC
 QUARTER = 0.25  # share of the mission time at which strategies are compared, in addition to the end
 
 
-@dataclass(frozen=True)
-class PairedDifference:
-    """The missions of one combination of strategy and dwell rule against those of another with the same seeds."""
-
-    quantity: str  # quantity that is compared, of :data:`QUANTITIES`
-    strategy: str
-    dwell: str
-    other_strategy: str
-    other_dwell: str
-    pairs: int  # number of seeds that both have
-    mean: float  # mean of the first over the pairs
-    other_mean: float
-    difference: float  # mean of first minus second
-    low: float  # lower end of the interval of the difference; NaN with fewer than two pairs
-    high: float
-
-    @property
-    def clear(self) -> bool:
-        """True if the interval leaves out zero."""
-        return self.low > 0 or self.high < 0
+PAIRED = (
+    "quantity", "strategy", "dwell", "other_strategy", "other_dwell", "pairs", "mean", "other_mean", "difference",
+    "low", "high",
+)  # fmt: skip
+"""Columns of the missions of one combination against those of another with the same seeds: number of seeds that
+both have, means over these, mean difference and its interval, NaN with fewer than two pairs."""
 
 
 def difference_interval(mine: Array, theirs: Array, level: float = LEVEL) -> tuple[float, float, float]:
@@ -77,8 +62,8 @@ def difference_interval(mine: Array, theirs: Array, level: float = LEVEL) -> tup
     return mean, mean - reach, mean + reach
 
 
-def paired_differences(missions: pd.DataFrame) -> Iterator[PairedDifference]:
-    """All combinations of one case in pairs, each quantity that both have."""
+def paired_differences(missions: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """All combinations of one case in pairs, each quantity that both have; see :data:`PAIRED`."""
     groups = [(key, rows.set_index("seed")) for key, rows in missions.groupby(["strategy", "dwell"], sort=False)]
     for quantity in QUANTITIES:
         for (first, mine), (second, theirs) in combinations(groups, 2):
@@ -86,17 +71,13 @@ def paired_differences(missions: pd.DataFrame) -> Iterator[PairedDifference]:
             if both.empty:
                 continue
             a, b = both["mine"].to_numpy(float), both["theirs"].to_numpy(float)
-            means = float(a.mean()), float(b.mean())
-            a_name, a_dwell, b_name, b_dwell = map(str, (*first, *second))
-            yield PairedDifference(
-                quantity, a_name, a_dwell, b_name, b_dwell, len(both), *means, *difference_interval(a, b)
-            )
+            row = (quantity, *first, *second, len(both), a.mean(), b.mean(), *difference_interval(a, b))
+            yield dict(zip(PAIRED, row, strict=True))
 
 
 def paired_table(missions: pd.DataFrame, cases: Iterable[str]) -> pd.DataFrame:
-    """One row per pair of combinations and quantity: settings of the case, then :class:`PairedDifference`."""
-    columns = PairedDifference.__dataclass_fields__
-    return _of_cases(missions, cases, columns, lambda case: map(asdict, paired_differences(case)))
+    """One row per pair of combinations and quantity: settings of the case, then :data:`PAIRED`."""
+    return _of_cases(missions, cases, PAIRED, paired_differences)
 
 
 def _of_cases(

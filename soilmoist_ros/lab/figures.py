@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Charts of a campaign: error, distance and coverage against mission time."""
+"""Charts of a campaign: error and distance against mission time."""
 
 from __future__ import annotations
 
@@ -21,28 +21,23 @@ Lines = Sequence[tuple[str, "pd.DataFrame", Look]]  # name, rows and look of eac
 LOOKS: Final[tuple[Look, ...]] = tuple(
     (colour, dashed) for dashed in (False, True) for colour in ("line", "orange", "green", "purple", "ink", "soft")
 )
-COVERAGE: Final = "coverage95"
 
 
 class Measure(NamedTuple):
-    """A column of the results, its label, the factor to its unit, and the limits of all charts of it."""
+    """A column of the results, its label, and the limits of all charts of it."""
 
     column: str
     label: str
-    scale: float = 1.0
     limits: tuple[float, float] = (0.0, 1.0)
 
     def around(self, several: Sequence[pd.DataFrame]) -> Measure:
         """The measure with limits around mean and standard deviation of several lines."""
         values = [limit for rows in several for limit in _course(rows, self)[2:]]
         low, high = limits_of(*values, zero=self.column == "distance_m") if values else (0.0, 1.0)
-        if self.column == COVERAGE:
-            low, high = max(0.0, 10 * np.floor(min(low, 50.0) / 10)), 101.0
         return self._replace(limits=(low, high))
 
 
 ERROR: Final = Measure("mse", "Mean squared error [(counts/s)²]")
-TRUE_INSIDE: Final = Measure(COVERAGE, "Truth in the interval [% of area]", 100.0)
 
 
 def strategies_charts(data: CampaignData, case: Case) -> Iterator[Chart]:
@@ -69,14 +64,6 @@ def intervals_charts(data: CampaignData, case: Case) -> Iterator[Chart]:
         yield _chart(f"intervals-{case.number}-{number}", strategy_text(strategy), case, known, lines)
 
 
-def coverage_charts(data: CampaignData, cases: Sequence[Case]) -> Iterator[Chart]:
-    """Share of the field whose truth lies in the 95 % interval, against time; one chart per field."""
-    of_cases = [(case, _by_strategy(data.over_time(case, data.main_dwell(case)))) for case in cases]
-    known = TRUE_INSIDE.around([rows for _, lines in of_cases for _, rows, _ in lines])
-    for case, lines in of_cases:
-        yield _chart(f"coverage-{case.number}", case.title, case, known, lines)
-
-
 def interval_strategies(data: CampaignData, case: Case) -> list[str]:
     """Strategies with missions of more than one counting interval."""
     rows = data.over_time(case)
@@ -93,15 +80,12 @@ def _by_strategy(rows: pd.DataFrame) -> Lines:
 
 
 def _chart(key: str, title: str, case: Case, measure: Measure, lines: Lines) -> Chart:
-    """Mean lines with bands of one standard deviation over the runs, but for a coverage."""
+    """Mean lines with bands of one standard deviation over the runs."""
     marks, ticks = list[Mark](), None
     for name, rows, (colour, dashed) in lines:
         hours, middle, low, high = _course(rows, measure)
-        if measure.column != COVERAGE:
-            marks.append(Area(hours, low, high, colour))
+        marks.append(Area(hours, low, high, colour))
         marks.append(Line(hours, middle, colour, name, dashed))
-    if measure.column == COVERAGE:
-        marks.append(Line([0.0, case.hours], [95.0, 95.0], "ink", "95 %, as stated", True, 1.0))
     if measure.column == ERROR.column:
         powers = [(factor * 10.0**power) for power in range(-12, 7) for factor in (1, 2, 5)]
         ticks = [(float(np.log10(value)), f"{value:.6g}") for value in powers]
@@ -117,8 +101,7 @@ def _course(rows: pd.DataFrame, measure: Measure) -> tuple[np.ndarray, ...]:
     than half of the runs have reached are left out.
     """
     by_time = rows.groupby("time_s")[measure.column]
-    count, mean = by_time.count(), measure.scale * by_time.mean()
-    sd = measure.scale * by_time.std(ddof=1).fillna(0.0)
+    count, mean, sd = by_time.count(), by_time.mean(), by_time.std(ddof=1).fillna(0.0)
     good = (count >= 0.5 * count.max()) & mean.notna()
     hours, middle, spread = mean.index[good].to_numpy(float) / 3600, mean[good].to_numpy(), sd[good].to_numpy()
     low, high = middle - spread, middle + spread

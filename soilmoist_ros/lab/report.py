@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace as Row
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from soilmoist_ros.foundation import InputError, number
 from soilmoist_ros.lab import figures
 from soilmoist_ros.lab.campaign_data import CampaignData, Case
 from soilmoist_ros.lab.campaign_file import Campaign, missions
-from soilmoist_ros.lab.comparisons import LATTICES, PairedDifference
+from soilmoist_ros.lab.comparisons import LATTICES
 from soilmoist_ros.lab.computing import Failure
 from soilmoist_ros.lab.mission_store import Stored, code_version
 from soilmoist_ros.mapping import FIT_SETTINGS
@@ -99,7 +99,7 @@ def _setting(value: object) -> str:
 
 
 def _sections(data: CampaignData) -> Iterator[Row]:
-    """Charts with their texts in the order strategies, intervals, coverage."""
+    """Charts with their texts in the order strategies, intervals."""
     for case in data.strategy_cases:
         yield Row(
             key=f"strategies-{case.number}", title=f"{case.title}: strategies",
@@ -119,12 +119,6 @@ def _sections(data: CampaignData) -> Iterator[Row]:
                 f"of the counts falls to a threshold.{optimal * ('optimal' in set(rows['dwell']))} Mean over "
                 f"{_runs(rows)}, bands of one standard deviation, logarithmic axis.",
             )  # fmt: skip
-    yield Row(
-        key="coverage", title="Are the maps as sure as they may be?",
-        charts=list(figures.coverage_charts(data, data.strategy_cases or data.cases)),
-        caption="Share of the field whose true rate lies in the 95 % interval of the map (mean over the runs). A "
-        "line below the dashed one means maps that are too sure of themselves.",
-    )  # fmt: skip
 
 
 def _runs(rows: pd.DataFrame) -> str:
@@ -155,42 +149,37 @@ def _finals(data: CampaignData) -> Iterator[Row]:
 def _differences(data: CampaignData, case: Case) -> list[Row]:
     """Pairs of combinations with at least two shared seeds: error at the end, and distance."""
     found = data.differences(case)
-    several = len({one.dwell for one in found} | {one.other_dwell for one in found}) > 1
+    several = len({one[name] for one in found for name in ("dwell", "other_dwell")}) > 1
 
     def name(strategy: str, dwell: str) -> str:
         return f"{strategy_text(strategy)}, {dwell_text(dwell)}" if several else strategy_text(strategy)
 
-    rows: dict[tuple[str, str], dict[str, PairedDifference]] = {}
+    rows: dict[tuple[str, str], dict[str, dict[str, Any]]] = {}
     for one in found:
-        names = name(one.strategy, one.dwell), name(one.other_strategy, one.other_dwell)
-        rows.setdefault(names, {})[one.quantity] = one
-    texts = []
-    for (first, second), by in rows.items():
-        error, distance = by.get("mse"), by.get("distance_m")
-        if error is None or distance is None or error.pairs < 2:
-            continue
-        texts.append(
-            Row(
-                first=first, second=second, pairs=error.pairs, clear=(error.clear, distance.clear),
-                error=_interval(error), error_share=_share_of_other(error),
-                distance=_interval(distance, max_decimals=0), distance_share=_share_of_other(distance),
-            )
-        )  # fmt: skip
-    return texts
+        names = name(one["strategy"], one["dwell"]), name(one["other_strategy"], one["other_dwell"])
+        rows.setdefault(names, {})[one["quantity"]] = one
+    return [
+        Row(
+            first=first, second=second, pairs=by["mse"]["pairs"],
+            error=_interval(by["mse"]), distance=_interval(by["distance_m"], max_decimals=0),
+        )
+        for (first, second), by in rows.items()
+        if by.keys() >= {"mse", "distance_m"} and by["mse"]["pairs"] > 1
+    ]  # fmt: skip
 
 
-def _share_of_other(one: PairedDifference) -> str:
-    share = 100 * one.difference / one.other_mean if one.other_mean else float("nan")
-    return f"{share:+.0f} %".replace("-", "−") if np.isfinite(share) else "–"
-
-
-def _interval(one: PairedDifference, max_decimals: int = 6) -> str:
-    """Difference and its interval, rounded to the second digit of half the interval."""
-    reach = (one.high - one.low) / 2
+def _interval(one: dict[str, Any], max_decimals: int = 6) -> Row:
+    """Difference and its interval, rounded to the second digit of half the interval; its share of the second."""
+    reach = (one["high"] - one["low"]) / 2
     decimals = int(np.clip(1 - np.floor(np.log10(reach)), 0, max_decimals)) if reach > 0 else max_decimals
-    values = (f"{value:+.{decimals}f}".replace("-", "−") for value in (one.difference, one.low, one.high))
-    difference, low, high = values
-    return f"{difference} ({low} to {high})"
+    difference, low, high = (
+        f"{one[key]:+.{decimals}f}".replace("-", "−") for key in ("difference", "low", "high")
+    )
+    share = 100 * one["difference"] / one["other_mean"] if one["other_mean"] else float("nan")
+    return Row(
+        text=f"{difference} ({low} to {high})", clear=one["low"] > 0 or one["high"] < 0,
+        share=f"{share:+.0f} %".replace("-", "−") if np.isfinite(share) else "–",
+    )  # fmt: skip
 
 
 def _hindsight(data: CampaignData) -> Iterator[Row]:

@@ -52,11 +52,12 @@ def test_the_interval_is_that_of_the_paired_t_test():
 def test_only_shared_seeds_count_and_what_the_seeds_share_does_not_hide_a_difference():
     gcb = {1: 1.0, 2: 11.0, 3: 21.0, 9: 500.0}
     random = {1: 2.0, 2: 12.1, 3: 21.9, 7: 0.0}
-    (one,) = [one for one in paired_differences(table_of({"gcb": gcb, "random": random})) if one.quantity == "mse"]
-    assert (one.strategy, one.other_strategy, one.pairs) == ("gcb", "random", 3)
-    assert (one.mean, one.other_mean, one.difference) == (11.0, pytest.approx(12.0), pytest.approx(-1.0))
-    assert one.clear
-    assert one.low == pytest.approx(-1.0 - 4.302653 * 0.1 / math.sqrt(3), rel=1e-6)
+    (one,) = [
+        one for one in paired_differences(table_of({"gcb": gcb, "random": random})) if one["quantity"] == "mse"
+    ]
+    assert (one["strategy"], one["other_strategy"], one["pairs"]) == ("gcb", "random", 3)
+    assert (one["mean"], one["other_mean"], one["difference"]) == pytest.approx((11.0, 12.0, -1.0))
+    assert one["low"] == pytest.approx(-1.0 - 4.302653 * 0.1 / math.sqrt(3), rel=1e-6)
 
 
 def test_all_pairs_of_each_case_are_in_the_table_and_missing_values_are_left_out():

@@ -116,7 +116,7 @@ def test_page_of_a_campaign(tmp_path, fake):
     assert not re.search(r"https?://|url\(|@import|<link|<script", html)
     charts = [attributes["id"] for tag, attributes in page.tags if tag == "figure"]
     intervals = [f"intervals-0-{number}" for number in range(3)]
-    assert charts == ["strategies-0-distance_m", "strategies-0-mse", *intervals, "coverage-0"]
+    assert charts == ["strategies-0-distance_m", "strategies-0-mse", *intervals]
     assert all(len(one["aria-label"]) > 20 for _, one in page.tags if one.get("role") == "img")
     assert "SIMULATED DATA" in page.text
     assert "A <b>" in page.text
