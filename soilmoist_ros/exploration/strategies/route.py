@@ -49,11 +49,6 @@ def open_route(
     """
     start, between = np.asarray(from_start_s, float), np.asarray(between_s, float)
     count = len(start)
-    if start.shape != (count,) or between.shape != (count, count):
-        raise ValueError(f"shapes must be (k,) and (k, k), got {start.shape} and {between.shape}")
-    off_diagonal = between[~np.eye(count, dtype=bool)]
-    if not ((start >= 0).all() and (off_diagonal >= 0).all()):
-        raise ValueError("travel times must be >= 0 and not NaN")
     if not count:
         return Route((), 0.0, np.empty(0), 0.0)
     cost = _finite(np.vstack([start, np.where(np.eye(count, dtype=bool), 0.0, between)]))

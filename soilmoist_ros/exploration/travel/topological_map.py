@@ -46,8 +46,6 @@ KNOWN_ACTIONS = (
     "navigate_to_pose", "navigate_to_poses", "GoalAlign", "RowTraversal",
 )  # fmt: skip
 """Actions of edges that a release of the topological navigation has without a map that describes them."""
-CONFIG_KEYS = ("definitions", "actions")
-"""Parts of a map that may be in another file, which its ``navigation_config_file`` names."""
 _SPEEDS = ("max_speed", "max_vel", "top_vel", "speed_limit")
 """Names of the highest speed on an edge, among its properties or its own keys [m/s]."""
 _RESTRICTIONS = ("restrictions_planning", "restrictions_runtime")
@@ -94,7 +92,8 @@ class TopologicalMap:
         :param known_actions: actions of edges that the navigation knows, in addition to those that the map itself
             describes; without any, actions are not looked at
         """
-        unknown = self._unknown_actions(known_actions) if known_actions else ""
+        elsewhere = self.document.get("navigation_config_file")  # a file that describes further actions
+        unknown = self._unknown_actions(known_actions) if known_actions and not elsewhere else ""
         doubts = unknown, self.restrictions(), self._wide_nodes(), self._slow_edges(), self._nearly_no_go()
         return list(filter(None, doubts))
 
@@ -274,8 +273,7 @@ def read_topological_map(path: Path) -> TopologicalMap:
     if re.match(r"node:\s*\n\t", text):
         remedy = "load it in its navigation, and save what topological_map_2 publishes"
         raise InputError("is a map of the oldest form: text with tabs", remedy, path)
-    found = _of_yaml(text, path)
-    return replace(found, document={**_configuration(found.document, path), **found.document})
+    return _of_yaml(text, path)
 
 
 def _of_yaml(text: str, path: Path | None) -> TopologicalMap:
@@ -284,20 +282,6 @@ def _of_yaml(text: str, path: Path | None) -> TopologicalMap:
     except InputError:  # the slow parser knows the lines of mistakes
         found = _checked(parse_yaml(text, path, "rt", MAX_MAP_BYTES, MAX_MAP_VALUES), path)
     return replace(found, document=_plain(found.document))
-
-
-def _configuration(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Parts of a map that are in the file of actions that it names."""
-    given = document.get("navigation_config_file")
-    if not given:
-        return {}
-    try:
-        text = read_limited(path.parent / str(given), limit=MAX_MAP_BYTES).decode("utf-8-sig")
-        content = read_quickly(text, MAX_MAP_VALUES)
-    except (InputError, UnicodeDecodeError) as error:
-        what = f"its navigation_config_file {given!s:.200}, with the actions, cannot be read: {error}"
-        raise InputError(what, "put it next to the map, or remove the key", path) from None
-    return {key: content[key] for key in CONFIG_KEYS if isinstance(content, Mapping) and key in content}
 
 
 def parse_topological_map(text: str, path: Path | None = None) -> TopologicalMap:

@@ -11,7 +11,7 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -258,14 +258,11 @@ class BuiltGraph:
         return text
 
 
-def open_lattice(
-    field: Field, spacing_m: float, *, neighbours: Literal[4, 8] = 8, margin_m: float = 0.0
-) -> BuiltGraph:
-    """Nodes on a square lattice, centred on the field, with edges in both directions to the neighbours.
+def open_lattice(field: Field, spacing_m: float, *, margin_m: float = 0.0) -> BuiltGraph:
+    """Nodes on a square lattice, centred on the field, with edges in both directions to the eight neighbours.
 
     No edge crosses the border or a no-go area.
 
-    :param neighbours: 4 (along rows and columns) or 8 (diagonals too)
     :raises InputError: if not even two joined nodes, or far too many, would lie in the field
     """
     import shapely
@@ -286,11 +283,10 @@ def open_lattice(
     }
     inside = area.contains([(stop.x_m, stop.y_m) for stop in nodes.values()])
     nodes = {key: stop for (key, stop), within in zip(nodes.items(), inside, strict=True) if within}
-    steps = [(0, 1), (1, 0)] if neighbours == 4 else [(0, 1), (1, 0), (1, 1), (1, -1)]
     ways = [
         (stop, nodes[row + up, column + right])
         for (row, column), stop in nodes.items()
-        for up, right in steps
+        for up, right in ((0, 1), (1, 0), (1, 1), (1, -1))
         if (row + up, column + right) in nodes
     ]
     return connected(list(nodes.values()), allowed_ways(ways, area), remedy)

@@ -74,13 +74,9 @@ def test_impossible_legs_are_avoided_and_shown_if_they_cannot_be():
         assert open_route(np.full(count, 5.0), between, np.random.default_rng(0)).travel_s == inf
 
 
-def test_no_targets_and_bad_times():
+def test_no_targets():
     empty = open_route([], np.empty((0, 0)), np.random.default_rng(0))
     assert (empty.order, empty.duration_s) == ((), 0.0)
-    with pytest.raises(ValueError, match="shapes"):
-        open_route([1, 2], np.ones((3, 3)), np.random.default_rng(0))
-    with pytest.raises(ValueError, match="not NaN"):
-        open_route([1, np.nan], np.ones((2, 2)), np.random.default_rng(0))
 
 
 def test_a_missing_solver_is_named_with_the_way_to_install_it(monkeypatch):

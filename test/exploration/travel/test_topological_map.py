@@ -96,18 +96,6 @@ def test_yaml_means_the_same_to_the_navigations_parser(value):
     assert yaml.safe_load(TopologicalMap(content, made.graph).to_yaml()) == content
 
 
-def test_mistakes_are_named():
-    content = document()
-    nodes = content["nodes"]
-    nodes[1]["node"]["edges"][0]["node"] = "row_22"
-    nodes.append(copy.deepcopy(nodes[0]))
-    with pytest.raises(InputError) as caught:
-        parse(content)
-    text = str(caught.value)
-    assert "more than one node has the name gate" in text
-    assert "from 'row 1' to 'row_22': there is no node 'row_22' (did you mean 'row_2'?)" in text
-
-
 def test_nodes_that_cannot_be_left_are_kept():
     content = document()
     content["nodes"][2]["node"]["edges"] = []
@@ -267,6 +255,7 @@ def test_edges_with_actions_that_the_navigation_does_not_know_are_named():
         for keys in ({"actions": actions}, {"definitions": {"actions": actions}}):
             assert parse({**content, **keys}).doubts(["NavigateToPose"]) == [], "the map describes it"
     assert parse(content).doubts([]) == []
+    assert parse({**content, "navigation_config_file": "x.yaml"}).doubts(["NavigateToPose"]) == []
 
 
 def test_ways_are_the_same_whatever_the_map_is_called():
@@ -420,21 +409,6 @@ def test_times_of_the_planner_and_of_the_robot_keep_the_speeds_of_edges(keys):
     content["nodes"][0]["node"]["edges"][0].update(properties={"max_speed": "fast"})
     with pytest.raises(InputError, match="gate: the speed of the edge to row 1 is not a number"):
         parse(content)
-
-
-def test_actions_may_be_in_a_file_beside_the_map(tmp_path):
-    content = document() | {"navigation_config_file": "actions.yaml"}
-    content["nodes"][0]["node"]["edges"][0]["action"] = "mow"
-    path = tmp_path / "m.tmap2.yaml"
-    path.write_text(TopologicalMap(content, graph()).to_yaml())
-    with pytest.raises(
-        InputError, match=r"navigation_config_file actions\.yaml, with the actions, cannot be read"
-    ):
-        read_topological_map(path)
-    (tmp_path / "actions.yaml").write_text("actions: {mow: {action_server: /mow}}\nnodes: []\n")
-    found = read_topological_map(path)
-    assert found.doubts(["NavigateToPose"]) == []
-    assert len(found.graph.names) == 3
 
 
 def test_a_node_with_a_wide_tolerance_is_named():
