@@ -42,13 +42,6 @@ def _fields() -> Iterator[Item]:
         traits: dict[str, Any] = {"size": f"{width_m:.0f} x {height_m:.0f} m", "simulated": surrogate is not None}
         if surrogate is not None:
             traits["hours"] = surrogate.hours
-            cells, curve = place.grid().cells, surrogate.curve
-            values = surrogate.rate_at(cells) if curve is None else 100 * surrogate.vwc_at(cells)
-            low, high = np.quantile(values, [0.05, 0.95]).tolist()
-            if curve is None:
-                traits["rate"] = f"{low:.1f} to {high:.1f} counts/s"
-            else:
-                traits["moisture"] = f"{low:.0f} to {high:.0f} % by volume"
         yield _item(name, place.name, files.get(name), **traits)
 
 

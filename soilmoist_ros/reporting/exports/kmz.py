@@ -14,7 +14,7 @@ from soilmoist_ros.reporting.colours import colour_ramp, coloured_png
 from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import ExportedProperty, ExportSettings, RunSource
 from soilmoist_ros.reporting.exports.zones import shown_range
-from soilmoist_ros.reporting.page.frame import fill_template
+from soilmoist_ros.reporting.page.frame import render_page
 
 DATE_TIME = "%Y-%m-%dT%H:%M:%SZ"
 LONG_SIDE_PX = 1024
@@ -36,7 +36,7 @@ def _write_kmz(source: RunSource, one: ExportedProperty, path: Path) -> Path:
     label = f", {one.label}" if one.name else ""
     guessed = guess_text(one.calibration)
     (shape,) = to_crs([source.boundary], source.frame, CRS.from_epsg(4326))
-    text = fill_template(
+    text = render_page(
         "map.kml.j2", title=f"{source.title}{label}: {one.quantity.title.lower()}{guessed}",
         about=_in_words(source, one),
         survey=source.survey and [time.strftime(DATE_TIME) for time in source.survey], overlay=one.title, box=box,

@@ -33,7 +33,7 @@ from soilmoist_ros.reporting.exports.source import (
     transformed,
 )
 from soilmoist_ros.reporting.exports.zones import shown_range
-from soilmoist_ros.reporting.page.frame import fill_template
+from soilmoist_ros.reporting.page.frame import render_page
 
 FILE, PROJECT = "soilmoist.gpkg", "soilmoist"
 RAMP_ITEMS = 9
@@ -184,4 +184,4 @@ def _project(title: str, maps: Sequence[ExportedProperty], layers: Sequence[tupl
     height, width = first.values.shape
     x, y = transformed(first.transform, (-0.05 * width, 1.05 * width), (1.05 * height, -0.05 * height))
     extent = [repr(float(edge)) for edge in (x[0], y[0], x[1], y[1])]  # a tenth wider than the map
-    return fill_template("qgis.xml.j2", title=title, crs=first.crs, shown=shown, extent=extent)
+    return render_page("qgis.xml.j2", title=title, crs=first.crs, shown=shown, extent=extent)

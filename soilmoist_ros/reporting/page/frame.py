@@ -22,25 +22,9 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping import SurveysEstimate
 
 
-def render_page(
-    template: str, *, title: str, version: str, place: str = "", when: str = "", where: str = "",
-    simulated: bool = False, **content: Any,
-) -> str:  # fmt: skip
-    """Render a template that extends ``frame.html.j2``; blocks ``content`` and ``footer`` are its own.
-
-    :param place: field, for the title of the window
-    :param when: date and duration, below the heading
-    :param where: field, site and time of creation, below the date
-    :param simulated: whether the page says that no real field was measured
-    :param content: further variables of the template
-    """
-    frame = {"title": title, "version": version, "place": place, "when": when, "where": where}
-    return fill_template(template, **frame, simulated=simulated, **content)
-
-
-def fill_template(name: str, **content: Any) -> str:
-    """A file of ``templates`` filled with content, which is escaped for HTML and XML."""
-    return _environment().get_template(name).render(**content)
+def render_page(template: str, **content: Any) -> str:
+    """A template filled with content, which is escaped; ``frame.html.j2`` says what every page needs."""
+    return _environment().get_template(template).render(**content)
 
 
 @cache

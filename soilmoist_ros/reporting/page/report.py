@@ -310,7 +310,7 @@ def mission_part(run: MapRun) -> Part | None:
     forecasts, visits = forecast_chart(mission.forecasts, 3600 * mission.settings.hours), mission.visits
     return Part(
         text=_text(mission), charts=[*course_charts(mission), *([forecasts] if forecasts else [])],
-        visits=visits[:MAX_VISITS], hidden=max(len(visits) - MAX_VISITS, 0), several=len(mission.tracks) > 1,
+        visits=visits[:MAX_VISITS], stops=len(visits), several=len(mission.tracks) > 1,
         log=mission.log[:MAX_LINES],
     )  # fmt: skip
 

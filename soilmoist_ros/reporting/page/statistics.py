@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import Final, NamedTuple
-from weakref import WeakKeyDictionary
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +24,7 @@ from soilmoist_ros.mapping import (
 )
 from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.page.frame import volume
-from soilmoist_ros.sensing import MoistureCurve, SoilLimits
+from soilmoist_ros.sensing import SoilLimits
 
 Array = NDArray[np.float64]
 
@@ -34,8 +34,6 @@ MAX_SAMPLES = 1000
 MAX_CELLS, MAX_PAIRED_CELLS = 1500, 500
 INTERVAL_SD = 1.96
 """Half width of a 95 % interval, in standard deviations."""
-_MOISTURES: Final[WeakKeyDictionary[SoilMap, tuple[float, float | None]]] = WeakKeyDictionary()
-"""Results of :func:`_expected_moisture`."""
 
 
 class BandStatistics(NamedTuple):
@@ -208,6 +206,7 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     return math.sqrt(max(variance, 0.0))
 
 
+@lru_cache(maxsize=8)  # page and summary ask several times
 def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
     """Expected mean moisture and its standard deviation, by the covariances of the moistures of pairs of cells.
 
@@ -215,14 +214,8 @@ def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
     footprint most of it lies within the footprint, where no count shows it: the difference is then as uncertain as
     it is large. In simulated surveys of other people's surfaces the interval was too narrow without this.
     """
-    if soil_map.curve is None:
+    if (curve := soil_map.curve) is None:
         return math.nan, None
-    if soil_map not in _MOISTURES:  # page and summary ask several times
-        _MOISTURES[soil_map] = _mean_of_moistures(soil_map, soil_map.curve)
-    return _MOISTURES[soil_map]
-
-
-def _mean_of_moistures(soil_map: SoilMap, curve: MoistureCurve) -> tuple[float, float | None]:
     of_places = _of_places(soil_map)
     kriging = of_places or soil_map.kriging
     cells, rate, variance = _some_cells(soil_map, MAX_CELLS if of_places else sys.maxsize)

@@ -6,7 +6,7 @@
   const byId = (id) => document.getElementById(id);
   const data = JSON.parse(byId("map-data").textContent), [WEST, EAST, SOUTH, NORTH] = data.view;
   const box = byId("map"), canvas = box.querySelector("canvas"), pen = canvas.getContext("2d");
-  const NOTHING = 65535, MAX_ZOOM = 40, TAP_PX = 8, NEAR_PX = 12, STEP_MS = 900, DARK = "#1f2d38", FULL = 2 * Math.PI;
+  const NOTHING = 65535, MAX_ZOOM = 40, TAP_PX = 8, NEAR_PX = 12, DARK = "#1f2d38", FULL = 2 * Math.PI;
   const layers = {}, spreads = new Set();
   let shown = null, picture = null, hatching = [], now = data.labels ? data.labels.length - 1 : 0;
   let width = 0, height = 0, ratio = 1, scale = 1, centre = { x: 0, y: 0 }, whole = 1, place = null;
@@ -401,7 +401,6 @@
 
   // ---- surveys of a season: a slider over them, and the course at the place
   const slider = byId("when");
-  let timer = null;
   function survey(number) {
     now = number;
     slider.value = String(now);
@@ -410,12 +409,6 @@
     document.querySelectorAll("#surveys tbody tr").forEach((row, i) => { row.className = i === now ? "now" : ""; });
     select(shown.key);
     if (place) { read(); }
-  }
-  function play(on) {
-    window.clearInterval(timer);
-    timer = on ? window.setInterval(() => now === data.labels.length - 1 ? play(false) : survey(now + 1), STEP_MS) : null;
-    byId("play").textContent = on ? "\u23f8" : "\u25b6";
-    byId("play").setAttribute("aria-label", on ? "Pause" : "Play the season");
   }
   function course() {
     const layer = data.layers[0], to = byId("course-here"), cell = cellAt(layer, place.x, place.y);
@@ -444,11 +437,7 @@
   }
   resize();
   if (data.labels) {
-    slider.addEventListener("input", () => { play(false); survey(Number(slider.value)); });
-    byId("play").addEventListener("click", function () {
-      if (!timer && now === data.labels.length - 1) { survey(0); }
-      play(!timer);
-    });
+    slider.addEventListener("input", () => survey(Number(slider.value)));
     survey(now);
   }
 }());
