@@ -440,7 +440,7 @@ def aimed(kind: str, name: str, seeds: Sequence[int], surfaces: Path | None) -> 
         then = result.series[bisect([row.time_s for row in result.series], end_s) - 1]
         last = mine.series[-1]
         first = next(one for one in mine.forecasts if one.time_s >= 0.25 * last.time_s).forecast
-        soonest_s, latest_s = first.reaching.times_s[1:]
+        soonest_s, latest_s = first.reaching.times_s[1:] or (None, None)
         inside = (soonest_s or 0.0) <= 0.75 * last.time_s <= (latest_s or limit_s)
         figures.append((end_s, last.time_s, then.mse, last.mse, then.distance_m, last.distance_m, inside))
     mean, ratio = np.mean(figures, axis=0), np.array(figures)[:, 1] - np.array(figures)[:, 0]

@@ -73,11 +73,11 @@ class Reaching:
         """When the aim is met, or by how much it is missed, in words."""
         aim = Aim.parse(self.aim)
         about = f"{self._demanded(aim)} {self._about(aim)}"
+        if self.is_met:
+            return f"{about}: reached"
         if not self.times_s:
             return f"{about}: when is not known yet"
         when_s, soonest_s, latest_s = self.times_s
-        if self.is_met:
-            return f"{about}: reached"
         if when_s is None:
             side = "too little" if aim.kind == "zone" else "too much"
             lack = f"{100 * abs(self.end[0] - aim.value):.1f} percentage points {side}"
@@ -296,10 +296,14 @@ class Forecaster:
             return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope, expected, aim)
         counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
         share = min(max(counted_s / used_s, _MIN_SHARE), robots) if used_s > 0 else 1.0
-        if used_s < EXPLORING * (used_s + left_s):
+        if early := used_s < EXPLORING * (used_s + left_s):
             of = replace(of, thresholds=None)
         hidden = self._hidden(of) if used_s >= UNIFORM_FROM * (used_s + left_s) else None
-        return map_forecast(of, self._cells_xy, left_s, share, hidden, aim, by_person)
+        found = map_forecast(of, self._cells_xy, left_s, share, hidden, aim, by_person)
+        if early and aim is not None and aim.kind == "zone" and (reaching := found.reaching) is not None:
+            end = (reaching.now,) * 3  # the end was less certain by 8 percentage points than forecast so early
+            found = replace(found, reaching=replace(reaching, end=end, times_s=()))
+        return found
 
     def achieved(self, of: Property, aim: Aim | None = None) -> Forecast | None:
         """Standard deviation of the map now, ``None`` without a map."""
@@ -367,15 +371,12 @@ def prior_forecast(
     """
     prior = None if expected is None else expected.prior
     if expected is None:
-        sill = (Prior.GUESSED_VARIATION * rate_cps) ** 2
+        sill, nugget = (Prior.GUESSED_VARIATION * rate_cps) ** 2, Prior.GUESSED_NUGGET
         range_m = extent_m / 3 / correlation_model("matern32").practical
-        nugget = Prior.GUESSED_NUGGET
         variogram = Variogram("matern32", nugget * sill, range_m, (1 + nugget) * sill)
     else:
         variogram = expected.variogram
-    covariance = sample_correlation(variogram, cells_xy)
-    covariance += 1  # the mean is as unknown as the places
-    covariance *= variogram.structured_sill
+    covariance = (sample_correlation(variogram, cells_xy) + 1) * variogram.structured_sill  # the mean is unknown
     if prior is not None:
         at = prior.at(cells_xy)
         covariance += prior.covariance(at, at)
@@ -440,8 +441,7 @@ class _Curve:
 
     def _factor(self, after_s: float) -> float:
         """Band about the standard deviation after some mission time."""
-        growth = math.log(self._growth(after_s))
-        spread, most = self._spread
+        growth, (spread, most) = math.log(self._growth(after_s)), self._spread
         return math.exp(growth / (spread + most * growth))
 
     def _growth(self, after_s: float) -> float:

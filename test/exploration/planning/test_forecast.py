@@ -64,6 +64,9 @@ def test_when_an_aim_is_met_in_words():
 def test_only_a_map_tells_when_the_zones_are_right():
     early = prior_forecast(CELLS, 60.0, 4.0, 3600.0, aim=Aim("zone", 0.8)).reaching
     assert (early.text, early.is_met) == ("80 % of the zones right: when is not known yet", False)
+    maker = Forecaster(CELLS, GRID.extent_m, 4.0)
+    found = [maker.forecast(mapped(), used_s, 3600.0 - used_s, aim=Aim("zone", 0.99)) for used_s in (850.0, 950.0)]
+    assert [len(one.reaching.times_s) for one in found] == [0, 3], "early it would be too optimistic"
 
 
 def test_a_decision_is_not_made_by_thresholds_that_the_field_does_not_have():
@@ -216,11 +219,8 @@ def test_forecasts_are_not_made_more_often_than_useful():
     assert maker.forecast(of, 130.0, 3470.0) is None
     assert maker.forecast(of, 160.0, 3440.0) is not None
     assert maker.forecast(of, 3600.0, 0.0) is None, "nothing is left to forecast"
-    guess = Forecaster(CELLS, GRID.extent_m, 4.0).forecast(
-        Property(FieldMap(GRID, FieldMapSettings())), 0.0, 3600.0
-    )
-    assert guess is not None
-    assert guess.is_guess
+    nothing = Property(FieldMap(GRID))
+    assert Forecaster(CELLS, GRID.extent_m, 4.0).forecast(nothing, 0.0, 3600.0).is_guess
 
 
 def test_a_uniform_field_is_told_after_a_fifth_of_the_time_and_never_again_once_it_varies():
