@@ -45,7 +45,7 @@ from soilmoist_ros.mapping import Samples
 from soilmoist_ros.recording import (
     COUNT_DATUM,
     COUNT_POINT,
-    SAMPLE_POINT,
+    SAMPLE_AREA,
     SAMPLE_SPREAD,
     count_points,
     count_records,
@@ -123,13 +123,10 @@ def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) 
 
 
 def samples_from_message(message: PointCloud2) -> Samples:
-    """Samples of a message, points if it has no spreads; ``ValueError`` if a field or value is impossible."""
-    given = [field.name for field in message.fields]
-    known = [name for name in SAMPLE_SPREAD if name in given]  # messages of earlier versions have no footprint
-    kind = np.dtype([*SAMPLE_POINT.descr, *((name, "<f4") for name in known)])
-    points = points_from_message(message, kind).ravel()
+    """Samples of a message; ``ValueError`` if a field or value is impossible."""
+    points = points_from_message(message, SAMPLE_AREA).ravel()
     xy = np.column_stack([points["x"], points["y"]])
-    spread = np.column_stack([points[name] for name in known]) if known else np.zeros(4)
+    spread = np.column_stack([points[name] for name in SAMPLE_SPREAD])
     return Samples(xy, points["raw_counts"], points["effective_exposure_s"], spread)
 
 

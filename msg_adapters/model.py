@@ -26,9 +26,12 @@ from soilmoist_ros.mapping import (
     VariogramFit,
 )
 
+_VARIOGRAM: Final = ("model", "nugget", "range_m", "sill", "anisotropy", "angle_deg")
 _ARRAYS: Final = ("lag_m", "gamma", "weight", "edges_m")
-_SAMPLES: Final = ("x", "y", "raw_counts", "effective_exposure_s", "spread_xx", "spread_xy", "spread_yy", "time_s")
-_RADIUS: Final = "footprint_radius_m"
+_SAMPLES: Final = (
+    "x", "y", "raw_counts", "effective_exposure_s", "spread_xx", "spread_xy", "spread_yy", "time_s",
+    "footprint_radius_m",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -36,8 +39,7 @@ class Model:
     """Content of a message.
 
     :param fit: the variogram and how it was fitted, ``None`` before the first fit
-    :param cell_m: cell size of the map [m]; field and cell size define the map's grid, see :meth:`Field.grid`;
-        ``None`` in models of earlier versions
+    :param cell_m: cell size of the map [m]; field and cell size define the map's grid, see :meth:`Field.grid`
     :param changing: the drift of the mean rate that the map allows for, up to ``stamp_s``, with the samples by
         place and time that the map is made of; ``None`` without a drift
     :param dose_basis: see :meth:`soilmoist_ros.pipeline.FieldSurvey.dose_basis`
@@ -45,7 +47,7 @@ class Model:
 
     fit: VariogramFit | None
     stamp_s: float
-    cell_m: float | None = None
+    cell_m: float
     changing: Changing | None = None
     dose_basis: Mapping[str, Any] | None = None
 
@@ -76,10 +78,7 @@ def _plain(model: Model) -> dict[str, Any]:
     if fit is None:
         return {"model": None, "n_samples": 0, "stamp_s": model.stamp_s, "cell_m": model.cell_m}
     return {
-        "model": fit.variogram.model,
-        "nugget": fit.variogram.nugget,
-        "range_m": fit.variogram.range_m,
-        "sill": fit.variogram.sill,
+        **{name: getattr(fit.variogram, name) for name in _VARIOGRAM},
         "mean_rate": _number(fit.mean_rate),
         "method": fit.method,
         "converged": bool(fit.converged),
@@ -91,8 +90,6 @@ def _plain(model: Model) -> dict[str, Any]:
         "log_sd": None if fit.log_sd is None else [_number(value) for value in fit.log_sd],
         "prior_share": [_number(value) for value in fit.prior_share],
         **{name: [_number(value) for value in getattr(fit, name)] for name in _ARRAYS},
-        "anisotropy": fit.variogram.anisotropy,
-        "angle_deg": fit.variogram.angle_deg,
         "cell_m": model.cell_m,
         "local_rate": None if fit.local_rate is None else _plain_rate(fit.local_rate),
         **_plain_drift(model.changing),
@@ -107,7 +104,7 @@ def _plain_drift(changing: Changing | None) -> dict[str, Any]:
     samples = changing.timed.samples
     *path, radius_m = samples.spread.T
     columns = (*samples.xy.T, samples.counts, samples.exposure_s, *path, changing.timed.time_s, radius_m)
-    table = {name: column.tolist() for name, column in zip((*_SAMPLES, _RADIUS), columns, strict=True)}
+    table = {name: column.tolist() for name, column in zip(_SAMPLES, columns, strict=True)}
     return {"drift": {**asdict(changing.change.drift), "samples": table}}
 
 
@@ -122,23 +119,14 @@ def _model(content: Mapping[str, Any]) -> Model:
     stamp_s = float(content["stamp_s"])
     if not math.isfinite(stamp_s):
         raise ValueError(f"stamp_s must be finite, got {stamp_s}")
-    cell_m = None if content.get("cell_m") is None else float(content["cell_m"])
-    if cell_m is not None and not 0 < cell_m < math.inf:
+    cell_m = float(content["cell_m"])
+    if not 0 < cell_m < math.inf:
         raise ValueError(f"cell_m must be > 0 and finite, got {cell_m}")
     if content["model"] is None:
         return Model(None, stamp_s, cell_m)
     if content["method"] not in ("reml", "soft_l1"):
         raise ValueError(f"unknown method {content['method']!r}; known are reml, soft_l1")
-    # In models of earlier versions, the variance could differ from place to place, about that of one variogram.
-    same = content["local"]["stationary"] if content.get("local") else content
-    variogram = Variogram(
-        content["model"],
-        same["nugget"],
-        same["range_m"],
-        same["sill"],
-        content.get("anisotropy", 1.0),  # models of earlier versions have no direction
-        content.get("angle_deg", 0.0),
-    )
+    variogram = Variogram(*(content[name] for name in _VARIOGRAM))
     fit = VariogramFit(
         variogram,
         content["method"],
@@ -153,14 +141,14 @@ def _model(content: Mapping[str, Any]) -> Model:
         _array(content["gamma"]),
         _array(content["weight"]),
         _array(content["edges_m"]),
-        _local_rate(variogram, content.get("local_rate")),
-        other_fields=str(content.get("other_fields", "")),
+        local_rate=_local_rate(variogram, content["local_rate"]),
+        other_fields=str(content["other_fields"]),
     )
     return Model(fit, stamp_s, cell_m, _changing(content.get("drift"), stamp_s), content.get("dose_basis"))
 
 
 def _changing(content: Mapping[str, Any] | None, stamp_s: float) -> Changing | None:
-    """The drift and its samples; models of earlier versions have none."""
+    """The drift and its samples."""
     if content is None:
         return None
     times_s, shares, *components = map(_array, (content["times_s"], content["shares"], *content["components"]))
@@ -171,9 +159,9 @@ def _changing(content: Mapping[str, Any] | None, stamp_s: float) -> Changing | N
         _numbers(shares),
         tuple(map(_numbers, components)),
     )
-    x, y, counts, exposure_s, xx, xy, yy, time_s = (_array(content["samples"][name]) for name in _SAMPLES)
-    radius_m = _array(content["samples"].get(_RADIUS, [0.0] * len(x)))  # models of earlier versions have none
-    whole = len({len(column) for column in (x, y, counts, exposure_s, xx, xy, yy, time_s, radius_m)}) == 1
+    columns = [_array(content["samples"][name]) for name in _SAMPLES]
+    x, y, counts, exposure_s, xx, xy, yy, time_s, radius_m = columns
+    whole = len({len(column) for column in columns}) == 1
     whole &= len({len(column) for column in (times_s, shares, *components)}) == 1
     sound = np.isfinite([*time_s, *times_s, *shares, *np.ravel(components if whole else ())]).all()
     if not (whole and sound and len(x) and len(times_s) and (np.diff(times_s) > 0).all()):
@@ -183,7 +171,7 @@ def _changing(content: Mapping[str, Any] | None, stamp_s: float) -> Changing | N
 
 
 def _local_rate(variogram: Variogram, content: Mapping[str, Any] | None) -> LocalRate | None:
-    """The rate in the noise of the samples; models of earlier versions have the mean rate only."""
+    """The rate in the noise of the samples, ``None`` for the mean rate."""
     if content is None:
         return None
     x, y, coefficients = (_array(content[name]) for name in ("x", "y", "coefficients"))

@@ -19,9 +19,8 @@ from std_msgs.msg import Header
 
 from msg_adapters.point_cloud import FRAME, points_from_message, points_to_message, to_time
 from soilmoist_ros.exploration import KeepoutMask
-from soilmoist_ros.mapping import CELL, Bands, FieldGrid, SoilMap, map_cells
+from soilmoist_ros.mapping import CELL, FieldGrid, SoilMap, map_cells
 
-_ADDED: Final = Bands._fields[4:]
 OUTSIDE: Final = -1  # uncertainty of a cell outside the field
 KEEPOUT_TYPE: Final = 0  # number of the keep-out filter among the filters of Nav2
 
@@ -36,17 +35,9 @@ def soil_map_to_message(
 def soil_map_from_message(message: PointCloud2) -> NDArray[Any]:
     """Cells of a message: array of :data:`CELL`, shape (rows, columns), NaN outside the field.
 
-    Maps of earlier versions have no quantiles; these are NaN.
-
-    :raises ValueError: if another field is missing
+    :raises ValueError: if a field is missing
     """
-    names = {field.name for field in message.fields}
-    known = np.dtype([(name, "<f4") for name in CELL.names or () if name in names or name not in _ADDED])
-    cells = np.full((message.height, message.width), np.nan, CELL)
-    found = points_from_message(message, known)
-    for name in known.names or ():
-        cells[name] = found[name]
-    return cells
+    return points_from_message(message, CELL)
 
 
 def uncertainty_to_message(

@@ -140,7 +140,7 @@ class MapLayers:
 
 def live_dose(
     field: Field,
-    cell_m: float | None,
+    cell_m: float,
     cells: NDArray[Any],
     samples: Samples,
     fit: VariogramFit,

@@ -19,7 +19,7 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.recording.bag.info import info_table as info_table, plain_text as plain_text, print_plain as print_plain, recovery_table as recovery_table, verified_table as verified_table
-    from soilmoist_ros.recording.bag.messages import CLOUD as CLOUD, COUNT_DATUM as COUNT_DATUM, COUNT_POINT as COUNT_POINT, DATATYPES as DATATYPES, FRAME as FRAME, QUARANTINED as QUARANTINED, REASON as REASON, REASONS as REASONS, SAMPLE_POINT as SAMPLE_POINT, SAMPLE_SPREAD as SAMPLE_SPREAD, STAMP_OFFSET as STAMP_OFFSET, VISIT as VISIT, count_points as count_points, count_records as count_records, line_bytes as line_bytes, line_text as line_text, points as points, quarantined_topic as quarantined_topic, sample_points as sample_points, stamp_parts as stamp_parts, visit_of as visit_of, visit_values as visit_values
+    from soilmoist_ros.recording.bag.messages import CLOUD as CLOUD, COUNT_DATUM as COUNT_DATUM, COUNT_POINT as COUNT_POINT, DATATYPES as DATATYPES, FRAME as FRAME, QUARANTINED as QUARANTINED, REASON as REASON, REASONS as REASONS, SAMPLE_AREA as SAMPLE_AREA, SAMPLE_SPREAD as SAMPLE_SPREAD, STAMP_OFFSET as STAMP_OFFSET, VISIT as VISIT, count_points as count_points, count_records as count_records, line_bytes as line_bytes, line_text as line_text, points as points, quarantined_topic as quarantined_topic, sample_points as sample_points, stamp_parts as stamp_parts, visit_of as visit_of, visit_values as visit_values
     from soilmoist_ros.recording.bag.metadata import Qos as Qos, Request as Request, Topic as Topic, find_definition as find_definition, request_for as request_for
     from soilmoist_ros.recording.bag.plain_topics import PlainTopics as PlainTopics
     from soilmoist_ros.recording.bag.playback import INPUTS as INPUTS, Pacer as Pacer, Playback as Playback, TopicChoice as TopicChoice
@@ -40,7 +40,7 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "bag.info": "info_table plain_text print_plain recovery_table verified_table",
-        "bag.messages": "CLOUD COUNT_DATUM COUNT_POINT DATATYPES FRAME QUARANTINED REASON REASONS SAMPLE_POINT SAMPLE_SPREAD STAMP_OFFSET VISIT count_points count_records line_bytes line_text points quarantined_topic sample_points stamp_parts visit_of visit_values",
+        "bag.messages": "CLOUD COUNT_DATUM COUNT_POINT DATATYPES FRAME QUARANTINED REASON REASONS SAMPLE_AREA SAMPLE_SPREAD STAMP_OFFSET VISIT count_points count_records line_bytes line_text points quarantined_topic sample_points stamp_parts visit_of visit_values",
         "bag.metadata": "Qos Request Topic find_definition request_for",
         "bag.plain_topics": "PlainTopics",
         "bag.playback": "INPUTS Pacer Playback TopicChoice",

@@ -22,7 +22,7 @@ from msg_adapters.counts import (
     samples_from_message,
     samples_to_message,
 )
-from msg_adapters.point_cloud import OtherFrameError, points_to_message, require_frame, to_seconds
+from msg_adapters.point_cloud import OtherFrameError, require_frame, to_seconds
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.mapping.samples import path_spread
 from soilmoist_ros.recording import line_bytes
@@ -152,18 +152,6 @@ def test_samples_of_another_kind_are_refused():
     message.data = data[:-4] + np.float32(-1).tobytes()
     with pytest.raises(ValueError, match="spread must be the second moments"):
         samples_from_message(message)
-
-
-def test_samples_without_spreads_are_points():
-    samples = columns([[1, 2, 3, 10.0], [4, 5, 6, 10.0]], [4.0, 1.0, 2.0])
-    counted = [("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
-    points = np.zeros(2, [*((name, "<f4") for name in "xyz"), *counted])
-    points["x"], points["y"] = samples.xy.T
-    points["raw_counts"], points["effective_exposure_s"] = samples.counts, samples.exposure_s
-    found = samples_from_message(points_to_message(points, 0.0))
-    np.testing.assert_array_equal(found.xy, samples.xy)
-    np.testing.assert_array_equal(found.counts, samples.counts)
-    np.testing.assert_array_equal(found.spread, np.zeros((2, 4)))
 
 
 # Bytes of devices over the wire ---------------------------------------------------------------------------------

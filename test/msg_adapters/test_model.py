@@ -74,23 +74,13 @@ def test_a_local_rate_comes_back_exactly():
     rng = np.random.default_rng(1)
     xy = rng.uniform(0, 50, (9, 2))
     fit = estimate_variogram(xy, rng.poisson(400, 9), np.full(9, 100.0), local_noise=True)
-    content = model_to_message(Model(fit, 0.0))
+    content = model_to_message(Model(fit, 0.0, 2.0))
     found = model_from_message(content).fit
     np.testing.assert_array_equal(found.local_rate(xy), fit.local_rate(xy), strict=True)
-    old = {name: value for name, value in json.loads(content.data).items() if name != "local_rate"}
-    assert model_from_message(String(data=json.dumps(old))).fit.local_rate is None
-    broken = {**old, "local_rate": {"mean": 4.0, "least": 0.4, "x": [1.0], "y": [], "coefficients": [0.1]}}
+    rate = {"mean": 4.0, "least": 0.4, "x": [1.0], "y": [], "coefficients": [0.1]}
+    broken = {**json.loads(content.data), "local_rate": rate}
     with pytest.raises(ValueError, match="local_rate must have finite pools"):
         model_from_message(String(data=json.dumps(broken)))
-
-
-def test_a_model_of_an_earlier_version_has_one_variance():
-    """There the variance could differ from place to place; the rate in the noise is of the variogram without."""
-    fit = estimate_variogram([(0, 0), (9, 0)], [400, 500], [100.0, 100.0], local_noise=True)
-    content = json.loads(model_to_message(Model(fit, 0.0)).data)
-    stationary = {name: content[name] for name in ("nugget", "range_m", "sill")}
-    old = {**content, "sill": 2.0 * content["sill"], "local": {"stationary": stationary, "amplitude": {}}}
-    assert model_from_message(String(data=json.dumps(old))).fit.variogram == fit.variogram
 
 
 def drifting(is_jump=False):
@@ -116,7 +106,7 @@ def test_a_drift_and_its_samples_come_back_exactly(is_jump):
         np.testing.assert_array_equal(value, wanted, strict=True)
 
 
-def test_without_a_drift_the_message_is_that_of_earlier_versions():
+def test_without_a_drift_the_message_has_none():
     fit, changing = drifting()
     with_drift, without = (
         json.loads(model_to_message(Model(fit, 1.0, 2.5, each)).data) for each in (changing, None)
@@ -159,7 +149,7 @@ def good(**changes):
     nothing = np.empty(0)
     variogram = Variogram("matern32", 0.1, 20.0, 1.0)
     fit = VariogramFit(variogram, "reml", 4.0, 3, -1.0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), True, "", *4 * [nothing])
-    return json.dumps({**json.loads(model_to_message(Model(fit, 1.0)).data), **changes})
+    return json.dumps({**json.loads(model_to_message(Model(fit, 1.0, 2.0)).data), **changes})
 
 
 @pytest.mark.parametrize(
@@ -169,7 +159,7 @@ def good(**changes):
         ("[" * 100_000, "the model is not JSON"),
         ("[1]", "the model is not a JSON object"),
         ("{}", "the model has no key 'stamp_s'"),
-        ('{"stamp_s": 1}', "the model has no key 'model'"),
+        ('{"stamp_s": 1, "cell_m": 2}', "the model has no key 'model'"),
         (good(model="cubic"), "there is no variogram model 'cubic'"),
         (good(range_m=0), "range_m must be > 0"),
         (good(nugget=math.inf), "nugget must be finite"),
@@ -183,10 +173,3 @@ def good(**changes):
 def test_what_is_no_model_is_refused(text, message):
     with pytest.raises(ValueError, match=message):
         model_from_message(String(data=text))
-
-
-def test_models_of_earlier_versions_have_no_direction():
-    content = json.loads(good(anisotropy=4.0, angle_deg=30.0))
-    assert model_from_message(String(data=json.dumps(content))).fit.variogram.anisotropy == 4
-    del content["anisotropy"], content["angle_deg"]
-    assert model_from_message(String(data=json.dumps(content))).fit.variogram.anisotropy == 1

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.lib.recfunctions import repack_fields
 
 pytest.importorskip("rclpy")
 pytest.importorskip("nav_msgs")
@@ -16,10 +15,9 @@ from nav_msgs.msg import OccupancyGrid
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.point_cloud import points_to_message, to_seconds
+from msg_adapters.point_cloud import to_seconds
 from msg_adapters.soil_map import (
     OUTSIDE,
-    Bands,
     filter_info,
     mask_to_message,
     soil_map_from_message,
@@ -27,7 +25,7 @@ from msg_adapters.soil_map import (
     uncertainty_to_message,
 )
 from soilmoist_ros.exploration.guard.fence import KeepoutMask
-from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map, map_cells
+from soilmoist_ros.mapping import Bands, FieldGrid, Samples, Variogram, make_soil_map, map_cells
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 STAMP_S = 1780000000.1234567
@@ -107,16 +105,6 @@ def test_rows_run_from_south_to_north_and_columns_from_west_to_east():
     message = uncertainty_to_message(grid, soil_map, 0.0)
     assert message.data[0] == 0
     assert list(message.data) == sorted(message.data)
-
-
-def test_maps_of_earlier_versions_have_no_quantiles():
-    grid = rectangle(0.0, 0.0, 6, 5, 1.0)
-    soil_map = a_map(grid, CalibrationCurve(6.0, 1.4))
-    old = map_cells(grid, soil_map)[["x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd"]]
-    cells = soil_map_from_message(points_to_message(repack_fields(old), STAMP_S))
-    np.testing.assert_array_equal(cells["vwc"], soil_map.vwc.astype(np.float32))
-    assert np.isnan(cells["vwc_p05"]).all()
-    assert np.isnan(cells["vwc_p95"]).all()
 
 
 def test_before_the_first_map_nothing_is_known():

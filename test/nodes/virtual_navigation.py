@@ -151,7 +151,7 @@ class World:
             (0.0, 0.0, 0.0), True, "", nothing, nothing, nothing, nothing,
         )  # fmt: skip
         self.samples.publish(samples_to_message(samples, self.now_s))
-        self.model.publish(model_to_message(Model(fit, self.now_s)))
+        self.model.publish(model_to_message(Model(fit, self.now_s, 2.0)))
 
 
 class VirtualNavigation:

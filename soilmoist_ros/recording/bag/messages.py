@@ -173,16 +173,16 @@ def count_points(
 # Samples as points, in the plane z = 0 ---------------------------------------------------------------------------
 
 # Viewers read x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
-SAMPLE_POINT: Final = np.dtype(
-    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
-)
 SAMPLE_SPREAD: Final = ("spread_xx", "spread_xy", "spread_yy", "footprint_radius_m")
-_AREA: Final = np.dtype([*SAMPLE_POINT.descr, *((name, "<f4") for name in SAMPLE_SPREAD)])
+SAMPLE_AREA: Final = np.dtype([
+    *((name, "<f4") for name in "xyz"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8"),
+    *((name, "<f4") for name in SAMPLE_SPREAD),
+])  # fmt: skip
 
 
 def sample_points(samples: Samples) -> NDArray[Any]:
     """Points of a message of ``samples``, shape (n,)."""
-    table = np.zeros(len(samples), _AREA)
+    table = np.zeros(len(samples), SAMPLE_AREA)
     table["x"], table["y"] = samples.xy.T
     table["raw_counts"] = samples.counts
     table["effective_exposure_s"] = samples.exposure_s
