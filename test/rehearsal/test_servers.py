@@ -14,11 +14,9 @@ from rehearsal.servers import (
     GoalOver,
     Misled,
     Status,
-    graph_route,
     straight_route,
 )
 from rehearsal.world import Receiver
-from soilmoist_ros.exploration import Stop, TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 
@@ -82,25 +80,6 @@ def test_a_dead_server_says_nothing(fault, moved_m):
     assert drive(server, robot, 4, 20) == []
     assert not server.present(10.0)
     assert robot.place[0] == pytest.approx(moved_m, abs=1.0)
-
-
-def test_a_new_goal_replaces_the_old():
-    robot, server = served()
-    server.send((50.0, 0.0), 0.0)
-    server.send((0.0, 10.0), 3.0)
-    assert server.replaced == 1
-    assert GoalOver(1, Status.ABORTED, False) in drive(server, robot, 3, 20)
-    assert robot.place == (0.0, 10.0)
-
-
-def test_routes_on_a_graph():
-    stops = [Stop("a", 0, 0), Stop("b", 10, 0), Stop("c", 10, 10)]
-    graph = TravelGraph.from_edges(stops, [("a", "b"), ("b", "c"), ("c", "b"), ("b", "a")])
-    route = graph_route(graph)
-    assert route((0.0, 1.0), "c") == [(0, 0), (10, 0), (10, 10)]
-    assert route((3.0, 0.0), "c") == [(10, 0), (10, 10)]
-    assert route((0.0, 0.0), "a") is None
-    assert route((0.0, 0.0), "nowhere") is None
 
 
 def test_a_confirmed_cancellation_without_a_result_is_not_the_end():

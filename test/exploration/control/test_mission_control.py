@@ -107,10 +107,14 @@ class Around(StandIn):
         self.control.samples(samples, self.time_s)
         self.control.fit(fit, self.time_s)
 
-    def begin(self):
+    def ready(self, graph=None):
         self.time_s = 1000.0
-        self.control.use_graph(None)
+        self.control.use_graph(graph)
         self.control.fix((1.0, 1.0))
+        return self
+
+    def begin(self):
+        self.ready()
         assert self.control.command(Verb.START).accepted
         self.planned()
 
@@ -169,9 +173,7 @@ def test_goals_and_places_reach_the_navigation_in_its_own_frame():
     around, ways, places = Around(frames=frames), [], []
     around.go = lambda _, stop, way: ways.append((stop, way))
     around.moved = lambda place, *_: places.append(place)
-    around.time_s = 1000.0
-    around.control.use_graph(None)
-    around.control.fix((1.0, 1.0))
+    around.ready()
     assert "the navigation's datum" in around.control.command(Verb.START).message
     assert not places
     frames.waiting_for, frames.move = "", PlaneMove(math.pi / 2, (100.0, 0.0))
@@ -207,74 +209,62 @@ def test_closing_stops_the_robot_and_nothing_follows():
     assert around.goals[-1] == (goal_id, None)
 
 
-def test_people_are_warned_before_a_robot_moves_that_stood_by_order():
-    around = Around(delay_s=5.0, budget_s=3600.0)
+def warned(**more):
+    around = Around(delay_s=5.0, budget_s=3600.0, **more)
     around.begin()
     assert (around.goals, around.control.about_to_move) == ([], True)
-    around.time_s += 4.9
+    return around
+
+
+def after(around, seconds):
+    """The goals that are sent until so much later."""
+    around.time_s += seconds
     around.control.tick()
-    assert around.goals == []
+    return around.goals
+
+
+def test_people_are_warned_before_a_robot_moves_that_stood_by_order():
+    around = warned()
+    assert after(around, 4.9) == []
     assert around.control.command(Verb.PAUSE).accepted
     assert (around.status.phase, around.control.about_to_move) == (Phase.PAUSED, False)
-    around.time_s += 60.0
-    around.control.tick()
-    assert around.goals == [], "what was announced and cancelled is never sent"
+    assert after(around, 60.0) == [], "what was announced and cancelled is never sent"
     assert around.control.command(Verb.RESUME).accepted
     around.planned()
-    around.time_s += 5.0
-    around.control.tick()
-    [(_, stop)] = around.goals
-    assert stop == around.status.target
-    assert not around.control.about_to_move
+    [(_, stop)] = after(around, 5.0)
+    assert (stop, around.control.about_to_move) == (around.status.target, False)
     around.arrive()
     around.count()
     around.map()
     around.planned()
     assert len(around.goals) == 2, "no warning between stops"
     assert around.goals[-1][1] is not None
-    around.control.close()
 
 
 @pytest.mark.parametrize("verb", [Verb.SKIP, Verb.RETURN])
 def test_another_order_during_the_warning_waits_for_the_rest_of_it(verb):
-    around = Around(delay_s=5.0, budget_s=3600.0, home="r5c5")
-    around.begin()
-    around.time_s += 3.0
-    around.control.tick()
+    around = warned(home="r5c5")
+    after(around, 3.0)
     assert around.control.command(verb).accepted
     around.planned()
-    around.time_s += 1.9
-    around.control.tick()
-    assert (around.goals, around.control.about_to_move) == ([], True)
-    around.time_s += 0.1
-    around.control.tick()
-    assert len(around.goals) == 1
-    around.control.close()
+    assert (after(around, 1.9), around.control.about_to_move) == ([], True)
+    assert len(after(around, 0.1)) == 1
 
 
 def test_a_resume_right_after_the_pause_is_warned_of():
-    around = Around(delay_s=5.0, budget_s=3600.0)
-    around.begin()
-    around.time_s += 5.0
-    around.control.tick()
-    ((goal_id, _),) = around.goals
+    around = warned()
+    ((goal_id, _),) = after(around, 5.0)
     assert around.control.command(Verb.PAUSE).accepted
     around.control.ended(Ended(goal_id, Outcome.CANCELED, ""))
-    assert around.status.phase is Phase.PAUSED
     assert around.control.command(Verb.RESUME).accepted  # before any tick
     around.planned()
-    assert around.goals[-1] == (goal_id, None)
-    assert around.control.about_to_move
-    around.control.close()
+    assert (around.goals[-1], around.control.about_to_move) == ((goal_id, None), True)
 
 
 def test_closing_sends_nothing_that_was_only_announced():
-    around = Around(delay_s=5.0)
-    around.begin()
+    around = warned()
     around.control.close()
-    around.time_s += 10.0
-    around.control.tick()
-    assert around.goals == []
+    assert after(around, 10.0) == []
 
 
 def test_of_two_robots_with_one_target_the_later_in_order_gives_way():
@@ -327,12 +317,9 @@ def test_the_status_shows_places_of_the_last_seconds():
 
 def test_a_person_on_the_way_is_led_to_the_next_bend():
     around, shown = Around(strategy="random", by_person=True), []
-    around.time_s = 1000.0
     corners = {"a": (1.0, 1.0), "b": (10.0, 1.0), "c": (10.0, 12.0)}
-    around.control.use_graph(
-        TravelGraph.from_edges([Stop(name, *xy) for name, xy in corners.items()], ["ab", "ba", "bc", "cb"])
-    )
-    around.control.fix((1.0, 1.0))
+    stops = [Stop(name, *xy) for name, xy in corners.items()]
+    around.ready(TravelGraph.from_edges(stops, ["ab", "ba", "bc", "cb"]))
     assert around.control.command(Verb.START).accepted
     around.planned()
     while around.status.target.name != "c":

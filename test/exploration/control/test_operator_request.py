@@ -259,9 +259,7 @@ def surveys(changes, settings):
 
 def test_a_field_and_earlier_runs_are_chosen_between_missions():
     around = Around(budget_s=3600.0, surveys=surveys)
-    around.time_s = 1000.0
-    around.control.use_graph(None)
-    around.control.fix((1.0, 1.0))
+    around.ready()
     stops = len(around.control._access.stops)
     for wrong, words in (({"field": "elsewhere"}, "datum"), ({"earlier": ("gone",)}, "gone")):
         reply = ask(around, "change", **wrong)
@@ -287,9 +285,7 @@ def test_a_field_and_earlier_runs_are_chosen_between_missions():
 
 def test_an_idle_mission_says_why_it_would_not_start():
     around = Around()
-    around.time_s = 1000.0
-    around.control.use_graph(None)
-    around.control.fix((1.0, 1.0))
+    around.ready()
     assert around.control.dangers == ""
     around.control.emergency(True, "/emergency_stop")
     around.control._feed.give(Alarm(1000.0, "battery", Response.RETURN, "the battery has 9 %"))

@@ -154,8 +154,7 @@ def test_fixes_that_repeat_in_one_short_goal_after_the_other_are_frozen(farm):
 def test_a_receiver_may_hold_the_place_of_a_robot_that_has_arrived(farm):
     farm.run(lambda: farm.way_m < 2)
     farm.move = lambda: None  # the navigation has not said so yet
-    farm.pass_by(40)
-    assert "fix_frozen" not in farm.alarms
+    assert farm.pass_by(40).status.phase is Phase.TRAVELLING
 
 
 def test_frozen_fixes_wait_for_an_operator(farm):

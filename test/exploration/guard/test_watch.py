@@ -28,7 +28,7 @@ class Observed:
         self.alarms, self.overs, self.events = [], [], []
         self.fixes = self.records = self.maps = True
         self.place = (0.0, 0.0)
-        self.frozen, self.battery = False, ()
+        self.frozen, self.battery, self.quarantine = False, (), ""
 
     def run(self, seconds):
         for _ in range(seconds):
@@ -37,7 +37,7 @@ class Observed:
                 noise_m = 0.0 if self.frozen else 0.01 * (self.now_s % 2)
                 self.watch.fix(PlaceFix(self.now_s, self.place[0] + noise_m, self.place[1]))
             if self.records and self.now_s % 10 == 0:
-                self.watch.record(self.now_s, self.now_s, True)
+                self.watch.record(self.now_s, self.now_s, True, self.quarantine)
                 if self.maps:
                     self.watch.map(self.now_s, self.now_s)
             if self.battery:
@@ -299,6 +299,7 @@ COURSES = {
     "an operator who is demanded": ({"doing": IDLE, **DEMANDED}, [
         (NOTHING, 3, "+operator_gone"), (heard("operator"), 10, "-operator_gone"),
         (NOTHING, 5, "+operator_gone")]),
+    "quarantined records, which no map has": ({}, [(now(quarantine="dead_tube", maps=False), 400, "+counts_bad")]),
     "a released switch is no absent one": ({"doing": IDLE}, [(NOTHING, 3, ""), (absent, 12, "+operator_gone")]),
     "a navigation that goes away with a goal": ({"doing": replace(MISSION, waiting_for="the navigation /nav")}, [
         (NOTHING, 100, ""), (now(driving=True), 12, "+navigation_silent"), (now(driving=False), 100, ""),

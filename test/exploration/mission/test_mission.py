@@ -85,7 +85,7 @@ def test_a_stop_has_its_own_dwell_rule_and_the_next_the_missions():
     assert driver.mission.status.samples == 1
     assert driver.last(VisitDone).visit.outcome.endswith("in 20 of 20 s")
     driver.plan(NORTH).reach(after=60.0)
-    assert driver.mission.status.planned_dwell_s == Optimal.UNKNOWN_S
+    assert driver.mission.status.planned_dwell_s == Optimal().interval_s
 
 
 def test_the_dwell_of_a_stop_survives_a_restart():
