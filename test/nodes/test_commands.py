@@ -107,7 +107,7 @@ def test_every_verb(ros, tmp_path):
         for wrong in ({"place": (float("nan"), 1.0)}, {"place": (90.0, 1.0)}, {"place": (10.0, 10.0)}, {}):
             planning.refused("bad_place", "measure", **wrong)
         planning.refused("bad_polygon", "rule_out", polygon=((1.0, 1.0), (5.0, 5.0)))
-        planning.refused("bad_setting", "change", hours=0.0001)
+        planning.refused("refused", "change", hours=0.0001)
         planning.accepted("measure", place=(15.5, 15.0), dwell="20")
         planning.accepted("measure", stops=("n12",))
         planning.accepted("measure", stops=("n02",))

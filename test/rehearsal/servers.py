@@ -149,8 +149,6 @@ class ActionServer:
         self._dead = False
         self.lives = 1
         """How often it was started."""
-        self.replaced = 0
-        """Goals that were replaced by another before they had ended."""
         self.overridden: str = ""
         """What the mission did against the goal of somebody else; empty if nothing."""
 
@@ -186,7 +184,6 @@ class ActionServer:
         way = self._route(self._robot.believed, target)
         if self._active is not None:
             theirs = self._active.foreign and foreign is None
-            self.replaced += 1
             if theirs and self.is_known(now_s):
                 self.overridden = "goal sent"
             ended = foreign or Status.ABORTED

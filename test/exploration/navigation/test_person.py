@@ -3,13 +3,9 @@
 """A person as the navigation: arrivals, stops of their own choice, and a mission that fails nothing."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "mission"))
 from mission_driver import EAST, NORTH, Command, Driver
 
 from soilmoist_ros.exploration import CancelGoal, Cause, GoTo, Moved, Phase, Response, Stop, Verb, VisitDone, Way
