@@ -13,11 +13,7 @@ Times are processor times. A line for each measurement has all of it, the table 
 ``growth``: time and peak memory of maps made in new processes. The robot drives lines 6 m apart, with one record
 of 10 s every 6 m. The model is Matern 3/2 with a range of 30 m; maps of up to 2000 samples are exact.
 
-``fits``: time of fitting a variogram to samples at random places: restricted maximum likelihood (REML) with one
-range for all directions, with the search for a direction, with the test of a variance that differs from place to
-place, and the published soft-L1 fit of the binned semivariogram.
-
-usage: .venv/bin/python scripts/bench_mapping.py [growth | fits] [--quick] [--repeats N]
+usage: .venv/bin/python scripts/bench_mapping.py [growth] [--quick] [--repeats N]
        [--packages NAME ...] [--save]
 """
 
@@ -31,9 +27,8 @@ import resource
 import statistics
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -45,7 +40,7 @@ import results
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, estimate_variogram, make_soil_map
+from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, make_soil_map
 
 PATIENCE_S = 30.0
 """Processor time after which a measurement is not repeated [s]."""
@@ -296,7 +291,7 @@ def table(rows: list[dict[str, object]], peers: list[str]) -> Iterator[list[obje
         yield [*task, own["seconds"], own["memory_mb"], *(of.get(peer, {}).get("ratio", "") for peer in peers)]
 
 
-# -- growth and fits ----------------------------------------------------------------------------------------
+# -- growth -------------------------------------------------------------------------------------------------
 
 
 def _growth_child(samples: int, cells: int, connection: object) -> None:
@@ -325,41 +320,9 @@ def growth(quick: bool, save: bool) -> None:
     results.publish("growth", columns, rows, "samples every 6 m, Matérn 3/2, processor time", save)
 
 
-def survey(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, counts and exposures of a survey of a random field."""
-    from scipy.spatial.distance import cdist
-
-    rng = np.random.default_rng(n)
-    xy = rng.uniform(0, 280.0, (n, 2))
-    truth = Variogram("matern32", nugget=0.02, range_m=45.0, sill=0.35)
-    rate = 4 + np.linalg.cholesky(truth.covariance(cdist(xy, xy))) @ rng.standard_normal(n)
-    exposure_s = rng.choice([60.0, 120.0, 300.0], n)
-    return xy, rng.poisson(np.maximum(rate, 0.1) * exposure_s), exposure_s
-
-
-def fits(sizes: Sequence[int], repeats: int, save: bool) -> None:
-    """Milliseconds of fitting a variogram."""
-    kinds: dict[str, dict[str, object]] = {
-        "one range": {"anisotropy": False, "extent_m": 280.0},
-        "directions": {"extent_m": 280.0},
-        "soft_l1": {"method": "soft_l1"},
-    }
-    rows = []
-    for n in sizes:
-        data, row = survey(n), [str(n)]
-        for options in kinds.values():
-            fit = partial(estimate_variogram, *data, "matern32", **options)
-            fit()
-            seconds = timed(fit, repeats)[0]
-            row.append(f"{1000 * statistics.median(seconds):.1f}")
-        rows.append(row)
-    settings = f"matern32, processor time [ms], medians of {repeats} runs, one thread"
-    results.publish("variogram", ("places", *kinds), rows, settings, save)
-
-
 def main() -> int:
     parser = results.parser(__doc__)
-    parser.add_argument("part", nargs="?", choices=("growth", "fits"), help="instead of the comparison")
+    parser.add_argument("part", nargs="?", choices=("growth",), help="instead of the comparison")
     parser.add_argument("--quick", action="store_true", help="a tenth of the cells, up to 300 samples, once each")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each; the median counts (default 3)")
     parser.add_argument("--models", nargs="+", default=["gaussian", "exponential", "spherical", "matern32"])
@@ -372,9 +335,6 @@ def main() -> int:
     sizes = arguments.sizes or sizes
     if arguments.part == "growth":
         growth(arguments.quick, arguments.save)
-        return 0
-    if arguments.part == "fits":
-        fits(sizes, repeats, arguments.save)
         return 0
     if importlib.util.find_spec("threadpoolctl") is not None:
         from threadpoolctl import threadpool_limits

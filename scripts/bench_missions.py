@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated missions: strategies against the best lattice, forecasts, hours that a field needs, processor time.
+"""Simulated missions: strategies against the best lattice, forecasts, and hours that a field needs.
 
 usage: .venv/bin/python scripts/bench_missions.py lattices [--fields rough FILE.yaml] [--seeds 20] [--cell 2]
                                                   [--strategies gcb lattice:optimal] [--save]
        .venv/bin/python scripts/bench_missions.py lattices --fields odd --cell 2
-       .venv/bin/python scripts/bench_missions.py forecasts|until|hours|speed [--seeds N] [--surfaces DIR] [--save]
+       .venv/bin/python scripts/bench_missions.py forecasts|until|hours [--seeds N] [--surfaces DIR] [--save]
 
 *lattices*: lattices with fixed dwells of 10, 20, 30 and 60 s run on the same fields with the same seeds. The *best
 lattice* at a time is the one with the lowest mean squared error of the rate, averaged over the seeds. Ratios are
@@ -24,8 +24,6 @@ The aim is the median figure of the latter at :data:`AIM_AT` of the time. Every 
 
 *hours*: root mean squared error of the moisture [% by volume] at the end of missions of the recommended strategy
 on random square fields, by the size of the field and by how fast the soil changes.
-
-*speed*: processor time of missions of two hours, on one thread, without imports.
 """
 
 from __future__ import annotations
@@ -37,10 +35,8 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import argparse
 import math
-import statistics
 import sys
 import tempfile
-import time
 from bisect import bisect
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -516,53 +512,14 @@ def hours(given: argparse.Namespace) -> None:
     results.publish("hours", columns, rows, settings, given.save)
 
 
-# Speed -----------------------------------------------------------------------------------------------------------
-
-RECOMMENDED = MissionSettings(field="airfield-simulated", cell_m=1.0, hours=2.0)
-"""3,000 cells, all records, dwell optimal: what the preset recommends."""
-PUBLISHED = MissionSettings(field="synthetic-high", cell_m=1.0, hours=2.0, preset="authors")
-TIMED = {
-    "gcb": RECOMMENDED,
-    "gcb, graph of 300 nodes": replace(RECOMMENDED, travel="graph"),
-    "greedy as published": PUBLISHED,
-    "monte_carlo as published": replace(PUBLISHED, strategy="monte_carlo"),
-    "adaptive_sampling as published": replace(PUBLISHED, strategy="adaptive_sampling"),
-}
-"""Missions of 2 h that are timed."""
-
-
-def used_s(settings: MissionSettings) -> float:
-    """Processor time of a mission [s]."""
-    start = time.process_time()
-    simulate_mission(settings)
-    return time.process_time() - start
-
-
-def speed(given: argparse.Namespace) -> None:
-    """Time missions; the seeds are repeats."""
-    rows = []
-    for name, settings in TIMED.items():
-        used_s(replace(settings, hours=0.2))
-        seconds = statistics.median(used_s(settings) for _ in range(given.seeds))
-        rows.append((f"{name}, {settings.field}", f"{seconds:.3f}"))
-    settings = f"cells of 1 m, one thread, medians of {given.seeds} runs"
-    results.publish("missions", ("mission of 2 h", "processor time [s]"), rows, settings, given.save)
-
-
-PARTS = {
-    "lattices": (lattices, 20),
-    "forecasts": (forecasts, 3),
-    "until": (until, 4),
-    "hours": (hours, 4),
-    "speed": (speed, 5),
-}
+PARTS = {"lattices": (lattices, 20), "forecasts": (forecasts, 3), "until": (until, 4), "hours": (hours, 4)}
 """Functions with their numbers of seeds."""
 
 
 def main() -> None:
     parser = results.parser(__doc__)
     parser.add_argument("part", choices=PARTS)
-    parser.add_argument("--seeds", type=int, help="seeds 1 to this number; of speed: repeats")
+    parser.add_argument("--seeds", type=int, help="seeds 1 to this number")
     parser.add_argument("--fields", nargs="+", help="names or field files; default: all families")
     parser.add_argument("--surfaces", type=Path, help="folder of surfaces, for forecasts; see bench_zoo.py")
     parser.add_argument("--kinds", nargs="+", choices=list(OUT_OF_REACH), default=list(OUT_OF_REACH), help="aims")

@@ -10,7 +10,7 @@
 ``--maps`` instead: public topological maps, which are read, and which are refused and why. The folder has a folder
 ``OWNER+NAME`` for each repository, below which lie its map files, whatever their folders.
 
-usage: .venv/bin/python scripts/bench_ros.py [--only PART] [--quick] [--maps FOLDER] [--save]
+usage: .venv/bin/python scripts/bench_ros.py [--only PART] [--maps FOLDER] [--save]
 """
 
 from __future__ import annotations
@@ -55,7 +55,10 @@ from soilmoist_ros.sensing.records import CountRecord
 Row = dict[str, object]
 
 LIMIT_S = 60.0
-RECORDS_PER_STOP = 4
+RECORDS, RECORDS_PER_STOP = 240, 4
+LOAD_S = 120.0
+"""Time during which the processor time of the nodes counts, from the first record on [s]."""
+ABORTS = 40
 FIELDS_M = {"3,000 cells": (60.0, 50.0), "70,000 cells": (280.0, 250.0)}
 """Width and height; cells are 1 m wide."""
 BARE_NODE = "import rclpy; rclpy.init(); rclpy.spin(rclpy.create_node('bare'))"
@@ -118,12 +121,12 @@ def wait_for(condition: Callable[[], object], what: str, limit_s: float = LIMIT_
 # Record to map ---------------------------------------------------------------------------------------------------
 
 
-def stops(width_m: float, height_m: float, count: int) -> Iterator[CountRecord]:
+def stops(width_m: float, height_m: float) -> Iterator[CountRecord]:
     """Records of a survey with stops at random positions, of the last hour: the mapper skips old ones."""
     rng = np.random.default_rng(5)
     begin_s = math.floor(time.time()) - 3600.0
     place = (0.0, 0.0)
-    for number in range(count):
+    for number in range(RECORDS):
         if number % RECORDS_PER_STOP == 0:
             place = (float(rng.uniform(1, width_m - 1)), float(rng.uniform(1, height_m - 1)))
         rate = 3.75 + 1.25 * math.tanh((place[0] - width_m / 2) / 15)
@@ -131,7 +134,7 @@ def stops(width_m: float, height_m: float, count: int) -> Iterator[CountRecord]:
         yield CountRecord(begin_s + 10 * number, x_m, y_m, math.nan, int(rng.poisson(10 * rate)), 10.0, 10.0)
 
 
-def record_to_map(name: str, folder: Path, count: int) -> Row:
+def record_to_map(name: str, folder: Path) -> Row:
     """Time from the publication of each record until a subscriber has the map that includes it."""
     width_m, height_m = FIELDS_M[name]
     folder.mkdir()
@@ -159,7 +162,7 @@ def record_to_map(name: str, folder: Path, count: int) -> Row:
             wait_for(publisher.get_subscription_count, "the mapper")
             wait_for(lambda: observer.node.count_publishers(subscription.topic_name), "the mapper's map")
             delays_s = []
-            for record in stops(width_m, height_m, count):
+            for record in stops(width_m, height_m):
                 message = counts_to_message([record])
                 sent = time.perf_counter()
                 publisher.publish(message)
@@ -170,7 +173,7 @@ def record_to_map(name: str, folder: Path, count: int) -> Row:
     return {
         "field": name,
         "records": len(delays_s),
-        "samples": count // RECORDS_PER_STOP,
+        "samples": RECORDS // RECORDS_PER_STOP,
         "p50_ms": 1e3 * float(np.percentile(delays_s, 50)),
         "p99_ms": 1e3 * float(np.percentile(delays_s, 99)),
         "longest_ms": 1e3 * max(delays_s),
@@ -283,24 +286,21 @@ def node_of(process: psutil.Process) -> str:
     return ""
 
 
-def load(setting: Setting, folder: Path, seconds: float) -> list[Row]:
-    """CPU share and memory of each node while the robot drives and counts, and of a node that does nothing.
-
-    :param seconds: time during which CPU time counts, from the first record on [s]
-    """
+def load(setting: Setting, folder: Path) -> list[Row]:
+    """CPU share and memory of each node while the robot drives and counts, and of a node that does nothing."""
     with robot(setting, folder) as its:
         wait_for(lambda: its.status and its.status[-1].raw_counts > 0, "the first counts", 120)
         first = its.status[-1]
         began, before = time.perf_counter(), {name: cpu_s(process) for name, process in its.processes.items()}
         memory: dict[str, tuple[float, float]] = {}
-        while time.perf_counter() < began + seconds:
-            time.sleep(min(10.0, seconds))
+        while time.perf_counter() < began + LOAD_S:
+            time.sleep(10.0)
             for name, process in its.processes.items():
                 memory[name] = tuple(map(max, memory.get(name, (0.0, 0.0)), memory_mb(process)))
         elapsed_s = time.perf_counter() - began
         used_s = {name: cpu_s(process) - before[name] for name, process in its.processes.items()}
         last = its.status[-1]
-        bare: Row = {"what": setting.what, "node": "bare"} | bare_load(min(20.0, seconds))
+        bare: Row = {"what": setting.what, "node": "bare"} | bare_load(20.0)
     if last.distance_m <= first.distance_m or last.counting_s <= first.counting_s:
         raise SystemExit(f"{setting.what}: the robot did not drive and count: {first} {last}")
     rows: list[Row] = [
@@ -330,7 +330,7 @@ def bare_load(seconds: float) -> Row:
         process.wait()
 
 
-def aborts(folder: Path, tries: int) -> list[Row]:
+def aborts(folder: Path) -> list[Row]:
     """Time from a request to abort to its answer, at random moments of missions on 70,000 cells, 60 times as fast.
 
     At this speed the mapper maps all the time. Every other request comes while a stop is being chosen.
@@ -359,7 +359,7 @@ def aborts(folder: Path, tries: int) -> list[Row]:
         wait_for(lambda: ask("start")[0], "the mission to start")
         wait_for(lambda: its.status[-1].samples >= 10, "ten samples", 600)
         delays_ms: dict[bool, list[float]] = {True: [], False: []}
-        while sum(map(len, delays_ms.values())) < tries:
+        while sum(map(len, delays_ms.values())) < ABORTS:
             planning = len(delays_ms[True]) <= len(delays_ms[False])
             if planning:
                 wait_for(lambda: its.phase == Phase.PLANNING, "a plan", 600)
@@ -419,14 +419,12 @@ def read_maps(folder: Path, save: bool) -> None:
 
 def main() -> None:
     parser = results.parser(__doc__)
-    parser.add_argument("--quick", action="store_true", help="fewer records, shorter missions")
     parser.add_argument("--only", choices=("latency", "load", "abort"), help="one part")
     parser.add_argument("--maps", type=Path, metavar="FOLDER", help="read topological maps instead")
     given = parser.parse_args()
     if given.maps:
         read_maps(given.maps, given.save)
         return
-    records, seconds = (60, 60.0) if given.quick else (240, 120.0)
     # An installed package has compiled modules; compiling takes time and memory.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     for package in (soilmoist_ros, msg_adapters):
@@ -434,19 +432,19 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         if given.only in (None, "latency"):
-            rows = [record_to_map(name, folder / name.split(",")[0], records) for name in FIELDS_M]
+            rows = [record_to_map(name, folder / name.split(",")[0]) for name in FIELDS_M]
             settings = "from a record to the map with it, fit included"
             results.publish("ros_latency", *results.columns_and_rows(rows), settings, given.save)
         if given.only in (None, "load"):
-            rows = [row for each in LOADS for row in load(each, folder / each.what.partition(" ")[0], seconds)]
+            rows = [row for each in LOADS for row in load(each, folder / each.what.partition(" ")[0])]
             settings = (
                 "a record every 10 s, 10 fixes per second, clock of 50 Hz in simulated time, gcb with optimal, "
-                f"over {seconds:g} s; 100 % is one core; rss: resident memory, pss: proportional share of it; "
+                f"over {LOAD_S:g} s; 100 % is one core; rss: resident memory, pss: proportional share of it; "
                 "bare: a node that does nothing"
             )
             results.publish("ros_load", *results.columns_and_rows(rows), settings, given.save)
         if given.only in (None, "abort"):
-            rows = aborts(folder / "abort", 10 if given.quick else 40)
+            rows = aborts(folder / "abort")
             settings = "from a request to abort to its answer, 70,000 cells, 60 times as fast as real time"
             results.publish("ros_abort", *results.columns_and_rows(rows), settings, given.save)
 

@@ -6,8 +6,7 @@ usage: .venv/bin/python scripts/compare_programs.py NEPTOON_PYTHON [--save]
 
 NEPTOON_PYTHON is the Python of an environment with neptoon: ``python3 -m venv nep``, then ``nep/bin/pip install
 neptoon``. It runs this file, too, with ``--neptoon``: JSON of record, cores and settings in, JSON out. Prints two
-tables: the same settings in all programs, and each program its own way, from the record to the moisture. With
---save the picture of them is drawn, too.
+tables: the same settings in all programs, and each program its own way, from the record to the moisture.
 """
 
 from __future__ import annotations
@@ -28,12 +27,7 @@ from numpy.typing import NDArray
 
 if "--neptoon" not in sys.argv[1:]:  # the other environment has none of these
     import crnpy
-    import matplotlib as mpl
     import results
-
-    mpl.use("Agg")
-
-    from matplotlib import pyplot as plt
 
     from soilmoist_ros.sensing import Site, load_site, process_logs, read_log
     from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
@@ -139,7 +133,7 @@ def difference(ours: Array, theirs: Array, relative: bool) -> str:
 
 
 def compare(neptoon_python: str, save: bool) -> None:
-    """Make both tables and the picture."""
+    """Make both tables."""
     record, stamps = read_record()
     start, end = (datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp() for text in (FROM, TO))
     during = (stamps > start) & (stamps <= end)
@@ -266,24 +260,6 @@ def compare(neptoon_python: str, save: bool) -> None:
     about = "moistures are means of six hours; the same cores and the same day"
     results.publish("programs_own", rows[0], rows[1:], about, save)
     print(f"cutoff rigidity {rigidity_gv:.2f} GV (crnpy); hours with a masked tube: {int(np.sum(~whole[1:]))}")
-    if save:
-        draw(stamps, {label: values[-1] for label, values in series.items()})
-
-
-def draw(stamps: Array, series: dict[str, Array]) -> None:
-    """Means of six hours of all programs over time."""
-    days = blocks((stamps - stamps[0]) / 86400)
-    looks = {"soilmoist_ros": "#1b5e66", "crnpy": "#b5651d", "neptoon": "#5b4a9e"}
-    figure, axes = plt.subplots(figsize=(9, 3.8), layout="constrained")
-    for label, vwc in series.items():
-        program, _, curve = label.partition(", ")
-        style = {"Desilets": "-", "universal": "--"}.get(curve, ":")
-        axes.plot(days, blocks(vwc), style, color=looks[program], label=label, linewidth=1.6)
-    axes.set_xlabel("days after 18 October 2021")
-    axes.set_ylabel("soil moisture [m³/m³]")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize=9)
-    figure.savefig(ROOT / "docs" / "images" / "programs.png", dpi=110)
 
 
 def run_neptoon() -> None:

@@ -80,8 +80,7 @@ def bag_recover_command(bag: Path, out: Path) -> None:
 def bag_play_command(bag: Path, topics: str | None, time_factor: float, start_s: float) -> None:
     """Publish a BAG to running nodes, with /clock.
 
-    Nodes with use_sim_time receive the records, positions and raw lines again. The services
-    bag_player/pause and bag_player/resume pause and resume.
+    Nodes with use_sim_time receive the records, positions and raw lines again. Ctrl-Z pauses, fg resumes.
     """
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")

@@ -24,7 +24,6 @@ from rclpy.qos import ReliabilityPolicy
 from rclpy.time import Duration
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
-from std_srvs.srv import Trigger
 
 from msg_adapters import (
     diagnostics_from_message,
@@ -101,8 +100,6 @@ class BagPlayer(Node):
             self._advertise(topic, kind)
         if not self._publishers_of:
             raise InputError("no topic can be played", "install the packages of their types")
-        for name, paused in (("pause", True), ("resume", False)):
-            self.create_service(Trigger, f"~/{name}", partial(self._on_request, paused))
 
     def wait_for_listeners(self) -> None:
         """Wait, up to a limit, until the number of subscriptions is above zero and constant."""
@@ -128,8 +125,7 @@ class BagPlayer(Node):
                 now_s = time.monotonic()
                 self._pacer.step(now_s - before_s)
                 before_s = now_s
-                step = "paused" if self._pacer.paused else "playing"
-                progress(step, self._playback.share(self._pacer.now_ns))
+                progress("playing", self._playback.share(self._pacer.now_ns))
             self._publish_time(message.log_ns)
             self._publishers_of[message.topic].publish(message.data)
             count += 1
@@ -157,17 +153,12 @@ class BagPlayer(Node):
             self._clock_ns = now_ns
             self._clock.publish(Clock(clock=to_time(now_ns * 1e-9)))
 
-    def _on_request(self, paused: bool, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._pacer.paused = paused
-        response.success, response.message = True, "paused" if paused else "playing"
-        return response
-
 
 @contextmanager
 def player_of(
     bag: Path, topics: str, speed: float, start_s: float, say: Callable[[str], None]
 ) -> Iterator[BagPlayer]:
-    """Make a player whose services are active."""
+    """Make a player."""
     interrupted = threading.Event()
     # Python drops a KeyboardInterrupt that is raised within a callback of the garbage collector.
     previous = signal.signal(signal.SIGINT, lambda number, frame: interrupted.set())

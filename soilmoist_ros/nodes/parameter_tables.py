@@ -164,9 +164,6 @@ RECORDER: Final = (
     row("include", ".*", "regular expression for the full names of topics to record"),
     row("exclude", "", "regular expression for the full names of topics to exclude; empty for none"),
     row("autostart", True, "whether to record from the start; otherwise the service recorder/start starts it"),
-    row("keep_gb", 0.0, "size of its bags above which the recorder warns, or deletes the oldest; 0 for no limit",
-        "GB", 0.0),
-    row("delete_oldest", False, "whether closed bags beyond keep_gb are deleted, the oldest first"),
 )  # fmt: skip
 
 SENSOR_DRIVER: Final = (

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -40,7 +39,6 @@ from soilmoist_ros.nodes.topics import (
 try:
     from soilmoist_ros.recording import (
         BagRecorder,
-        Excess,
         Qos,
         Request,
         RunConfiguration,
@@ -48,10 +46,7 @@ try:
         Topic,
         TopicChoice,
         check_name,
-        delete_bags,
-        excess_text,
         find_definition,
-        find_excess,
         free_bytes,
         next_bag,
         recorder_health,
@@ -65,7 +60,7 @@ __all__ = ["PARAMETERS", "Recorder", "main"]
 _LOW_DISK_BYTES: Final = 5e8
 """Free space below which the recorder warns: a long day of records, and room for the map at its end."""
 _FULL_SOON_S: Final = 3600.0
-"""Time to a full disk, or to ``keep_gb``, below which the recorder warns: enough to drive home [s]."""
+"""Time to a full disk below which the recorder warns: enough to drive home [s]."""
 _RECORDED: Final = ("sensor_driver", "mapper", "planner")
 """Nodes whose parameters are stored with the bag, in addition to the parameters of the property mappers."""
 _TAKE_S: Final = 0.1  # time between two looks for messages [s]; each subscription keeps 500 messages or more
@@ -73,7 +68,6 @@ _DISCOVERY_S: Final = 0.2
 _OTHER_PUBLISHERS_S: Final = 1.0
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
-_LIMITS_S: Final = 60.0
 _OPEN_S: Final = 5.0
 _LOOK_S: Final = 0.01  # pause between looks for messages in transit, before the bag is closed [s]
 _QUIET_LOOKS: Final = 20  # looks without messages after which it is closed
@@ -102,8 +96,8 @@ class Recorder(Node):
 
     def __init__(self) -> None:
         super().__init__("recorder")
-        self._settings = Parameters(self, PARAMETERS)
-        text, number = self._settings.text, self._settings.number
+        settings = Parameters(self, PARAMETERS)
+        text = settings.text
         self._choice = TopicChoice(text("include"), text("exclude"))
         self._out = Path(text("out")).expanduser()
         check_name(text("name"))
@@ -111,9 +105,6 @@ class Recorder(Node):
         self._recorder = BagRecorder(
             lambda: next_bag(self._out, text("name"), self._distribution), notes=self._notes
         )
-        self._limit_bytes = number("keep_gb") * 1e9 or math.inf
-        self._deletes = self._settings.flag("delete_oldest")
-        self._excess = Excess()
         self._topics: dict[str, tuple[Topic, Request, Subscription]] = {}
         self._publisher_counts: dict[str, int] = {}
         self._gaps = SequenceGaps()
@@ -124,7 +115,7 @@ class Recorder(Node):
         self._aside = Aside(self)  # a slow disk must not delay messages
         self._aside.offer(Trigger, "recorder/start", self._start)
         self._aside.offer(Trigger, "recorder/stop", self._stop)
-        if self._settings.flag("autostart"):
+        if settings.flag("autostart"):
             self._recorder.start()
         self._discover()
         self._configuration = RunConfiguration()
@@ -137,10 +128,6 @@ class Recorder(Node):
             (_DIAGNOSTICS_S, self._diagnose),
             (_CONFIGURATION_S, lambda: self._aside.do(self._keep_configuration, "storing the configuration")),
         ]
-        if math.isfinite(self._limit_bytes):
-            keep = partial(self._aside.do, self._keep_limits, "the limits of bags")
-            keep()
-            timers.append((_LIMITS_S, keep))
         for period_s, call in timers:
             every(self, period_s, call)
 
@@ -185,26 +172,13 @@ class Recorder(Node):
 
     def _diagnose(self) -> None:
         state, free = self._recorder.state, free_bytes(self._out)
-        limits, left = excess_text(self._excess), self._excess.left_bytes
-        health = recorder_health(
-            state, free, _LOW_DISK_BYTES, len(self._skipped), _FULL_SOON_S, limits, dict(self._gaps.lost), left
-        )
+        lost = dict(self._gaps.lost)
+        health = recorder_health(state, free, _LOW_DISK_BYTES, len(self._skipped), _FULL_SOON_S, lost)
         name = self.get_fully_qualified_name()
         self._diagnostics.publish(diagnostics_to_message([health], ros_now_s(self), name))
 
     def _notes(self) -> dict[str, str]:
         return {f"messages of {name} lost on the way": str(n) for name, n in dict(self._gaps.lost).items()}
-
-    def _keep_limits(self) -> None:
-        try:
-            excess = find_excess(self._out, self._limit_bytes)
-            if excess.bags and self._deletes:
-                for bag in delete_bags(excess.bags):
-                    self.get_logger().warning(f"{bag} is deleted: it was beyond keep_gb")
-                excess = find_excess(self._out, self._limit_bytes)
-        except OSError:
-            return
-        self._excess = excess
 
     def _take_parameters(self, node: str, values: Mapping[str, Any]) -> None:
         self._configuration.take(node, values)

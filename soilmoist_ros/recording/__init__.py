@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.recording.bag.plain_topics import PlainTopics as PlainTopics
     from soilmoist_ros.recording.bag.playback import INPUTS as INPUTS, Pacer as Pacer, Playback as Playback, TopicChoice as TopicChoice
     from soilmoist_ros.recording.bag.reader import BagReader as BagReader, bags_of as bags_of
-    from soilmoist_ros.recording.bag.recorder import BagRecorder as BagRecorder, Excess as Excess, SequenceGaps as SequenceGaps, check_name as check_name, delete_bags as delete_bags, excess_text as excess_text, find_excess as find_excess, free_bytes as free_bytes, next_bag as next_bag, recorder_health as recorder_health
+    from soilmoist_ros.recording.bag.recorder import BagRecorder as BagRecorder, SequenceGaps as SequenceGaps, check_name as check_name, free_bytes as free_bytes, next_bag as next_bag, recorder_health as recorder_health
     from soilmoist_ros.recording.bag.storage import recorder_notes as recorder_notes
     from soilmoist_ros.recording.bag.verify import bag_info as bag_info, recover_bag as recover_bag
     from soilmoist_ros.recording.bag.writer import BagWriter as BagWriter
@@ -45,7 +45,7 @@ __getattr__, __dir__, __all__ = open_door(
         "bag.plain_topics": "PlainTopics",
         "bag.playback": "INPUTS Pacer Playback TopicChoice",
         "bag.reader": "BagReader bags_of",
-        "bag.recorder": "BagRecorder Excess SequenceGaps check_name delete_bags excess_text find_excess free_bytes next_bag recorder_health",
+        "bag.recorder": "BagRecorder SequenceGaps check_name free_bytes next_bag recorder_health",
         "bag.storage": "recorder_notes",
         "bag.verify": "bag_info recover_bag",
         "bag.writer": "BagWriter",

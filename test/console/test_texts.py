@@ -52,7 +52,7 @@ reported as reached, but {} | {} of the last {} records are quarantined{} |
 last loss | last quarantine | age of the last record [s] |
 : mixes the lines of {} senders ({}); name the right one in the address, such as {}from={} |
 not used: {}; check its high voltage and its cable | {}, and by this computer {} (UTC) |
-{} is not a valid name of a bag | use letters, digits, '_' and '-' | %s: %s deleted for space | bag writer |
+{} is not a valid name of a bag | use letters, digits, '_' and '-' | bag writer |
 recording to %s | last skipped: {} | no map yet | (did not converge: {}) |
 source the workspace of the navigation, built for this ROS and Python, or set another navigator |
 {} is not the type of an action | goals of {} have no field {} |

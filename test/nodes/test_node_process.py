@@ -228,7 +228,7 @@ SHOWN = {
     "field_simulator": "speed (double, default",
     "mapper": "merge_radius_m (double, default 0.0, in m, 0 to 1000",
     "planner": 'strategy (string, default "gcb", greedy | monte_carlo',
-    "recorder": "keep_gb (double, default 0.0, in GB, >= 0)",
+    "recorder": 'include (string, default ".*")',
     "sensor_driver": "silence_limit_s (double, default 35.0, in s,",
     "watchdog": "silent_s (double, default 0.8, in s, 0.3 to 60",
 }

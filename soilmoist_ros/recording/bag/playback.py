@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 from typing import Final
@@ -129,14 +128,12 @@ class Pacer:
 
     def __init__(self, start_ns: int, speed: float) -> None:
         self.now_ns = start_ns
-        self.paused = False
         self._speed = speed
 
     def wait_s(self, due_ns: int) -> float:
-        """Time until a message of a recorded time is due [s]; infinite in a pause."""
-        return math.inf if self.paused else max(0.0, (due_ns - self.now_ns) * 1e-9 / self._speed)
+        """Time until a message of a recorded time is due [s]."""
+        return max(0.0, (due_ns - self.now_ns) * 1e-9 / self._speed)
 
     def step(self, elapsed_s: float) -> None:
         """Advance the recorded time by the time that has passed [s]."""
-        if not self.paused:
-            self.now_ns += round(min(elapsed_s, _MAX_STEP_S) * self._speed * 1e9)
+        self.now_ns += round(min(elapsed_s, _MAX_STEP_S) * self._speed * 1e9)

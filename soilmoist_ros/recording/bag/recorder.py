@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Record messages in a separate thread, so that a slow disk never blocks the node; limit the space of bags."""
+"""Record messages in a separate thread, so that a slow disk never blocks the node."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import shutil
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final
 
 from soilmoist_ros.foundation import Health, InputError, Level
 from soilmoist_ros.recording.bag.metadata import TimedMessage, Topic
-from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagGoneError, BagWriter, is_being_written
+from soilmoist_ros.recording.bag.writer import BagGoneError, BagWriter, is_being_written
 
 _LOG = logging.getLogger(__name__)
 _RETRY_S: Final = 2.0
@@ -273,7 +273,7 @@ def check_name(name: str) -> None:
 
 
 def next_bag(out: Path, name: str, distribution: str) -> BagWriter:
-    """The next bag of a recorder in a folder. The name gets a number if it exists; another number is in its notes.
+    """The next bag of a recorder in a folder. The name gets a number if it exists.
 
     :param name: name of the bag; the time of day if empty
     :raises InputError: if another recorder is writing a bag of the name, or none can be made
@@ -284,7 +284,7 @@ def next_bag(out: Path, name: str, distribution: str) -> BagWriter:
     while folder.exists() and not is_being_written(folder / f"{folder.name}_0.mcap"):
         number += 1
         folder = out / f"{base}_{number}"
-    return BagWriter(folder, distribution, {NUMBER: str(next_number(out))})
+    return BagWriter(folder, distribution)
 
 
 def free_bytes(folder: Path) -> int | None:
@@ -305,9 +305,7 @@ def recorder_health(
     low_disk_bytes: float,
     skipped: int = 0,
     full_soon_s: float = 0.0,
-    limits: str = "",
     lost: Mapping[str, int] = MappingProxyType({}),
-    left_bytes: float = math.inf,
 ) -> Health:
     """Health of the recorder.
 
@@ -315,11 +313,8 @@ def recorder_health(
     :param low_disk_bytes: free space below which the recorder warns [bytes]
     :param skipped: topics that are not recorded because their type is not installed
     :param full_soon_s: time to a full disk below which the recorder warns [s]
-    :param limits: what exceeds the limits of the recordings, in words
     :param lost: messages that did not reach the recorder, by topic
-    :param left_bytes: space that bags may still take [bytes], infinite without a limit
     """
-    limit_s = max(left_bytes, 0.0) / state.rate_bps if state.rate_bps > 0 else math.inf
     full_s = free_bytes / state.rate_bps if free_bytes is not None and state.rate_bps > 0 else math.inf
     topics = ", ".join(f"{count} of {name}" for name, count in sorted(lost.items()))
     low = free_bytes is not None and free_bytes < low_disk_bytes
@@ -327,8 +322,6 @@ def recorder_health(
         (not state.recording, "not recording"),
         (low, f"only {(free_bytes or 0) / 1e6:.0f} MB left on the disk"),
         (full_s < full_soon_s, f"the disk will be full in {full_s / 60:.0f} min"),
-        (bool(limits), limits),
-        (limit_s < full_soon_s, f"the recordings will reach keep_gb in {limit_s / 60:.0f} min"),
         (state.dropped > 0, f"{state.dropped} messages lost: the disk is too slow"),
         (bool(lost), f"messages lost on the way to the recorder: {topics}"),
     )
@@ -346,7 +339,6 @@ def recorder_health(
         "waiting [MB]": f"{state.waiting_bytes / 1e6:.3f}",
         "written [kB/s]": f"{state.rate_bps / 1e3:.3g}",
         "disk full in [h]": f"{full_s / 3600:.1f}" if math.isfinite(full_s) else "unknown",
-        "keep_gb reached in [h]": f"{limit_s / 3600:.1f}" if math.isfinite(limit_s) else "unknown",
         "disk free [MB]": "unknown" if free_bytes is None else f"{free_bytes / 1e6:.0f}",
     }
     return Health("bag", level, message, values)
@@ -377,88 +369,3 @@ class SequenceGaps:
         self._next[topic] = number + 1
         if due is not None and number > due:
             self.lost[topic] = self.lost.get(topic, 0) + number - due
-
-
-# The space that the bags of a recorder may take. Bags are in the order of their numbers: clocks may be wrong ----
-
-NUMBER: Final = "number"
-"""Note of a bag: one more than those of all earlier bags in its folder, whatever the clock said."""
-_NUMBER: Final = re.compile(rf"^ +{NUMBER}: '(\d+)'$", re.MULTILINE)
-
-
-class Excess(NamedTuple):
-    """Closed bags that would have to go, the oldest first, and the space that bags may still take [bytes]."""
-
-    bags: tuple[Path, ...] = ()
-    left_bytes: float = math.inf
-
-
-class _Closed(NamedTuple):
-    """A bag that was closed; first its place in the order of bags: its number (0 for none), and its time [s]."""
-
-    number: int
-    changed_s: float
-    folder: Path
-    size: int
-
-
-def find_excess(out: Path, size_bytes: float) -> Excess:
-    """Bags beyond the space for all bags in a folder [bytes]; ``OSError`` if it cannot be read.
-
-    Bags without a number, of an earlier release, are the oldest, by their time. Closed bags of other recorders,
-    which people keep there, are left alone. A bag that was not closed counts, but is never among those to go: it
-    may hold what nobody has recovered yet.
-    """
-    closed, total = _closed_bags(out)
-    left_bytes, found = size_bytes - total, list[Path]()
-    for bag in sorted(closed):
-        if total > size_bytes:
-            found.append(bag.folder)
-            total -= bag.size
-    return Excess(tuple(found), left_bytes)
-
-
-def next_number(out: Path) -> int:
-    """The number of the next bag in a folder; raises ``OSError`` if the folder cannot be read."""
-    return 1 + max((bag.number for bag in _closed_bags(out)[0]), default=0) if out.is_dir() else 1
-
-
-def _closed_bags(out: Path) -> tuple[list[_Closed], int]:
-    """Closed bags of the recorder in a folder, and the size of all but closed ones of others [bytes]."""
-    closed, total = [], 0
-    for folder in sorted(path for path in out.iterdir() if path.is_dir() and not path.is_symlink()):
-        files = list(folder.glob("*.mcap"))
-        size = sum(file.lstat().st_size for file in files)
-        metadata = folder / "metadata.yaml"
-        if files and metadata.is_file() and not any(map(is_being_written, files)):
-            number = _number(metadata)
-            if not number and not (folder / CHECKSUMS).is_file():
-                continue  # no release of this recorder has made it
-            closed.append(_Closed(number, metadata.stat().st_mtime, folder, size))
-        total += size
-    return closed, total
-
-
-def _number(metadata: Path) -> int:
-    """Number of a bag. A YAML parser would take a core for seconds if there are many bags."""
-    try:
-        match = _NUMBER.search(metadata.read_text(errors="replace"))
-    except OSError:  # one bad bag does not stop a recorder
-        return 0
-    return int(match[1]) if match and len(match[1]) < 20 else 0
-
-
-def excess_text(excess: Excess) -> str:
-    """Excess over the space for bags, with what to do; empty for none."""
-    if excess.bags:
-        return f"{len(excess.bags)} bags are beyond keep_gb, the oldest is {excess.bags[0]}"
-    if excess.left_bytes < 0:
-        return f"the recordings take {-excess.left_bytes / 1e6:.0f} MB more than keep_gb: move some"
-    return ""
-
-
-def delete_bags(bags: Sequence[Path]) -> list[Path]:
-    """Delete bags; returns those that are gone."""
-    for bag in bags:
-        shutil.rmtree(bag, ignore_errors=True)
-    return [bag for bag in bags if not bag.exists()]

@@ -16,7 +16,6 @@ from rosbags import rosbag1, rosbag2
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.metadata import BagMessage, Extent
-from soilmoist_ros.recording.bag.recorder import NUMBER
 
 METADATA: Final = "metadata.yaml"
 BagFileReader = rosbag1.Reader | rosbag2.Reader
@@ -119,7 +118,8 @@ def recorder_notes(path: Path) -> dict[str, str]:
     except (InputError, ValueError, OSError):
         return {}
     notes = found.items() if isinstance(found, dict) else ()
-    return {str(name): str(value) for name, value in notes if name not in (NUMBER, "closed_s")}
+    of_earlier_releases = ("number", "closed_s")  # no losses
+    return {str(name): str(value) for name, value in notes if name not in of_earlier_releases}
 
 
 def listed_files(folder: Path) -> list[Path]:

@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.metadata import BagFile, BagMessage, Extent, TimedMessage, joined
-from soilmoist_ros.recording.bag.recorder import NUMBER, next_number
 from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.storage import (
     METADATA,
@@ -312,11 +311,7 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
     first = next(messages, None)
     if first is None:
         raise InputError("holds no complete message", "nothing can be recovered: remove it", path)
-    try:
-        notes = {NUMBER: str(next_number(out.parent))}  # or a recorder would delete it as the oldest
-    except OSError:  # no recorder can record in a folder that cannot be listed
-        notes = {}
-    writer = BagWriter(out, notes=notes)
+    writer = BagWriter(out)
     try:
         with writer:
             for message in chain([first], messages):

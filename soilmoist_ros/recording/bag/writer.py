@@ -35,14 +35,12 @@ class BagWriter:
     """A bag: the folder ``NAME`` with ``NAME_0.mcap``; after it was closed with ``metadata.yaml`` and checksums.
 
     A disk error loses nothing: the unwritten data are kept, and the next :meth:`flush` tries again. The lock on
-    the open file shows other programs that the recording continues. ``notes`` go to the metadata.
+    the open file shows other programs that the recording continues.
 
     :raises InputError: if the folder exists, or cannot be made or written to
     """
 
-    def __init__(
-        self, folder: Path, distribution: str = "jazzy", notes: Mapping[str, str] = MappingProxyType({})
-    ) -> None:
+    def __init__(self, folder: Path, distribution: str = "jazzy") -> None:
         self.folder = folder
         self.path = folder / f"{folder.name}_0.mcap"
         self.extent = Extent()
@@ -50,7 +48,6 @@ class BagWriter:
         self.counts: dict[Topic, int] = {}
         """Number of messages of each topic."""
         self._distribution = distribution
-        self._notes = notes
         self._file = _AppendedFile(_make(folder, self.path), self.path)
         self._mcap = Writer(
             cast("IO[bytes]", self._file), chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD
@@ -58,7 +55,6 @@ class BagWriter:
         self._mcap.start(profile="ros2")
         self._schemas: dict[str, int] = {}
         self._channels: dict[Topic, int] = {}
-        self._finished = False
         self._unflushed = False
 
     @property
@@ -97,12 +93,10 @@ class BagWriter:
         :raises OSError: if the disk refuses it; :func:`recover_bag` restores what is on the disk
         """
         files = [BagFile(self.path.name, self.extent)]
-        metadata = bag_metadata(files, self.counts, self._distribution, {**self._notes, **notes})
+        metadata = bag_metadata(files, self.counts, self._distribution, notes)
         try:
-            if not self._finished:
-                self._mcap.add_metadata("rosbag2", {"serialized_metadata": to_yaml(metadata).strip()})
-                self._mcap.finish()  # type: ignore[no-untyped-call]
-                self._unflushed, self._finished = False, True
+            self._mcap.add_metadata("rosbag2", {"serialized_metadata": to_yaml(metadata).strip()})
+            self._mcap.finish()  # type: ignore[no-untyped-call]
             self._file.sync()
             text = to_yaml({"rosbag2_bagfile_information": metadata}).encode()
             sums = {self.path.name: self._file.checksum, "metadata.yaml": hashlib.sha256(text).hexdigest()}

@@ -11,25 +11,19 @@ import time
 import pytest
 from bags import NOTES, PRESSURE, START_NS, number_message, text_message
 from rosbags.highlevel import AnyReader
-from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.recording import BagReader, TopicChoice, bag_info, recover_bag
 from soilmoist_ros.recording.bag.metadata import Extent
 from soilmoist_ros.recording.bag.recorder import (
     BagRecorder,
-    Excess,
     RecorderState,
     SequenceGaps,
     check_name,
-    delete_bags,
-    excess_text,
-    find_excess,
     next_bag,
     recorder_health,
 )
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagWriter
 
 DATA = text_message("x" * 90)
 
@@ -216,13 +210,10 @@ def test_names_that_are_no_folder_names_are_refused(name):
         check_name(name)
 
 
-def test_bags_are_numbered_and_numbers_and_times_are_no_losses(tmp_path):
-    for number in (1, 2):
-        bag = next_bag(tmp_path, "run", "jazzy")
-        bag.close({"closed_s": "1780000000"})
-        noted = YAML(typ="safe").load(bag.folder / "metadata.yaml")["rosbag2_bagfile_information"]["custom_data"]
-        assert noted == {"number": str(number), "closed_s": "1780000000"}
-        assert bag_info(bag.folder).notes == {}
+def test_numbers_and_times_of_earlier_releases_are_no_losses(tmp_path):
+    bag = next_bag(tmp_path, "run", "jazzy")
+    bag.close({"number": "2", "closed_s": "1780000000", "messages of /fix lost on the way": "7"})
+    assert bag_info(bag.folder).notes == {"messages of /fix lost on the way": "7"}
 
 
 @pytest.mark.parametrize(
@@ -315,97 +306,3 @@ def test_a_bag_has_its_notes_and_checksums_for_every_reader(make, tmp_path):
     assert bag_info(bag).notes == {"messages of /fix lost on the way": "7"}
     assert subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=bag).returncode == 0
     assert recover_bag(bag, tmp_path / "again").extent.messages == 50
-
-
-def test_the_time_to_the_limit_of_the_recordings_is_a_warning():
-    state = RecorderState(recording=True, rate_bps=1e6)
-    health = recorder_health(state, 10**12, 5e8, full_soon_s=3600, left_bytes=1.8e9)
-    assert (health.level, health.message) == (Level.WARN, "the recordings will reach keep_gb in 30 min")
-    assert health.values["keep_gb reached in [h]"] == "0.5"
-    assert recorder_health(state, 10**12, 5e8, full_soon_s=3600, left_bytes=10**10).level is Level.OK
-    assert recorder_health(state, 10**12, 5e8, full_soon_s=3600).values["keep_gb reached in [h]"] == "unknown"
-
-
-NOW_S = 1_780_000_000.0
-
-
-@pytest.fixture
-def bags(tmp_path):
-    """Bags that ended 1 to 4 days ago; one that was never closed, and one that is being recorded, are older."""
-    made = []
-    for days in (4, 3, 2, 1):
-        writer = BagWriter(tmp_path / f"days_{days}")
-        writer.write(NOTES, START_NS, START_NS, text_message("note"))
-        writer.close()
-        os.utime(writer.folder / "metadata.yaml", times=(0, NOW_S - days * 86_400))
-        made.append(writer.folder)
-    killed = BagWriter(tmp_path / "killed")
-    killed.abandon()
-    (tmp_path / "notes").mkdir()
-    (tmp_path / "link").symlink_to(made[0])
-    recorded = BagWriter(tmp_path / "recorded")
-    yield made
-    recorded.abandon()
-
-
-def record(out, number, changed_s):
-    """A bag of the recorder that is closed while its clock has this time."""
-    writer = next_bag(out, f"bag_{number}", "jazzy")
-    writer.write(NOTES, START_NS, START_NS, text_message("note"))
-    writer.close()
-    os.utime(writer.folder / "metadata.yaml", times=(0, changed_s))
-    return writer.folder
-
-
-def without_number(folder, changed_s):
-    with BagWriter(folder) as writer:
-        writer.write(NOTES, START_NS, START_NS, text_message("note"))
-    os.utime(folder / "metadata.yaml", times=(0, changed_s))
-    return folder
-
-
-def size(folder):
-    return sum(file.stat().st_size for file in folder.glob("*.mcap"))
-
-
-def test_the_oldest_bags_go_until_the_others_have_space(bags, tmp_path):
-    total = sum(size(folder) for folder in tmp_path.iterdir() if not folder.is_symlink())
-    assert find_excess(tmp_path, total + 7) == Excess((), 7)
-    assert find_excess(tmp_path, total - 1) == Excess(tuple(bags[:1]), -1)
-    assert find_excess(tmp_path, total - 1 - size(bags[0])).bags == tuple(bags[:2])
-    found = find_excess(tmp_path, 0)
-    assert found == Excess(tuple(bags), -total)
-    assert delete_bags(found.bags) == bags
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["killed", "link", "notes", "recorded"]
-
-
-def test_the_oldest_bag_is_the_first_whatever_the_clock_said_and_those_without_a_number_are_older(tmp_path):
-    times = (1000.0, NOW_S, 2000.0, NOW_S + 366 * 86_400, NOW_S + 60, 3000.0)
-    made = [record(tmp_path, number, time_s) for number, time_s in enumerate(times)]
-    earlier = [without_number(tmp_path / f"earlier_{days}", NOW_S - days * 86_400) for days in (3, 2)]
-    assert find_excess(tmp_path, 0).bags == (*earlier, *made)
-
-
-def test_bags_that_people_made_with_other_programs_are_left_alone(tmp_path):
-    theirs = without_number(tmp_path / "theirs", 0.0)
-    (theirs / CHECKSUMS).unlink()
-    made = record(tmp_path, 1, NOW_S)
-    assert find_excess(tmp_path, size(made)) == Excess((), 0)
-    assert find_excess(tmp_path, 0) == Excess((made,), -size(made))
-
-
-def test_a_recovered_bag_is_not_the_oldest_where_no_clock_was_ever_right(tmp_path):
-    made = [record(tmp_path, number, 1000.0 - number) for number in (1, 2)]
-    killed = next_bag(tmp_path / "killed", "run", "jazzy")
-    killed.write(NOTES, START_NS, START_NS, text_message("note"))
-    killed.flush()
-    killed.abandon()
-    recovered = recover_bag(killed.folder, tmp_path / "recovered").folder
-    made.append(record(tmp_path, 3, 500.0))
-    assert find_excess(tmp_path, 0).bags == (*made[:2], recovered, made[2])
-
-
-def test_what_is_beyond_the_limits_is_said_in_words(tmp_path):
-    assert excess_text(Excess()) == ""
-    assert "1 bags are beyond keep_gb" in excess_text(Excess((tmp_path,), -1))
-    assert excess_text(Excess((), -2e6)) == "the recordings take 2 MB more than keep_gb: move some"
