@@ -23,7 +23,7 @@ from soilmoist_ros.exploration.travel.topological_map import (
     make_topological_map,
     read_topological_map,
 )
-from soilmoist_ros.exploration.travel.travel import GraphTravel, along
+from soilmoist_ros.exploration.travel.travel import GraphTravel
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import BorderSource, Field
@@ -210,16 +210,6 @@ class LaneTravel(GraphTravel):
             else:
                 found = np.minimum(found, lead_m + self._lengths_from(edge)[2])
         return np.asarray(found[nodes])
-
-    def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
-        """See :class:`TravelModel`."""
-        ways = self._ways(np.asarray(from_xy, float), stops)
-        return np.array([along(way, share) for way, share in zip(ways, shares, strict=True)])
-
-    def _ways(self, start: Array, stops: Sequence[Stop]) -> list[Array]:
-        """Routes to stops; only the start for those out of reach."""
-        reached = np.isfinite(self.lengths_m(start, stops))
-        return [self.route(start, stop) if ok else start[None] for stop, ok in zip(stops, reached, strict=True)]
 
     def _slower_to_m(self, start: Array, stops: Sequence[Stop]) -> Array:
         """See :class:`TravelModel`."""

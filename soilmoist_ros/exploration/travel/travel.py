@@ -104,9 +104,15 @@ class TravelModel(ABC):
         :raises ValueError: if the stop cannot be reached
         """
 
-    @abstractmethod
     def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
         """Places at shares of the way to each stop, 0..1, shape (k, m); shape (k, m, 2) [m]."""
+        ways = self._ways(np.asarray(from_xy, float), stops)
+        return np.array([along(way, share) for way, share in zip(ways, shares, strict=True)])
+
+    def _ways(self, start: Array, stops: Sequence[Stop]) -> list[Array]:
+        """Routes to stops; only the start for those out of reach."""
+        reached = np.isfinite(self.lengths_m(start, stops))
+        return [self.route(start, stop) if ok else start[None] for stop, ok in zip(stops, reached, strict=True)]
 
     @abstractmethod
     def lengths_m(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
@@ -246,21 +252,16 @@ class FreeTravel(TravelModel):
         return np.asarray(lengths)
 
     def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
-        """See :class:`TravelModel`."""
+        """See :class:`TravelModel`; quick where most ways are straight, as a planner asks for hundreds."""
         start = np.asarray(from_xy, float)
         ends, inside = self._places(stops)
         places = start + shares[:, :, None] * (ends - start)[:, None, :]
-        for row in np.flatnonzero(~self._straight(start, ends, inside)).tolist():
+        straight = np.ones(len(ends), bool)
+        if self._area is not None:
+            straight = inside & self._area.allows(start, ends)
+        for row in np.flatnonzero(~straight).tolist():
             places[row] = along(self.route(start, stops[row]), shares[row])
         return np.asarray(places)
-
-    def _straight(self, start: Array, places: Array, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """True for each place to which the route is a straight line, shape (k,)."""
-        if self._area is None:
-            return np.ones(len(places), bool)
-        if self._area.is_convex:
-            return inside & bool(self._area.contains(start)[0])
-        return self._area.allows(start, places)
 
     def lengths_m(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
         """See :class:`TravelModel`."""
@@ -375,31 +376,6 @@ class GraphTravel(TravelModel):
         entry = self.graph.index(self._entry(from_xy))
         lead = np.hypot(*(self.graph.xy[entry] - from_xy))
         return np.asarray(self.graph.routes_to_all(entry)[0][self._nodes(stops)] + lead)
-
-    def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
-        """See :class:`TravelModel`."""
-        start = np.asarray(from_xy, float)
-        entry = self.graph.index(self._entry(start))
-        lengths, before = self.graph.routes_to_all(entry)
-        ends = np.array(self._nodes(stops), np.intp)
-        lead_xy = self.graph.xy[entry] - start
-        lead = np.hypot(*lead_xy)
-        wanted = shares * (lead + lengths[ends])[:, None] - lead  # from the entry on
-        node = np.broadcast_to(ends[:, None], wanted.shape).copy()
-        while True:  # back from the stops to the last nodes that are not before the places
-            last = np.where(node == entry, entry, before[node])
-            further = (node != entry) & (lengths[last] > wanted)
-            if not further.any():
-                break
-            node[further] = last[further]
-        step = lengths[node] - lengths[last]
-        share = np.clip((wanted - lengths[last]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
-        xy = self.graph.xy
-        places = xy[last] + share[:, :, None] * (xy[node] - xy[last])
-        if lead > 0:
-            leading = wanted < 0
-            places[leading] = start + ((wanted[leading] + lead) / lead)[:, None] * lead_xy
-        return np.asarray(places)
 
     def _nodes(self, stops: Sequence[Stop]) -> list[int]:
         return [self.graph.index(stop.name) for stop in stops]
