@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from soilmoist_ros.pipeline import MapRun
     from soilmoist_ros.reporting import LiveMission
+    from soilmoist_ros.simulation import MissionResult
 
 EXIT_CODES = {
     0: "all was done; files that need an extra that is not installed are named",
@@ -277,9 +278,12 @@ def live_view() -> Iterator[Callable[[LiveMission], None]]:
 # Lines on a map that several commands print ---------------------------------------------------------------------
 
 
-def rate_error(mse: float, coverage95: float) -> str:
-    """Error of a rate map: mean squared error [(counts/s)^2] and share of the cells within their interval."""
-    return f"MSE {mse:.4f} (counts/s)2, {100 * coverage95:.0f} % of the cells within their 95 % interval"
+def print_mission(mission: MissionResult) -> None:
+    """Print the course and the result of a mission."""
+    from soilmoist_ros.reporting import mission_sentences
+
+    for number, sentence in enumerate(mission_sentences(mission)):
+        say(f"{'' if number else 'mission':<10} {sentence}")
 
 
 def print_certificate(run: MapRun) -> None:
@@ -293,9 +297,9 @@ def print_certificate(run: MapRun) -> None:
 
 def print_knowledge(run: MapRun) -> None:
     """Print what earlier surveys and covariates contributed to a map, and what has changed."""
-    from soilmoist_ros.reporting import change_summary, covariate_importance, dated, relations
+    from soilmoist_ros.reporting import change_text, contribution, covariate_rows, dated, relations
 
-    fit = run.soil_map.fit
+    fit, unit = run.soil_map.fit, "% by volume" if run.calibrated else "counts/s"
     if fit is not None and fit.other_fields:
         say(f"prior      {fit.other_fields}")
     related = relations(run)
@@ -304,17 +308,11 @@ def print_knowledge(run: MapRun) -> None:
         relation = "" if known is None else f", correlation of the patterns {known:.2f}"
         remarks = "".join(f". {remark.rstrip('.')}" for remark in one.remarks)
         say(f"earlier    {dated(one)}: {len(one.survey.samples)} samples{relation}{remarks}")
-    found = run.change
-    if found is not None:
-        share = 1 - found.sd / found.sd_alone if found.sd_alone > 0 else 0.0
-        say(f"           the standard deviation of the smooth rate is {100 * share:.0f} % lower with them")
-        say(f"change     {change_summary(found)}")
-    for part in covariate_importance(run):
-        effect, share95 = part.rate_cps, part.variance_share
-        say(
-            f"covariate  {part.name}: {effect.value:+.3f} counts/s per standard deviation "
-            f"({effect.p025:+.3f} to {effect.p975:+.3f}), {100 * share95.value:.0f} % of the variance"
-        )
+    if run.change is not None:
+        say(f"          {contribution(run.change)}")
+        say(f"change     {change_text(run.change)}")
+    for name, effect, share, _ in covariate_rows(run):
+        say(f"covariate  {name}: {effect} {unit} per standard deviation, {share} of the variance")
 
 
 def print_losses(run: MapRun) -> None:

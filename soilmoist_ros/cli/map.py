@@ -106,19 +106,15 @@ def command(
 
 
 def _print_summary(run: MapRun) -> None:
-    import numpy as np
-
+    """Print what was mapped, and what the report leads with."""
     from soilmoist_ros.foundation import coordinates_text
-    from soilmoist_ros.reporting import at_one_place, irrigation, is_usable, mean_moisture, unusable_share
+    from soilmoist_ros.reporting import at_one_place, facts, has_no_level, irrigation
 
-    soil_map = run.soil_map
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
     out = f"{len(run.quarantined)} quarantined, {lost} lost"
-    say(f"records    {len(run.track)} used, {out}; samples after merging: {len(soil_map.samples)}")
+    say(f"records    {len(run.track)} used, {out}; samples after merging: {len(run.soil_map.samples)}")
     print_losses(run)
-    inside, placed = run.inside
-    where = coordinates_text(run.frame.latitude_deg, run.frame.longitude_deg)
-    say(f"place      {inside} of {placed} records inside the field, {where}")
+    say(f"place      {coordinates_text(run.frame.latitude_deg, run.frame.longitude_deg)}")
     for key, text in run.settings.items():
         if key.startswith("log: ") and key != "log: not used":
             say(f"{key.removeprefix('log: '):<10} {text}")
@@ -126,56 +122,14 @@ def _print_summary(run: MapRun) -> None:
     if origin is not None and origin.method == "general" and origin.n0_sd_cps:
         error = f"{origin.n0_sd_cps / origin.n0_cps:.0%}"
         say(f"N0         {origin.n0_cps:.4g} counts/s +- {error}, {origin.source}")
-    if at_one_place(run):
-        _print_place(run)
-        return
-    rate, sd = np.nanmean(soil_map.rate), np.nanmean(soil_map.rate_sd)
-    say(f"rate       mean {rate:.3f} counts/s, standard deviation of a cell {sd:.3f}")
-    if soil_map.curve is None:
+    if run.soil_map.curve is None:
         say(f"moisture   not mapped: {NO_MOISTURE}")
-    else:
-        low, high = 100 * np.nanquantile(soil_map.vwc, [0.05, 0.95])
-        known, mean = mean_moisture(soil_map), float(np.nanmean(soil_map.vwc))
-        if is_usable(soil_map):
-            of_mean = (mean, math.nan, math.nan) if known is None else (known.value, known.p05, known.p95)
-            _print_moisture(run, of_mean, f"5 to 95 % of the area have {low:.1f} to {high:.1f}")
-        else:
-            share = 100 * unusable_share(soil_map)
-            say(f"moisture   impossible on {share:.0f} % of the area: N0 does not fit the rate")
+    for fact in facts(run):
+        say(f"           {f'{fact.value} {fact.unit}':<28} {fact.meaning}")
+    if has_no_level(run):
+        say(f"level      {irrigation(run).level}")
+    if not at_one_place(run):
         say(f"irrigation {irrigation(run).steps[0]}")
-    say(f"map of     {run.support_text}")
-    if soil_map.pooling:
-        say(f"kriging    {soil_map.pooling}")
+        say(f"map of     {run.support_text}")
     print_knowledge(run)
     print_notes(run)
-
-
-def _print_place(run: MapRun) -> None:
-    """Mean and course of the moisture at one place."""
-    from soilmoist_ros.reporting import moisture_of_all, moisture_series
-
-    curve = run.soil_map.curve
-    mean, series = moisture_of_all(run.track, curve), moisture_series(run.track, curve)
-    say(f"rate       mean {mean.rate:.4f} +- {mean.rate_sd:.4f} counts/s")
-    if curve is None:
-        say(f"moisture   not computed: {NO_MOISTURE}")
-    else:
-        low, high = 100 * series.bands.vwc.min(), 100 * series.bands.vwc.max()
-        steps = f"{len(series.begin_s)} steps of {series.step_s / 3600:g} h"
-        of_mean = float(mean.vwc), float(mean.vwc_p05), float(mean.vwc_p95)
-        _print_moisture(run, of_mean, f"{low:.1f} to {high:.1f} over time, in {steps}")
-    print_notes(run)
-
-
-def _print_moisture(run: MapRun, mean: tuple[float, float, float], more: str) -> None:
-    """Mean moisture with its 90 % interval, as far as calibration and soil let it hold."""
-    from soilmoist_ros.reporting import irrigation, moisture_text
-    from soilmoist_ros.sensing import UNKNOWN_SENSOR
-
-    value, interval, remark = moisture_text(*mean, run.soil_map.limits)
-    between = f" (90 % interval {interval})" if interval and not math.isnan(mean[1]) else ""
-    guessed = run.calibration is not None and run.calibration.illustrative
-    guess = "level not known (illustrative N0)" if guessed else ""
-    say("; ".join(filter(None, [f"moisture   mean {value}{between} % by volume", guess, remark, more])))
-    if run.calibration is not None and run.calibration.method == UNKNOWN_SENSOR:
-        say(f"level      {irrigation(run).level}")

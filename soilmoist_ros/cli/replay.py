@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,9 +15,9 @@ from soilmoist_ros.cli.answer import (
     print_certificate,
     print_knowledge,
     print_losses,
+    print_mission,
     print_notes,
     progress_bar,
-    rate_error,
     say,
     wrote,
 )
@@ -115,13 +114,8 @@ def _print(replay: Replay) -> None:
     """Print the results of a run in a few lines."""
     from soilmoist_ros.reporting import truth_score
 
-    mission = replay.run.mission
-    if mission is not None and mission.series:
-        last = mission.series[-1]
-        stops = f"{last.samples} stop{'s' * (last.samples != 1)}"
-        say(f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {stops}: {mission.ended}")
-        if math.isfinite(last.vwc_rmse):
-            say(f"moisture   RMSE {100 * last.vwc_rmse:.2f} % by volume with the true N0")
+    if replay.run.mission is not None:
+        print_mission(replay.run.mission)
     print_certificate(replay.run)
     for run, comparison in zip(replay.run.properties, replay.comparisons, strict=True):
         what = run.name if run.soil_map.curve else f"{run.name}, rates only: it needs a calibrated --site"
@@ -130,7 +124,8 @@ def _print(replay: Replay) -> None:
         print_losses(run)
         if run.truth_rate is not None:
             score = truth_score(run.soil_map, run.truth_rate)
-            say(f"rate       {rate_error(score.rmse**2, score.coverage95)}")
+            inside = f"{100 * score.coverage95:.0f} % of the cells within their 95 % interval"
+            say(f"rate       MSE {score.rmse**2:.4f} (counts/s)2, {inside}")
         print_knowledge(run)
         say(f"map        {comparison.message}")
         print_notes(run)

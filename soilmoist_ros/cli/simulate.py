@@ -19,9 +19,9 @@ from soilmoist_ros.cli.answer import (
     echo,
     print_certificate,
     print_knowledge,
+    print_mission,
     print_notes,
     progress_bar,
-    rate_error,
     say,
     wrote,
 )
@@ -91,7 +91,7 @@ def command(
             progress("writing the results", 1.0)
             run = None if result.soil_map is None else mission_run(result, earlier=runs, irrigation=irrigation)
             written = write_mission(out, result, run=run)
-        _print_summary(settings, result, run)
+        _print_summary(result, run)
         wrote(written, out)
         if page is not None and not page.stopped and sys.stdin.isatty() and sys.stdout.isatty():
             say(f"page       {page.address} stays until Ctrl-C")
@@ -129,34 +129,19 @@ def _live(settings: MissionSettings, time_factor: float, out: Path) -> Iterator[
             signal.signal(signal.SIGINT, before)
 
 
-def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun | None) -> None:
-    from soilmoist_ros.exploration import polyline_length_m
+def _print_summary(result: MissionResult, run: MapRun | None) -> None:
     from soilmoist_ros.reporting import decision, irrigation
-    from soilmoist_ros.simulation import forecast_texts, mission_efficiency
 
-    last = result.series[-1]
-    say(f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, samples: {last.samples}; {result.ended}")
-    if settings.robots > 1:
-        say(f"robots     {', '.join(f'{polyline_length_m(track):.0f} m' for track in result.tracks)}")
+    print_mission(result)
     if run is None:
         say("map        no map: the mission ended before the first map update; report.html says what to do")
         return
-    say(f"rate       {rate_error(last.mse, last.coverage95)}")
-    rmse = f"RMSE {100 * last.vwc_rmse:.2f} % by volume with the true N0"
-    say(f"moisture   {rmse if run.soil_map.curve else 'not mapped: the field has no calibration'}")
-    for mapped, errors in zip(result.properties[1:], last.errors[1:], strict=True):
-        say(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")
     for one in run.properties:
         print_knowledge(one)
     if run.soil_map.curve is not None:
         say(f"irrigation {irrigation(run).steps[0]}")
-    texts = forecast_texts(result.forecasts, 3600 * settings.hours)
-    for name, text in zip(("deviation", "forecast"), texts, strict=False):
-        say(f"{name:10} {text}")
     if (decided := decision(run)) is not None:
         say(f"decision   {decided.shares}\n           {decided.level}")
     print_certificate(run)
-    if (plan := mission_efficiency(result)) is not None:
-        say(f"efficiency {100 * plan.reached:.0f} % of the best possible plan, which need not drive")
     for one in run.properties:
         print_notes(one)

@@ -10,6 +10,7 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.reporting.budget import Budget as Budget, make_budget as make_budget
+    from soilmoist_ros.reporting.certainty import has_no_level as has_no_level
     from soilmoist_ros.reporting.certified import certificate_of as certificate_of, check_certificate as check_certificate, sample_text as sample_text, statement_text as statement_text
     from soilmoist_ros.reporting.colours import DRY_TO_WET as DRY_TO_WET, RATE as RATE, UNCERTAIN as UNCERTAIN, between as between, palette_png as palette_png
     from soilmoist_ros.reporting.core_plan import CorePlan as CorePlan, LevelOfPlaces as LevelOfPlaces, n0_at_places as n0_at_places, plan_cores as plan_cores, write_plan as write_plan
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings, RunSource as RunSource, open_source as open_source
     from soilmoist_ros.reporting.geotiff import write_geotiff as write_geotiff
     from soilmoist_ros.reporting.live_view import LiveMap as LiveMap, LiveMission as LiveMission, LiveRobot as LiveRobot
-    from soilmoist_ros.reporting.moisture_steps import at_one_place as at_one_place, moisture_of_all as moisture_of_all, moisture_series as moisture_series
+    from soilmoist_ros.reporting.moisture_steps import at_one_place as at_one_place
     from soilmoist_ros.reporting.opened_run import OpenedRun as OpenedRun, open_run as open_run
     from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs, remove_earlier as remove_earlier, require_free as require_free
     from soilmoist_ros.reporting.outputs import mission_run as mission_run, write_failed as write_failed, write_mission as write_mission, write_outputs as write_outputs
@@ -25,9 +26,9 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.decision import decision as decision
     from soilmoist_ros.reporting.page.frame import dwell_text as dwell_text, length as length, number as number, plain as plain, render_page as render_page, strategy_text as strategy_text
     from soilmoist_ros.reporting.page.irrigation import dose_sentence as dose_sentence, irrigation as irrigation
-    from soilmoist_ros.reporting.page.report import change_summary as change_summary, dated as dated, relations as relations
-    from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance, is_usable as is_usable, mean_moisture as mean_moisture, moisture_text as moisture_text, truth_score as truth_score, unusable_share as unusable_share
-    from soilmoist_ros.reporting.page.wording import notes as notes
+    from soilmoist_ros.reporting.page.report import change_text as change_text, contribution as contribution, covariate_rows as covariate_rows, dated as dated, mission_sentences as mission_sentences, relations as relations
+    from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture, truth_score as truth_score
+    from soilmoist_ros.reporting.page.wording import facts as facts, notes as notes
     from soilmoist_ros.reporting.run_summary import summary as summary
     from soilmoist_ros.reporting.season import SeasonSettings as SeasonSettings, make_season as make_season
     from soilmoist_ros.reporting.season_outputs import estimate_text as estimate_text, write_season as write_season
@@ -38,6 +39,7 @@ _open, __dir__, __all__ = open_door(
     __name__,
     {
         "budget": "Budget make_budget",
+        "certainty": "has_no_level",
         "certified": "certificate_of check_certificate sample_text statement_text",
         "colours": "DRY_TO_WET RATE UNCERTAIN between palette_png",
         "core_plan": "CorePlan LevelOfPlaces n0_at_places plan_cores write_plan",
@@ -45,7 +47,7 @@ _open, __dir__, __all__ = open_door(
         "exports.source": "ExportSettings RunSource open_source",
         "geotiff": "write_geotiff",
         "live_view": "LiveMap LiveMission LiveRobot",
-        "moisture_steps": "at_one_place moisture_of_all moisture_series",
+        "moisture_steps": "at_one_place",
         "opened_run": "OpenedRun open_run",
         "output_folder": "earlier_outputs remove_earlier require_free",
         "outputs": "mission_run write_failed write_mission write_outputs",
@@ -53,9 +55,9 @@ _open, __dir__, __all__ = open_door(
         "page.decision": "decision",
         "page.frame": "dwell_text length number plain render_page strategy_text",
         "page.irrigation": "dose_sentence irrigation",
-        "page.report": "change_summary dated relations",
-        "page.statistics": "covariate_importance is_usable mean_moisture moisture_text truth_score unusable_share",
-        "page.wording": "notes",
+        "page.report": "change_text contribution covariate_rows dated mission_sentences relations",
+        "page.statistics": "mean_moisture truth_score",
+        "page.wording": "facts notes",
         "run_summary": "summary",
         "season": "SeasonSettings make_season",
         "season_outputs": "estimate_text write_season",

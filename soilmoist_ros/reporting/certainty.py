@@ -78,6 +78,11 @@ def absolute(run: MapRun) -> bool:
     return run.calibrated and not (run.calibration is not None and run.calibration.illustrative)
 
 
+def has_no_level(run: MapRun) -> bool:
+    """True if a map has moistures whose level is a guess, or nearly unknown."""
+    return calibration_of(run) in NO_LEVEL
+
+
 def calibration_of(run: MapRun) -> str:
     """Origin of the calibration of a map, see :func:`calibration_state`."""
     method = "cores" if run.calibration is None else run.calibration.method

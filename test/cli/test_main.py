@@ -65,7 +65,7 @@ def test_the_real_roving_record_is_mapped_by_the_documented_command(roving_recor
     result = run("map", log, "--site", "gypsum_transect", "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
     assert "warning    The calibration is illustrative" in result.output
-    assert "% by volume; level not known (illustrative N0)" in result.output
+    assert "mean soil water content (90 % interval, level not known)" in result.output
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["n_records"] == 200
     assert summary["simulated"] is False
@@ -237,7 +237,7 @@ def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
                  "--out", out)  # fmt: skip
     assert result.exit_code == 0, result.output
     for line in (
-        r"forecast   at 25 % of the time: ±\S+ % \(\S+ to \S+\)",
+        r" +Standard deviation of the map: .*; forecast at 25 % of the time: ±\S+ % \(\S+ to \S+\)",
         "decision   below 15 %: .*; 15 % to 20 %: .*; above 20 %: .* of the field",
         " +Expected in the wrong zone: .* by the simulated truth it is .*",
     ):

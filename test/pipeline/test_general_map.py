@@ -109,7 +109,7 @@ def test_the_command_says_where_the_moisture_is_from(tmp_path):
     command = ["map", str(LOG), "--site", str(site), "--overwrite"]
     plain = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "rate")])
     assert "level      Unknown sensor: the level lies between 2.4 and 50.9 % by volume" in plain.output
-    assert "90 % interval 2.4 to 50.9" in plain.output, "one interval everywhere"
+    assert "(2.4 to 50.9) % vol." in plain.output, "one interval everywhere"
     assert "19 to 51 % by volume with a LiFoil-2" in plain.output
     about = json.loads((tmp_path / "rate" / "summary.json").read_text())
     assert (about["calibration"]["method"], about["budget"]["largest"]) == ("unknown sensor",) * 2

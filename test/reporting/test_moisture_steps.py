@@ -12,7 +12,8 @@ import pytest
 
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.pipeline import MapRun, MapSettings, NoteCode, map_logs
-from soilmoist_ros.reporting import at_one_place, moisture_of_all, moisture_series, notes, write_outputs
+from soilmoist_ros.reporting import at_one_place, notes, write_outputs
+from soilmoist_ros.reporting.moisture_steps import moisture_of_all, moisture_series
 from soilmoist_ros.sensing import CountRecord, Irrigation, Site, process_logs, read_log
 
 STATION = Path(__file__).parents[2] / "examples" / "station_kansas_2021-10.dat"

@@ -15,7 +15,7 @@ from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import FieldChange, SurveysEstimate
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, RunChange, track_xy
 from soilmoist_ros.reporting.budget import make_budget
-from soilmoist_ros.reporting.certainty import NO_LEVEL, calibration_of
+from soilmoist_ros.reporting.certainty import has_no_level
 from soilmoist_ros.reporting.certified import certificate_text
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page import wording
@@ -62,9 +62,9 @@ def render_report(run: MapRun) -> str:
         "report.html.j2", title=run.title, version=run.version, place=run.field_name,
         when=wording.survey_time(run), where=wording.place(run), simulated=run.simulated, run=run, curve=curve,
         facts=wording.facts(run), headline=wording.headline(run), notes=notes(run), irrigation=found,
-        guessed=calibration_of(run) in NO_LEVEL, decision=decision(run),
+        guessed=has_no_level(run), decision=decision(run),
         series=moisture_chart(moisture_series(run.track, curve)) if still and curve is not None else None,
-        covariates=_covariate_rows(run), map_data=None if still else viewer_data(run, found),
+        covariates=covariate_rows(run), map_data=None if still else viewer_data(run, found),
         pictures=() if still else list(pictures(run)),
         budgets=[part for one in run.properties if (part := budget_part(one)) is not None],
         certified=certificate_text(run), earlier=earlier_part(run), mission=mission_part(run),
@@ -109,7 +109,7 @@ def budget_part(run: MapRun) -> Part | None:
     )  # fmt: skip
 
 
-def _covariate_rows(run: MapRun) -> list[tuple[str, str, str, str]]:
+def covariate_rows(run: MapRun) -> list[tuple[str, str, str, str]]:
     """Name, effect, share of the variance and coverage of each covariate, as texts."""
     rows = []
     for one in covariate_importance(run):
@@ -252,31 +252,22 @@ def change_text(found: RunChange) -> str:
     low, high = (found.change.mean_vwc or found.change.mean_rate).interval95
     changed = low > 0 or high < 0
     seen = f"the mean {kind} has changed by" if changed else f"no change of the mean {kind} can be seen:"
-    since = change_since(found)
+    since = _change_since(found)
     return (
-        f"{since[:1].upper()}{since[1:]}, {seen} {change_amount(found)}. {percent(wetter)} of the field has "
+        f"{since[:1].upper()}{since[1:]}, {seen} {_change_amount(found)}. {percent(wetter)} of the field has "
         f"become wetter and {percent(drier)} drier significantly: of the cells called changed, "
         f"{percent(FieldChange.FALSE_SHARE)} at most are expected not to be. The uncertainty is that of both "
         "surveys together."
     )
 
 
-def change_summary(found: RunChange) -> str:
-    """Change since the latest earlier survey, in one line."""
-    drier, wetter = found.change.shares
-    return (
-        f"{change_since(found)}: mean {change_amount(found)}, "
-        f"{100 * wetter:.0f} % of the field significantly wetter, {100 * drier:.0f} % drier"
-    )
-
-
-def change_amount(found: RunChange) -> str:
+def _change_amount(found: RunChange) -> str:
     """Change of the field's mean with its 95 % interval: of the moisture, or of the rate without a calibration."""
     rate, vwc = found.change.mean_rate, found.change.mean_vwc
     return _rate(rate) if vwc is None else f"{with_interval(vwc, True, '+')} % by volume"
 
 
-def change_since(found: RunChange) -> str:
+def _change_since(found: RunChange) -> str:
     """Survey that a change compares with, in words."""
     return f"{'compared with the later survey' if found.backwards else 'since the survey'} {dated(found.since)}"
 
@@ -292,7 +283,7 @@ def _since(run: MapRun, name: str) -> str:
     if run.change is None or change is None:
         return ""
     latest = run.change.since.survey.name == name and run.change.change.mean_vwc is not None
-    return f"{change_amount(run.change)} [{change.value:+.3f} counts/s]" if latest else _rate(change)
+    return f"{_change_amount(run.change)} [{change.value:+.3f} counts/s]" if latest else _rate(change)
 
 
 def _rate(change: SurveysEstimate) -> str:
@@ -309,13 +300,15 @@ def mission_part(run: MapRun) -> Part | None:
         return None
     forecasts, visits = forecast_chart(mission.forecasts, 3600 * mission.settings.hours), mission.visits
     return Part(
-        text=_text(mission), charts=[*course_charts(mission), *([forecasts] if forecasts else [])],
+        text=". ".join(mission_sentences(mission)) + ".",
+        charts=[*course_charts(mission), *([forecasts] if forecasts else [])],
         visits=visits[:MAX_VISITS], stops=len(visits), several=len(mission.tracks) > 1,
         log=mission.log[:MAX_LINES],
     )  # fmt: skip
 
 
-def _text(mission: MissionResult) -> str:
+def mission_sentences(mission: MissionResult) -> list[str]:
+    """The course and the result of a mission, in sentences without their full stops."""
     settings, named = mission.settings, mission.settings.as_dict()
     sentences = [
         f"Strategy {strategy_text(named['strategy'])}, dwell rule {dwell_text(named['dwell'])}, "
@@ -359,7 +352,7 @@ def _text(mission: MissionResult) -> str:
         sentences.append(f"Standard deviation of the map: {'; forecast '.join(forecast)}")
     if mission.ended:
         sentences.append(f"The mission ended: {mission.ended.rstrip('.')}")
-    return ". ".join(sentences) + "."
+    return sentences
 
 
 def course_charts(mission: MissionResult) -> Iterator[Chart]:

@@ -15,7 +15,8 @@ import rasterio
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.pipeline.run import CalibrationInfo
-from soilmoist_ros.reporting import EXPORTS, ExportSettings, export_run, moisture_of_all, open_run, write_outputs
+from soilmoist_ros.reporting import EXPORTS, ExportSettings, export_run, open_run, write_outputs
+from soilmoist_ros.reporting.moisture_steps import moisture_of_all
 from soilmoist_ros.reporting.page.field_dose import field_dose
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.sensing import Irrigation

@@ -17,10 +17,11 @@ from soilmoist_ros.mapping.knowledge import Knowledge
 from soilmoist_ros.mapping.samples import as_samples, footprint_spread
 from soilmoist_ros.mapping.soil_map import possible_moisture
 from soilmoist_ros.pipeline.run import NoteCode
-from soilmoist_ros.reporting import covariate_importance, mean_moisture, notes, summary, truth_score
+from soilmoist_ros.reporting import mean_moisture, notes, summary, truth_score
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.statistics import (
     calibration_sd,
+    covariate_importance,
     explained_share,
     leave_one_out,
     mean_sd,
