@@ -138,8 +138,6 @@ def test_planned_places_give_a_surer_level_than_random_ones_and_a_grid(count):
     rms = np.sqrt(np.mean(np.square([compare_designs(seed, count) for seed in range(200)]), axis=0))
     planned, _, at_random, _, gridded, _, promised = rms
     _, planned_sd, _, random_sd, _, grid_sd, _ = rms
-    print(f"{count} places: error to random {planned / at_random:.2f}, to a grid {planned / gridded:.2f}; stated")
-    print(f"{planned_sd / random_sd:.2f}, {planned_sd / grid_sd:.2f}; promised to found {promised / planned:.2f}")
     assert planned < 0.95 * at_random
     assert planned < 0.95 * gridded
     assert planned_sd < 0.95 * min(random_sd, grid_sd)
@@ -194,18 +192,13 @@ def test_the_filled_sheet_goes_back_into_the_command(folder, tmp_path):
     assert found["n0_cps"] == pytest.approx(n0_cps, rel=0.01)
     assert sensing.load_site(site).calibration.n0_cps == pytest.approx(n0_cps, rel=0.01)
     assert site.read_text().startswith("# kept")
-    run(
-        sheet, "--site", site, "--run", folder, "--cores-only"
-    )  # again, now with the density of the cores in the file
+    run(sheet, "--site", site, "--run", folder, "--cores-only")  # now with the density of the cores in the file
     of_mass = sensing.load_site(site).calibration
     assert of_mass.n0_per_bound_water > 0 == of_mass.n0_per_density
-    assert found["n0_sd_cps"] / n0_cps == pytest.approx(
-        (places[-1]["level_sd"] ** -2 - N0_SD**-2) ** -0.5, rel=0.3
-    )
-    assert (
-        "leave out --log"
-        in run(sheet, "--site", site, "--run", folder, "--counts", 5, "--exposure", 5)["errors"][0]["message"]
-    )
+    of_plan = (places[-1]["level_sd"] ** -2 - N0_SD**-2) ** -0.5
+    assert found["n0_sd_cps"] / n0_cps == pytest.approx(of_plan, rel=0.3)
+    twice = run(sheet, "--site", site, "--run", folder, "--counts", 5, "--exposure", 5)
+    assert "leave out --log" in twice["errors"][0]["message"]
     rows[0]["latitude_deg"] = "53.4"
     sheet.write_text("\n".join([",".join(SHEET_COLUMNS), *(",".join(row.values()) for row in rows)]))
     assert "outside the map" in run(sheet, "--site", site, "--run", folder)["errors"][0]["message"]
