@@ -69,7 +69,7 @@ def test_the_folder_has_the_series(run, tmp_path) -> None:
     assert all(float(row["vwc_p05"]) <= float(row["vwc"]) <= float(row["vwc_p95"]) for row in rows)
     page = (tmp_path / "report.html").read_text()
     assert "Soil moisture over time" in page
-    assert "100 litres of soil at this place held" in page
+    assert "the moisture is known to ±" in page.replace("\u00a0", " ").lower()
     assert "The map</h2>" not in page
     assert "measure at more places" not in page
 

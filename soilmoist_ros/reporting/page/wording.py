@@ -157,9 +157,9 @@ def _effort_facts(run: MapRun) -> list[Fact]:
 
 def headline(run: MapRun) -> list[str]:
     """The result in plain sentences."""
+    soil_map, found = run.soil_map, make_budget(run)
     if at_one_place(run):
-        return _headline_of_place(run)
-    soil_map = run.soil_map
+        return [found.text] if found else []
     mapped, undefined = " ".join(area(float(field_polygon(soil_map.grid).area))), undefined_share(soil_map)
     if not run.calibrated:
         return [
@@ -187,7 +187,7 @@ def headline(run: MapRun) -> list[str]:
     sentences = [
         f"On average, 100 litres of soil hold {volume(_mean(run))} litres of water in the {mapped} mapped.",
         f"The driest twentieth of the area is below {volume(wet.p05)} %, the wettest above {volume(wet.p95)} %.",
-        found.text if (found := make_budget(run)) else "", _support(run),
+        found.text if found else "", _support(run),
     ]  # fmt: skip
     if undefined > 0:
         sentences.append(
@@ -203,23 +203,6 @@ def _support(run: MapRun) -> str:
     mean = run.support_text.startswith("mean")
     value = f"Each value is a {run.support_text}" if mean else f"The values are of {run.support_text}"
     return f"{value}. Structures below {size_m:.0f} m are not resolved."
-
-
-def _headline_of_place(run: MapRun) -> list[str]:
-    mean, series = moisture_of_all(run.track, run.soil_map.curve), moisture_series(run.track, run.soil_map.curve)
-    if not run.calibrated:
-        return [
-            f"The count rate at this place was {mean.rate:.3f} counts/s on average. More neutrons mean drier "
-            "soil, but without a calibration the rate cannot be turned into water content."
-        ]
-    value, interval, remark = _of_place(run, mean)
-    about = ", ".join(filter(None, [interval and f"90 % interval {interval}", remark]))
-    water = f"{value} litres of water ({about})"
-    low, high = volume(series.bands.vwc.min()), volume(series.bands.vwc.max())
-    return [
-        f"On average, 100 litres of soil at this place held {water}.",
-        f"Over time, in means of {duration(series.step_s)}, they held {low} to {high} litres.",
-    ]
 
 
 def _of_place(run: MapRun, bands: Bands) -> tuple[str, str, str]:

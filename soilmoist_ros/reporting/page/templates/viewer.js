@@ -311,15 +311,23 @@
   }
   const metres = () => number(Math.abs(place.x), 1) + " m " + (place.x < 0 ? "west" : "east") + ", " +
     number(Math.abs(place.y), 1) + " m " + (place.y < 0 ? "south" : "north") + " of the datum";
+  // What the first layer of a season shows here in each survey.
+  function course() {
+    const layer = data.layers[0], cell = data.labels ? cellAt(layer, place.x, place.y) : -1;
+    const texts = (data.labels || []).map(function (label, i) {
+      const [mean, sd] = [layer, layers[layer.sd]].map((of) => cell < 0 ? NaN : values(of, i)[cell]);
+      return [label, number(mean, layer.digits) + " \u00b1 " + amount(layer, sd), mean];
+    });
+    return texts.filter((text) => !isNaN(text[2]));
+  }
   function read() {
     const list = element("dl");
-    rows().concat([["Place", geographic()], ["", metres()]]).forEach(function ([name, text]) {
+    rows().concat(course(), [["Place", geographic()], ["", metres()]]).forEach(function ([name, text]) {
       const item = element("div");
       item.append(element("dt", name || "In the map"), element("dd", text));
       list.append(item);
     });
     byId("map-readout").replaceChildren(list);
-    if (data.labels) { course(); }
   }
   function choose(x, y) { place = { x: x, y: y }; read(); redraw(); }
 
@@ -399,7 +407,7 @@
     delete part.dataset.opened;
   }));
 
-  // ---- surveys of a season: a slider over them, and the course at the place
+  // ---- surveys of a season: a slider over them
   const slider = byId("when");
   function survey(number) {
     now = number;
@@ -409,31 +417,6 @@
     document.querySelectorAll("#surveys tbody tr").forEach((row, i) => { row.className = i === now ? "now" : ""; });
     select(shown.key);
     if (place) { read(); }
-  }
-  function course() {
-    const layer = data.layers[0], to = byId("course-here"), cell = cellAt(layer, place.x, place.y);
-    const [mean, sd] = [layer, layers[layer.sd]].map((of) => data.labels.map((_, i) => cell < 0 ? NaN : values(of, i)[cell]));
-    to.hidden = isNaN(mean[now]);
-    if (to.hidden) { return; }
-    const tall = 170, left = 46, right = 14, top = 12, bottom = 30, sheet = to.querySelector("canvas"), wide = to.clientWidth;
-    const low = Math.min(...mean.map((m, i) => m - 2 * sd[i])), high = Math.max(...mean.map((m, i) => m + 2 * sd[i]));
-    const end = data.days[data.days.length - 1] || 1, p = sheet.getContext("2d");
-    const x = (i) => left + (wide - left - right) * data.days[i] / end;
-    const y = (v) => top + (tall - top - bottom) * (high - v) / (high - low || 1);
-    sheet.width = wide * ratio;
-    sheet.height = tall * ratio;
-    sheet.style.height = tall + "px";
-    p.setTransform(ratio, 0, 0, ratio, 0, 0);
-    p.fillStyle = ink("soft");
-    [low, (low + high) / 2, high].forEach(function (v) {
-      lines(p, [[[left, y(v)], [wide - right, y(v)]]], ink("faint"), 1);
-      write(p, number(v, layer.digits), left - 6, y(v), "13px", "right");
-    });
-    write(p, data.labels[0], left, tall - 12, "13px", "left");
-    write(p, data.labels[data.labels.length - 1], wide - right, tall - 12, "13px", "right");
-    lines(p, mean.map((m, i) => [[x(i), y(m - 2 * sd[i])], [x(i), y(m + 2 * sd[i])]]), ink("line"), 2);
-    mean.forEach((m, i) => disc(p, x(i), y(m), i === now ? 6 : 3.5, ink("line")));
-    lines(p, [mean.map((m, i) => [x(i), y(m)])], ink("line"), 1.5);
   }
   resize();
   if (data.labels) {
