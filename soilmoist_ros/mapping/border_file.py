@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The border of a field in a file of another program: which of its shapes it is, and where it lies on the earth.
 
-GeoJSON, KML, KMZ, GPX, WKT and ISOXML files are read here. Shapefiles, GeoPackage and FlatGeobuf
+GeoJSON, KML, KMZ, GPX and ISOXML files are read here. Shapefiles, GeoPackage and FlatGeobuf
 need pyogrio, reference systems other than WGS-84 need pyproj (extra ``reports``).
 """
 
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 
 WGS84 = "EPSG:4326"
 VECTORS = (".shp", ".gpkg", ".fgb")  # formats that need pyogrio
-FORMATS = (*VECTORS, ".geojson", ".json", ".kml", ".kmz", ".gpx", ".wkt", ".xml", ".zip")
+FORMATS = (*VECTORS, ".geojson", ".json", ".kml", ".kmz", ".gpx", ".xml", ".zip")
 MAX_GAP_SHARE = 0.05
 """Distance between the ends of a line, as a share of its length, up to which it is a border that was walked."""
 MAX_INSIDE_SHARE = 0.5  # share of a field from which on polygons inside it are rather its parts than no-go areas
@@ -577,20 +577,6 @@ def _isoxml(source: BorderSource) -> _Content:
     return _Content(features, WGS84)
 
 
-def _wkt(source: BorderSource) -> _Content:
-    import shapely
-
-    text = read_limited(source.path).decode("utf-8", "replace").strip()
-    found = re.match(r"SRID\s*=\s*(\d+)\s*;", text, re.IGNORECASE)
-    try:
-        with np.errstate(over="ignore"):  # numbers beyond the largest are refused with their place
-            shape = shapely.from_wkt(text[found.end() :] if found else text)
-    except shapely.errors.ShapelyError as error:
-        raise InputError(f"is not valid WKT: {error!s:.200}", "write it as POLYGON ((...))", source.path) from None
-    crs = f"EPSG:{found[1]}" if found else ""
-    return _Content([_feature({}, shapely.geometry.mapping(shape), path=source.path)], crs)
-
-
 def _vectors(source: BorderSource) -> _Content:
     import shapely
 
@@ -666,5 +652,4 @@ _READERS: dict[str, Callable[[BorderSource], _Content]] = {
     ".kml": _kml,
     ".gpx": _gpx,
     ".xml": _isoxml,
-    ".wkt": _wkt,
 }

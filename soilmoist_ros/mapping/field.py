@@ -60,7 +60,7 @@ class BorderSection(Section):
     """A file with the border of a field, and what of it is meant."""
 
     file: Path
-    """GeoJSON, KML, KMZ, GPX, WKT, ISOXML, shapefile, GeoPackage, or a zip file with one; from the field file."""
+    """GeoJSON, KML, KMZ, GPX, ISOXML, shapefile, GeoPackage, or a zip file with one; from the field file."""
     layer: str = ""
     """Layer of the file with the border; by default the only one with areas."""
     feature: str | int = ""
@@ -285,7 +285,7 @@ def _steep(
     return rings, "; ".join([text, *doubts])
 
 
-_BORDER_ENDINGS = (".geojson", ".shp", ".gpkg", ".fgb", ".kml", ".kmz", ".gpx", ".wkt", ".xml", ".zip")
+_BORDER_ENDINGS = (".geojson", ".shp", ".gpkg", ".fgb", ".kml", ".kmz", ".gpx", ".xml", ".zip")
 
 
 @lru_cache(maxsize=256)

@@ -579,8 +579,7 @@ class FieldMap:
         """The field and its margin: where records count."""
         import shapely
 
-        area = shapely.union_all([shapely.Polygon(ring) for ring in self.grid.polygons])
-        area = area.buffer(self.settings.margin_m)
+        area = shapely.Polygon(self.grid.polygon).buffer(self.settings.margin_m)
         shapely.prepare(area)
         return area
 

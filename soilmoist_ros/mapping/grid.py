@@ -30,7 +30,7 @@ class FieldGrid:
 
     Made by :meth:`from_polygon` or :meth:`from_track`.
 
-    :param polygons: outlines of the field, each of shape (k, 2), not closed [m]
+    :param polygon: outline of the field, shape (k, 2), not closed [m]
     :param holes: outlines of the no-go areas cut out of the field, each of shape (k, 2), not closed [m]
 
     >>> grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 40)], cell_m=5.0)
@@ -42,37 +42,31 @@ class FieldGrid:
     y_m: Array
     cell_m: float
     mask: NDArray[np.bool_]
-    polygons: tuple[Array, ...]
+    polygon: Array
     holes: tuple[Array, ...] = ()
 
     @classmethod
-    def from_polygon(
-        cls, vertices: ArrayLike | Sequence[ArrayLike], cell_m: float, holes: Sequence[ArrayLike] = ()
-    ) -> FieldGrid:
+    def from_polygon(cls, vertices: ArrayLike, cell_m: float, holes: Sequence[ArrayLike] = ()) -> FieldGrid:
         """Grid of a field given by its outline.
 
         Cell edges lie on multiples of the cell size, so grids of one field and one size fit each other.
 
-        :param vertices: corners in order, shape (k, 2), closed or not [m]; or a sequence of such outlines
+        :param vertices: corners in order, shape (k, 2), closed or not [m]
         :param holes: outlines of no-go areas, each of shape (k, 2) [m]
         :raises ValueError: if an outline has fewer than three corners, crosses itself or has no area, or if
             the cell size gives no or far too many cells
         """
-        polygons = tuple(_corners(ring, "polygon") for ring in _rings(vertices))
-        cut = tuple(_corners(ring, "hole") for ring in holes)
-        if not polygons:
-            raise ValueError("a field needs a polygon of at least 3 vertices, got none")
-        _check_cell(polygons, cell_m)
-        area = _area(polygons, "polygon").difference(_area(cut, "hole")) if cut else _area(polygons, "polygon")
-        everything = np.concatenate(polygons)
-        x_m, y_m = (_axis(everything[:, axis], cell_m) for axis in (0, 1))
+        polygon, cut = _corners(vertices, "polygon"), tuple(_corners(ring, "hole") for ring in holes)
+        _check_cell(polygon, cell_m)
+        area = _area([polygon], "polygon").difference(_area(cut, "hole"))
+        x_m, y_m = (_axis(polygon[:, axis], cell_m) for axis in (0, 1))
         mask = _inside(area, x_m, y_m)
         if not mask.any():
             raise ValueError(
                 f"no cell centre lies inside the field at a cell size of {cell_m:g} m; use smaller cells, "
                 "and check that the holes do not cover the field"
             )
-        return cls(x_m, y_m, float(cell_m), mask, polygons, cut)
+        return cls(x_m, y_m, float(cell_m), mask, polygon, cut)
 
     @classmethod
     def from_track(cls, xy: ArrayLike, margin_m: float, cell_m: float | None = None) -> FieldGrid:
@@ -158,15 +152,6 @@ def default_cell_m(extent_m: tuple[float, float], footprint_radius_m: float = 10
     return cell if cell * tolerance >= coarse else min(size for size in series if size * tolerance >= coarse)
 
 
-def _rings(vertices: ArrayLike | Sequence[ArrayLike]) -> list[ArrayLike]:
-    """A list of outlines, whether one was given or several."""
-    try:
-        single = floats(vertices)  # type: ignore[arg-type]
-    except ValueError:  # outlines of different lengths
-        return list(vertices)  # type: ignore[arg-type]
-    return list(single) if single.ndim == 3 else [single]
-
-
 def _corners(ring: ArrayLike, what: str) -> Array:
     corners = np.array(floats(ring))
     if corners.ndim != 2 or corners.shape[1] != 2:
@@ -196,10 +181,10 @@ def _area(rings: Sequence[Array], what: str) -> BaseGeometry:
     return shapely.union_all(areas)
 
 
-def _check_cell(polygons: Sequence[Array], cell_m: float) -> None:
+def _check_cell(polygon: Array, cell_m: float) -> None:
     if not (np.isfinite(cell_m) and cell_m > 0):
         raise ValueError(f"cell_m must be > 0 and finite, got {cell_m}")
-    width, height = np.ptp(np.concatenate(polygons), axis=0).tolist()
+    width, height = np.ptp(polygon, axis=0).tolist()
     if cell_m > max(width, height) > 0:
         raise ValueError(
             f"a cell of {cell_m:g} m is larger than the field of {width:g} m x {height:g} m; use smaller cells"

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import LocalFrame, optional_module, squared_distances
+from soilmoist_ros.foundation import LocalFrame, floats, optional_module, squared_distances
 
 if TYPE_CHECKING:
     import geopandas
@@ -91,10 +91,7 @@ class Samples:
 
     def __post_init__(self) -> None:
         xy = check_xy(self.xy)
-        for name in ("counts", "exposure_s", "spread"):
-            require_unmasked(name, getattr(self, name))
-        counts = np.array(self.counts, float, ndmin=1)
-        exposure_s = np.array(self.exposure_s, float, ndmin=1)
+        counts, exposure_s = (np.array(floats(values), ndmin=1) for values in (self.counts, self.exposure_s))
         for name, values in (("counts", counts), ("exposure_s", exposure_s)):
             if values.shape != (len(xy),):
                 raise ValueError(f"{name} must have shape ({len(xy)},) like xy, got {values.shape}")
@@ -192,28 +189,20 @@ def as_samples(
     return Samples(places, numbers, times_s, moments)
 
 
-def require_unmasked(name: str, values: ArrayLike) -> None:
-    """Refuse an array with masked values (``ValueError``), which NumPy would take for numbers."""
-    number = np.count_nonzero(np.ma.getmaskarray(values)) if isinstance(values, np.ma.MaskedArray) else 0
-    if number:
-        raise ValueError(f"{name} has {number} masked values: leave these samples out, as by values[~mask]")
-
-
 def check_xy(xy: ArrayLike) -> Array:
     """Places as a new float array of shape (n, 2); (x, y) is one. ``ValueError`` if one is not finite."""
-    require_unmasked("xy", xy)
-    places = np.array(xy, float)
+    places = np.array(floats(xy))
     if places.shape in ((2,), (0,)):
         places = places.reshape(-1, 2)
     if places.ndim != 2 or places.shape[1] != 2:
         raise ValueError(f"xy must have shape (n, 2), got {places.shape}")
-    _refuse(~np.isfinite(places).all(axis=1), places, "xy must be finite")
+    _refuse(~np.asarray(np.isfinite(places).all(axis=1)), places, "xy must be finite")
     return places + 0.0  # -0.0 and 0.0 are the same place
 
 
 def _check_spread(spread: ArrayLike, n: int) -> Array:
     """Spreads as a new array of shape (n, 4); covariance matrices but for the rounding of 32 bits."""
-    moments = np.array(spread, float)
+    moments = np.array(floats(spread))
     if moments.shape not in ((3,), (4,), (n, 3), (n, 4)):
         raise ValueError(f"spread must have shape ({n}, 4) or (4,), got {moments.shape}")
     if moments.shape[-1] == 3:

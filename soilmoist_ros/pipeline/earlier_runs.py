@@ -284,7 +284,7 @@ def _inside(run: RunRecords, target: EarlierTarget) -> tuple[list[CountRecord], 
     moved = run.frame != target.frame
     if moved:
         xy = target.frame.to_local(*run.frame.to_geographic(xy).T)
-    area = shapely.union_all([shapely.Polygon(ring) for ring in target.grid.polygons])
+    area = shapely.Polygon(target.grid.polygon)
     with np.errstate(invalid="ignore"):
         distance_m = np.nan_to_num(shapely.distance(area, shapely.points(xy)), nan=np.inf)
     near = distance_m <= target.settings.margin_m

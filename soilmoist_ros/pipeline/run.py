@@ -79,9 +79,9 @@ class SurveyTimes:
 
 def inside_boundary(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
     """True if each point (n, 2) lies within the boundary of the field, its holes and its edge included."""
-    from shapely import Polygon, intersects_xy, union_all
+    from shapely import Polygon, intersects_xy
 
-    area = union_all([Polygon(ring) for ring in soil_map.grid.polygons])
+    area = Polygon(soil_map.grid.polygon)
     return np.asarray(intersects_xy(area, xy_m[:, 0], xy_m[:, 1]), bool)
 
 

@@ -99,7 +99,7 @@ def certificate_content(run: MapRun) -> dict[str, Any]:
     return {
         **found.values, "sample": read_json(found.sample.text),
         "map": {
-            "cell_m": grid.cell_m, "polygons": [ring.tolist() for ring in grid.polygons],
+            "cell_m": grid.cell_m, "polygons": [grid.polygon.tolist()],
             "holes": [ring.tolist() for ring in grid.holes], "stops_only": settings.map_from == "stops",
             "knowledge": bool(run.earlier or run.covariates or settings.prior),
             "calibrated": run.soil_map.curve is not None,
@@ -123,10 +123,10 @@ def check_certificate(folder: Path) -> tuple[Certificate, str]:
         content = read_json(path.read_bytes().decode("utf-8"))
         about = content["map"]
         sample = sample_from_text(json.dumps(content["sample"], separators=(",", ":")))
-        grid = FieldGrid.from_polygon(about["polygons"], about["cell_m"], about["holes"])
+        grid = FieldGrid.from_polygon(about["polygons"][0], about["cell_m"], about["holes"])
         settings = FieldMapSettings(**{name: about[name] for name in FIT_SETTINGS})
         stops_only, knowledge = bool(about["stops_only"]), bool(about["knowledge"])
-    except (KeyError, TypeError, ValueError) as error:
+    except (LookupError, TypeError, ValueError) as error:
         raise InputError(f"cannot be read: {error!s:.200}", REMEDY, path) from None
     if not sample.is_as_drawn:
         raise InputError(f"the seed {sample.seed} does not draw this sample", "do not trust it", path)

@@ -22,8 +22,7 @@ def field_polygon(grid: FieldGrid) -> Any:
     from shapely import unary_union
     from shapely.geometry import Polygon
 
-    outlines, holes = (unary_union([Polygon(r) for r in rs]) for rs in (grid.polygons, grid.holes))
-    return right_handed(outlines.difference(holes))
+    return right_handed(Polygon(grid.polygon).difference(unary_union([Polygon(ring) for ring in grid.holes])))
 
 
 def right_handed(shape: Any) -> Any:
@@ -48,9 +47,9 @@ def rings(grid: FieldGrid) -> list[NDArray[np.float64]]:
 
 def distances_m(grid: FieldGrid, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distance of each point (n, 2) from the boundary of the field [m], shape (n,); 0 inside."""
-    from shapely import Polygon, distance, points, union_all
+    from shapely import Polygon, distance, points
 
-    return np.asarray(distance(union_all([Polygon(ring) for ring in grid.polygons]), points(xy_m)), float)
+    return np.asarray(distance(Polygon(grid.polygon), points(xy_m)), float)
 
 
 def compass_part(grid: FieldGrid, xy_m: NDArray[np.float64]) -> str:

@@ -173,7 +173,7 @@ def season_data(season: Season) -> dict[str, Any]:
     return {
         "view": [round(edge, 2) for edge in (west, east, south, north)],
         "place": place_data(season.frame, (west, east, south, north)), "rootDepth": 0, "grids": [grid_data(grid)],
-        "layers": list(_layers(season)), "edge": [rounded(np.vstack([ring, ring[:1]])) for ring in grid.polygons],
+        "layers": list(_layers(season)), "edge": [rounded(np.vstack([grid.polygon, grid.polygon[:1]]))],
         "noGo": [rounded(np.asarray(ring)) for ring in grid.holes],
         **{name: [] for name in ("zones", "samples", "robots", "paths", "visits", "quarantined")},
         "labels": season.labels, "days": [round(float(day), 3) for day in season.days],

@@ -209,8 +209,6 @@ def gpx():
         ("TASKDATA.XML", isoxml([(70, 20), (90, 20), (90, 32), (70, 32)]), 1),
         ("TASKDATA.XML", isoxml(NEIGHBOUR), 0),
         ("walk.gpx", gpx(), 0),
-        ("b.wkt", f"POLYGON (({text(degrees(FIELD), ' ').replace(' -', ', -')}))", 0),
-        ("b.wkt", f"SRID=4326;POLYGON (({text(degrees(FIELD), ' ').replace(' -', ', -')}))", 0),
     ],
 )
 def test_other_formats(tmp_path, name, content, no_go):
@@ -273,7 +271,6 @@ def test_shapefiles_and_geopackages(tmp_path):
         ("a.kml", "<kml", "is not valid XML"),
         ("a.kml", "<?xml version='1.0' encoding='x-none'?><kml/>", "is not valid XML"),
         ("a.kml", "<!DOCTYPE x [<!ENTITY a 'b'>]><kml/>", "definitions of its own"),
-        ("a.wkt", "POLYGON (1 2", "is not valid WKT"),
         ("a.zip", "no archive", "cannot be unpacked"),
         ("a.dxf", "0", "is not a file with a border: its name ends in '.dxf'"),
         ("a.gpkg", "x", "cannot be read as polygons"),

@@ -203,7 +203,7 @@ def test_a_rectangle_is_full():
     np.testing.assert_allclose(grid.x_m, np.arange(60) + 0.5)
     np.testing.assert_allclose(grid.y_m, np.arange(50) + 0.5)
     assert grid.area_m2 == 3000
-    assert grid.polygons[0].shape == (4, 2)
+    assert grid.polygon.shape == (4, 2)
 
 
 def test_cells_outside_and_in_holes_are_left_out():
@@ -214,19 +214,6 @@ def test_cells_outside_and_in_holes_are_left_out():
     assert len(grid.holes) == 1
     assert len(grid.cells) == inside.sum()
     assert (grid.cells.sum(axis=1) < 10).all()
-
-
-def test_a_field_may_have_several_parts():
-    far = np.add(SQUARE_GRID, [30, 0])
-    equal, mixed = (
-        FieldGrid.from_polygon([SQUARE_GRID, far], 1.0),
-        FieldGrid.from_polygon([SQUARE_GRID, far[:3]], 1.0),
-    )
-    assert equal.shape == (10, 40)
-    assert equal.mask.sum() == 200
-    assert not equal.mask[:, 10:30].any()
-    assert mixed.mask.sum() == 145
-    assert len(mixed.polygons) == 2
 
 
 def test_cells_lie_on_multiples_of_their_size_and_cover_the_field():
@@ -269,7 +256,6 @@ def test_a_track_is_widened_by_the_margin(track, area):
         ([[0, 0], [1, 1]], 1.0, "at least 3 vertices, got 2"),
         ([[0, 0], [1, 1], [0, 0]], 1.0, "at least 3 vertices, got 2"),
         ([[0, 0], [5, 5], [10, 10]], 1.0, "no area"),
-        ([SQUARE_GRID, [[0, 0], [5, 5], [10, 10]]], 1.0, "polygon 2 has no area"),
         ([[0, 0, 0], [1, 1, 1], [1, 0, 0]], 1.0, r"must have shape \(k, 2\)"),
         ([[0, 0], [np.nan, 1], [1, 0]], 1.0, "not finite"),
         (SQUARE_GRID, 11.0, "larger than the field of 10 m x 10 m; use smaller cells"),

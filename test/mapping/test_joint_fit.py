@@ -127,8 +127,6 @@ def conditioned(surveys, loadings, candidates, covariates=None, effect_sd=(), sh
 
 
 LOADED = (0.98, 0.8, 0.94)
-BETWEEN = np.outer(LOADED, LOADED)
-np.fill_diagonal(BETWEEN, 1.0)
 
 
 @pytest.fixture
@@ -138,53 +136,29 @@ def exact(monkeypatch):
     monkeypatch.setattr(pattern, "MAX_RANK", 10_000)
 
 
+def trends(xy):
+    return np.column_stack([xy[:, 0] / 30 - 1, np.sin(xy[:, 1] / 9)])
+
+
 @pytest.mark.usefixtures("exact")
-def test_joint_kriging_equals_the_dense_one():
+@pytest.mark.parametrize(("share", "effect_sd"), [(1.0, ()), (0.7, ()), (1.0, (0.3, 0.1))])
+def test_conditioning_on_surveys_is_dense_kriging_of_all(share, effect_sd):
+    """A pattern that persists, one whose correlations fall with time, and effects of covariates."""
     surveys, _ = simulated(3, 20, 0.9)
     everywhere = np.concatenate([*(one.xy for one in surveys), TARGETS])
-    kriging, log = conditioned(surveys, LOADED, everywhere)
-    rate, covariance = joint_kriging(VARIOGRAM, surveys, BETWEEN, NOISE, TARGETS)
+    apart = np.abs(np.subtract.outer(np.arange(3), np.arange(3)))
+    between = np.where(apart == 0, 1.0, np.outer(LOADED, LOADED) * share**apart)
+    covariates = trends if effect_sd else None
+    kriging, log = conditioned(surveys, LOADED, everywhere, covariates, effect_sd, share)
+    effects = [trends(xy) * effect_sd for xy in (*(one.xy for one in surveys), TARGETS)] if effect_sd else None
+    split = effects and (effects[:-1], effects[-1])
+    rate, covariance = joint_kriging(VARIOGRAM, surveys, between, NOISE, TARGETS, split)
     found, variance = kriging.predict(TARGETS)
     np.testing.assert_allclose(found, rate, atol=1e-6)
     np.testing.assert_allclose(variance, np.diag(covariance), atol=1e-6)
     np.testing.assert_allclose(kriging.covariance(TARGETS), covariance, atol=1e-6)
-    assert log == pytest.approx(joint_likelihood(VARIOGRAM, surveys, BETWEEN, NOISE), abs=1e-4)
-
-
-@pytest.mark.usefixtures("exact")
-def test_a_pattern_that_fades_has_correlations_that_fall_with_time():
-    surveys, _ = simulated(4, 15, 0.9)
-    loadings = (*LOADED, 0.88)
-    between = np.outer(loadings, loadings) * 0.7 ** np.abs(np.subtract.outer(np.arange(4), np.arange(4)))
-    np.fill_diagonal(between, 1.0)
-    everywhere = np.concatenate([*(one.xy for one in surveys), TARGETS])
-    kriging, log = conditioned(surveys, loadings, everywhere, share=0.7)
-    rate, covariance = joint_kriging(VARIOGRAM, surveys, between, NOISE, TARGETS)
-    found, variance = kriging.predict(TARGETS)
-    np.testing.assert_allclose(found, rate, atol=1e-6)
-    np.testing.assert_allclose(variance, np.diag(covariance), atol=1e-6)
-    assert log == pytest.approx(joint_likelihood(VARIOGRAM, surveys, between, NOISE), abs=1e-4)
-
-
-@pytest.mark.usefixtures("exact")
-def test_effects_of_covariates_are_kriged_as_part_of_the_covariance():
-    surveys, _ = simulated(3, 20, 0.9)
-    everywhere = np.concatenate([*(one.xy for one in surveys), TARGETS])
-    effect_sd = np.array([0.3, 0.1])
-
-    def covariates(xy):
-        return np.column_stack([xy[:, 0] / 30 - 1, np.sin(xy[:, 1] / 9)])
-
-    kriging, log = conditioned(surveys, LOADED, everywhere, covariates, effect_sd)
-    effects = [covariates(one.xy) * effect_sd for one in surveys]
-    rate, covariance = joint_kriging(
-        VARIOGRAM, surveys, BETWEEN, NOISE, TARGETS, (effects, covariates(TARGETS) * effect_sd)
-    )
-    found, variance = kriging.predict(TARGETS)
-    np.testing.assert_allclose(found, rate, atol=1e-6)
-    np.testing.assert_allclose(variance, np.diag(covariance), atol=1e-6)
-    np.testing.assert_allclose(kriging.covariance(TARGETS), covariance, atol=1e-6)
-    assert log == pytest.approx(joint_likelihood(VARIOGRAM, surveys, BETWEEN, NOISE, effects), abs=1e-4)
+    expected = joint_likelihood(VARIOGRAM, surveys, between, NOISE, split and split[0])
+    assert log == pytest.approx(expected, abs=1e-4)
 
 
 def test_the_variogram_is_that_of_what_the_effects_leave():

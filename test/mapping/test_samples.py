@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 
 from count_records import drive, records
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Variogram, empirical_semivariogram, fit_variogram
+from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Variogram
 from soilmoist_ros.mapping.records import DrivenPaths, SampleMerger, StampLimits
 from soilmoist_ros.mapping.samples import MIN_SPREAD_M2, Samples, merge_exactly, merge_records, path_spread, pooled
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
+MODEL = Variogram("exponential", 0.0, 20.0, 0.1)
 COORDINATE = st.integers(-20, 20).map(float)
 RECORD = st.tuples(COORDINATE, COORDINATE, st.integers(0, 500), st.sampled_from([5.0, 10.0, 20.0, 640.0]))
 
@@ -88,24 +89,6 @@ def test_merge_records_follows_its_rule(cells, radius_m, seed):
     assert sorted(zip(merged.exposure_s, merged.counts, strict=True)) == sorted(expected)
 
 
-def test_merge_records_joins_the_jitter_of_a_stop():
-    rng = np.random.default_rng(1)
-    stops = np.array([[0, 0], [30, 0], [0, 30]])
-    which = np.repeat([0, 1, 2], 60)
-    xy = stops[which] + rng.normal(0, 0.4, (180, 2))
-    merged = merge_records(xy, rng.poisson(30, 180), np.full(180, 10.0), radius_m=3.0)
-    np.testing.assert_allclose(merged.xy, stops, atol=0.3)
-    np.testing.assert_array_equal(merged.exposure_s, [600, 600, 600])
-
-
-def test_merge_records_keeps_a_drive_a_chain():
-    xy = np.column_stack([np.arange(200.0), np.zeros(200)])
-    merged = merge_records(xy, np.full(200, 30), np.full(200, 10.0), radius_m=5.0)
-    assert len(merged) >= 200 / (2 * 5 + 1)
-    assert np.diff(np.sort(merged.xy[:, 0])).max() <= 15
-    assert merged.exposure_s.max() <= 110
-
-
 @pytest.mark.parametrize("radius_m", [-1.0, np.nan, np.inf])
 def test_merge_records_refuses_a_bad_radius(radius_m):
     with pytest.raises(ValueError, match="radius_m must be >= 0 and finite"):
@@ -162,40 +145,25 @@ def test_samples_as_a_table_and_as_points_on_the_globe():
     assert repr(samples) == "Samples(2 of 150 s and 300 counts in all)"
 
 
-XY = np.array([(0.0, 0.0), (10.0, 0.0), (20.0, 5.0), (40.0, 10.0), (45.0, 30.0)])
-COUNTS, TIME_S = np.array([300.0, 320.0, 380.0, 500.0, 470.0]), np.full(5, 100.0)
-MODEL = Variogram("exponential", 0.0, 20.0, 0.1)
-USES = [
-    lambda *data: Samples(*data),
-    lambda *data: fit_variogram(*data, extent_m=60.0),
-    lambda *data: PoissonKriging(MODEL).fit(*data),
-    lambda *data: PoissonKriging(MODEL).fit(XY, COUNTS, TIME_S).add(*data),
-    lambda *data: empirical_semivariogram(*data, edges=[0.0, 20.0, 60.0]),
-]
+@pytest.mark.parametrize(
+    ("masked", "message"), [(0, "xy must be finite"), (1, "counts must be whole"), (2, "exposure_s must be > 0")]
+)
+def test_masked_values_are_no_numbers(masked, message):
+    data = [np.ma.masked_array(values, dtype=float) for values in ([(0, 0), (9, 0)], [300, 320], [100, 100])]
+    assert len(Samples(*data)) == 2  # a mask that masks nothing is no fault
+    data[masked] = np.ma.masked_equal(data[masked], data[masked].flat[0])
+    with pytest.raises(ValueError, match=message):
+        Samples(*data)
 
 
-@pytest.mark.parametrize("use", USES)
-@pytest.mark.parametrize("masked", [0, 1, 2])
-def test_masked_values_of_samples_are_refused(use, masked):
-    data = [np.ma.masked_array(values) for values in (XY, COUNTS, TIME_S)]
-    assert use(*data) is not None  # a mask that masks nothing is no fault
-    data[masked] = np.ma.masked_array(
-        data[masked], mask=np.arange(data[masked].size).reshape(data[masked].shape) == 2
-    )
-    with pytest.raises(ValueError, match=f"{('xy', 'counts', 'exposure_s')[masked]} has 1 masked values"):
-        use(*data)
-
-
-def test_masked_targets_are_refused():
-    kriging = PoissonKriging(MODEL).fit(XY, COUNTS, TIME_S)
-    with pytest.raises(ValueError, match="xy has 2 masked values"):
-        kriging.predict(np.ma.masked_equal(XY, 10.0))
+def test_masked_places_are_refused():
+    corners = np.ma.masked_equal([(0.0, 0.0), (45.0, 0.0), (20.0, 30.0)], 45.0)
     with pytest.raises(ValueError, match="x_m must be a finite vector"):
-        kriging.predict_grid(np.ma.masked_equal([0.0, 5.0], 5.0), [0.0])
+        PoissonKriging(MODEL).predict_grid(np.ma.masked_equal([0.0, 5.0], 5.0), [0.0])
     with pytest.raises(ValueError, match="all finite"):
-        FieldGrid.from_track(np.ma.masked_equal(XY, 45.0), 5.0)
+        FieldGrid.from_track(corners, 5.0)
     with pytest.raises(ValueError, match="is not finite"):
-        FieldGrid.from_polygon(np.ma.masked_equal(XY, 45.0), 5.0)
+        FieldGrid.from_polygon(corners, 5.0)
     places = LocalFrame(50.0, 10.0).to_local(np.ma.masked_array([50.0, 50.1], mask=[False, True]), [10.0, 10.0])
     assert places[0].tolist() == [0.0, 0.0]
     assert np.isnan(places[1]).all()

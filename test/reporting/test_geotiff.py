@@ -27,7 +27,7 @@ def tif(the_map, tmp_path_factory):
 
 
 def test_large_maps_are_cloud_optimised_and_have_overviews(the_map, tmp_path):
-    fine = dataclasses.replace(the_map, grid=FieldGrid.from_polygon(the_map.grid.polygons, 0.15))
+    fine = dataclasses.replace(the_map, grid=FieldGrid.from_polygon(the_map.grid.polygon, 0.15))
     with rasterio.open(write_geotiff(tmp_path / "map.tif", fine, FRAME)) as raster:
         assert raster.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
         assert raster.overviews(1) == [2]

@@ -31,7 +31,7 @@ from soilmoist_ros.mapping import BorderSource, Field
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-LINE_FILES: Final = (".geojson", ".gpx", ".kml", ".kmz", ".shp", ".gpkg", ".fgb", ".zip", ".wkt")
+LINE_FILES: Final = (".geojson", ".gpx", ".kml", ".kmz", ".shp", ".gpkg", ".fgb", ".zip")
 """Files that are read as lines; all others are topological maps."""
 JOIN_M: Final = 2.0
 """An end of a line this near to another line is on it [m]: people draw tracks by hand."""
