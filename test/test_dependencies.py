@@ -28,8 +28,6 @@ OPTIONAL = {
     "pandas": "campaigns, on a laptop",
     "pyarrow": "campaigns, on a laptop",
     "distributed": "campaigns on several machines",
-    "geopandas": "tables of results, on a laptop",
-    "xarray": "tables of results, on a laptop",
     "soilmoist_msgs": "interfaces/; without it the planner publishes no visits",
     "nav2_msgs": "robots with Nav2 have it; without it the planner sends no goals to Nav2",
     "topological_navigation_msgs": "the robot's own workspace has it",

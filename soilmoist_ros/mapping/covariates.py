@@ -139,13 +139,12 @@ GROUND_M = 1.0
 """Cells of elevations on which slopes are judged, unless pixels are larger: three of them, the base of a slope,
 are about as long as a robot [m]."""
 COARSE_M = 3.0  # pixels of elevations from which the steepness of banks and ditches is not seen [m]
-NOISE_SHARE = 0.125  # standard deviation of a slope by noise, as a share of the limit, from which it is named
+ROUNDED_SHARE = 0.125  # slope by the rounding of elevations, as a share of the limit, from which it is named
 ELEVATIONS_M = (-1000.0, 10000.0)  # between which elevations of ground lie [m]
 FAR_M = 20.0  # distance from the rest of the elevations from which one value of many cells is none [m]
 FAR_SPREADS = 3.0  # the same, in interquartile ranges of the rest
 MANY = 0.02  # share of the cells from which one value has many
 GAP_VALUES = (*USUAL_NODATA, 32767.0, -32767.0, 65535.0)  # they need not be many
-SPIKE = 3.0  # distance from the median of 5 x 5 cells, in cells, from which a cell is a spike or a hole
 CLIFF = 1.0  # slope from which values between 0 and 100 are rather slopes, if most that is not level has it [m/m]
 NEAR_0 = 0.05  # share of the highest value below which the lowest is as near to 0 as those of slopes are
 LEVEL = 0.02  # slope up to which ground is level [m/m]
@@ -292,27 +291,11 @@ def _elevations(
     pixels = stored[np.isfinite(stored) & ~missing]
     whole = (pixels == np.round(pixels)).all() and (np.diff(np.unique(pixels)) == 1).any()
     rounded_m = abs(scale) * factor if whole else 0.0
-    if (steep := rounded_m / 2 / step_m) > NOISE_SHARE * limit:
+    if (steep := rounded_m / 2 / step_m) > ROUNDED_SHARE * limit:
         notes.append(f"its elevations have steps of {rounded_m:.2g} m, which make slopes or hide them")
         if steep > limit:
             remedy = "give finer elevations, or the band its unit, such as 'cm'"
             raise InputError(f"{notes[-1]}: one step is too steep", remedy, bands.path)
-    # Across two cells, as interpolation makes noise of neighbours alike. Of white noise with the standard
-    # deviation s, second differences have sqrt(20) s, slopes sqrt(12) / 8 s.
-    middle, across = heights[2:-2, 2:-2], heights[2:-2, 4:] + heights[2:-2, :-4]
-    second = np.abs(across + heights[4:, 2:-2] + heights[:-4, 2:-2] - 4 * middle)
-    second = second[np.isfinite(second)]
-    sd_m = float(np.quantile(second, 0.75)) / 1.15 / math.sqrt(20) if second.size else 0.0
-    noise = sd_m * math.sqrt(12) / 8 / step_m
-    if noise > NOISE_SHARE * limit:
-        notes.append(f"its noise, or roughness, makes slopes uncertain by {noise:.0%}: smooth it")
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(heights, 2, constant_values=np.nan), (5, 5))
-    usual = np.ma.median(np.ma.masked_invalid(around.reshape(*heights.shape, 25)), axis=-1)  # type: ignore[no-untyped-call]
-    above = np.abs(heights - usual.filled(np.nan))
-    if (spikes := above > max(SPIKE * step_m, 5 * sd_m)).any():
-        row, column = np.unravel_index(np.nanargmax(above), above.shape)
-        place = f"{np.nanmax(above):.0f} m at ({x_m[column]:.0f}, {y_m[row]:.0f}) m"
-        notes.append(f"{spikes.sum()} cells are far above or below those around them, such as {place}")
     none = ""
     if len(false):
         values = listing(f"{value:g}" for value in false) if len(false) < 4 else f"{false[0]:g} to {false[-1]:g}"

@@ -18,10 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import LocalFrame, floats, optional_module, squared_distances
+from soilmoist_ros.foundation import floats, optional_module, squared_distances
 
 if TYPE_CHECKING:
-    import geopandas
     import pandas
 
 Array = NDArray[np.float64]
@@ -144,16 +143,6 @@ class Samples:
         }
         frame: pandas.DataFrame = optional_module("pandas").DataFrame(columns)
         return frame
-
-    def to_geodataframe(self, frame: LocalFrame) -> geopandas.GeoDataFrame:
-        """The columns of :meth:`to_dataframe` at points in WGS-84; needs geopandas.
-
-        :param frame: plane about the datum of the field
-        """
-        module, places = optional_module("geopandas"), frame.to_geographic(self.xy)
-        points = module.points_from_xy(places[:, 1], places[:, 0])
-        table: geopandas.GeoDataFrame = module.GeoDataFrame(self.to_dataframe(), geometry=points, crs="EPSG:4326")
-        return table
 
     @property
     def rate_cps(self) -> Array:

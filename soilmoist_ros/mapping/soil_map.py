@@ -32,7 +32,6 @@ from soilmoist_ros.sensing import MoistureCurve, SoilLimits, soil_limits
 
 if TYPE_CHECKING:
     import pandas
-    import xarray
 
 Array = NDArray[np.float64]
 
@@ -287,15 +286,6 @@ class SoilMap:
         bands = {name: band[self.grid.mask] for name, band in self.bands._asdict().items()}
         frame: pandas.DataFrame = optional_module("pandas").DataFrame({"x_m": x_m, "y_m": y_m, **bands})
         return frame
-
-    def to_xarray(self) -> xarray.Dataset:
-        """The bands over (y, x), in metres from the datum of the field; needs xarray."""
-        module = optional_module("xarray")
-        bands = {name: (("y", "x"), band, {"units": UNITS[name]}) for name, band in self.bands._asdict().items()}
-        axes = {"y": ("y", self.grid.y_m, {"units": "m"}), "x": ("x", self.grid.x_m, {"units": "m"})}
-        about = {"variogram_model": self.variogram.model, "samples": len(self.samples)}
-        dataset: xarray.Dataset = module.Dataset(bands, axes, about)
-        return dataset
 
     def evaluate(self, xy: ArrayLike) -> Bands:
         """The bands at any points, inside the field or not."""

@@ -127,19 +127,6 @@ def test_without_evidence_the_map_is_that_without_drift_bit_for_bit():
     assert maps[0].variance.tobytes() == maps[1].variance.tobytes()
 
 
-@pytest.mark.slow
-def test_the_map_of_a_state_does_not_depend_on_the_maps_before():
-    timed, _ = survey(1, 0.3)
-    often, once = (FieldMap(GRID) for _ in range(2))
-    for number, record in enumerate(records(timed)):
-        often.add(record)
-        once.add(record)
-        if number % 20 == 5:
-            often.update()
-    assert often.update().change.drift is not None
-    np.testing.assert_array_equal(often.soil_map.rate, once.update().rate)
-
-
 @pytest.mark.parametrize("rain", [False, True])
 def test_a_planner_that_is_told_the_drift_has_the_map_of_the_mapper(rain):
     timed, _ = survey(1, 0.0 if rain else 0.3)

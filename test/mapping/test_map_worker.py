@@ -3,7 +3,6 @@
 import threading
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import Level
@@ -128,24 +127,3 @@ def test_the_health_shows_what_the_map_rests_on():
     assert health().values["skipped: no position"] == "3"
     worker.failure = "no map of 2 samples: the matrix"
     assert (health().level, health().message) == (Level.ERROR, worker.failure)
-
-
-@pytest.mark.slow
-def test_maps_made_during_a_fast_stream_end_where_maps_one_by_one_do():
-    grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 5.0)
-    rng = np.random.default_rng(4)
-    records = [
-        CountRecord(10.0 * i, *rng.uniform(0, 50, 2).tolist(), NAN, int(rng.poisson(40)), 10.0, 9.0)
-        for i in range(30)
-    ]
-    field_map, alone = (FieldMap(grid, FieldMapSettings()) for _ in range(2))
-    last = threading.Event()
-    worker = MapWorker(field_map.compute, lambda state, soil_map: state.records == len(records) and last.set())
-    for record in records:
-        field_map.add(record)
-        worker.submit(field_map.state)
-        alone.add(record)
-        alone.compute(alone.state)
-    assert last.wait(LIMIT_S)
-    worker.close()
-    assert worker.soil_map.rate.tobytes() == alone.compute(alone.state).rate.tobytes()

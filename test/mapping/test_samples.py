@@ -132,16 +132,12 @@ def test_a_drive_that_becomes_one_sample_has_its_extent():
     assert not stand.spread.any()
 
 
-def test_samples_as_a_table_and_as_points_on_the_globe():
-    pytest.importorskip("geopandas")
-    samples, frame = Samples([(0, 0), (100, 50)], [300, 0], [100.0, 50.0]), LocalFrame(53.27, -0.52)
+def test_samples_as_a_table():
+    pytest.importorskip("pandas")
+    samples = Samples([(0, 0), (100, 50)], [300, 0], [100.0, 50.0])
     table = samples.to_dataframe()
     assert list(table) == ["x_m", "y_m", "raw_counts", "effective_exposure_s", "rate_cps", "rate_sd_cps"]
     np.testing.assert_array_equal(table["rate_cps"], [3.0, 0.0])
-    points = samples.to_geodataframe(frame)
-    assert points.crs == "EPSG:4326"
-    back = frame.to_local(points.geometry.y, points.geometry.x)
-    np.testing.assert_allclose(back, samples.xy, atol=1e-6)
     assert repr(samples) == "Samples(2 of 150 s and 300 counts in all)"
 
 

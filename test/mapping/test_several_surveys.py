@@ -60,14 +60,6 @@ def test_unrelated_surveys_change_nothing():
     np.testing.assert_allclose(variance, both.predict(CELLS, 1)[1] + both.predict(CELLS, 0)[1])
 
 
-def test_a_pattern_that_persists_informs_the_other_survey_and_makes_the_change_surer():
-    surveys, _ = draw(np.random.default_rng(3), 0.95)
-    both = JointKriging(VARIOGRAM, surveys, Persistence(0.95).matrix([0.0, 1e6]))
-    separate = JointKriging(VARIOGRAM, surveys, np.eye(2))
-    assert (both.predict(CELLS, 1)[1] < separate.predict(CELLS, 1)[1]).all()
-    assert both.predict(CELLS, 1, 0)[1].mean() < 0.4 * separate.predict(CELLS, 1, 0)[1].mean()
-
-
 @pytest.mark.slow
 def test_intervals_of_maps_changes_and_mean_changes_cover_the_truth():
     inside = np.zeros(4)

@@ -67,31 +67,18 @@ def test_cells_too_wet_for_the_curve_are_counted():
 
 
 @pytest.mark.slow
-def test_cells_as_a_table_and_bands_over_their_axes():
+def test_cells_as_a_table(monkeypatch):
     pytest.importorskip("pandas")
     soil_map = make_soil_map(survey(), FIELD, MODEL, CURVE)
     table = soil_map.to_dataframe()
     assert list(table) == ["x_m", "y_m", "rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95"]
     np.testing.assert_array_equal(table[["x_m", "y_m"]], FIELD.cells)
     np.testing.assert_array_equal(table["vwc"], soil_map.vwc[FIELD.mask])
-    pytest.importorskip("xarray")
-    dataset = soil_map.to_xarray()
-    assert dataset.rate.dims == ("y", "x")
-    assert dataset.vwc_sd.attrs["units"] == "m3/m3"
-    x_m, y_m = FIELD.cells[7]
-    assert dataset.rate.sel(x=x_m, y=y_m) == pytest.approx(soil_map.evaluate([(x_m, y_m)]).rate[0])
-    np.testing.assert_array_equal(dataset.vwc, soil_map.vwc)
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(InputError, match=r"pandas is not installed -> pip install 'soilmoist_ros\[frames\]'"):
+        soil_map.to_dataframe()
 
 
-@pytest.mark.parametrize(("module", "method"), [("pandas", "to_dataframe"), ("xarray", "to_xarray")])
-def test_without_the_extra_it_says_how_to_install_it(monkeypatch, module, method):
-    monkeypatch.setitem(sys.modules, module, None)
-    soil_map = make_soil_map(survey(), FIELD, MODEL)
-    with pytest.raises(InputError, match=rf"{module} is not installed -> pip install 'soilmoist_ros\[frames\]'"):
-        getattr(soil_map, method)()
-
-
-CURVE = CalibrationCurve(n0_cps=6.0, bulk_density_gcm3=1.4)
 positive = st.floats(0.01, 20.0)
 
 

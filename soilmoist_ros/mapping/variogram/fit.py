@@ -105,7 +105,6 @@ def estimate_variogram(
     method: FitMethod = "reml",
     *,
     extent_m: float | None = None,
-    edges: ArrayLike | None = None,
     spread: ArrayLike | None = None,
     anisotropy: bool = True,
     local_noise: bool = False,
@@ -129,7 +128,6 @@ def estimate_variogram(
     :param exposure_s: effective exposures, shape (n,) [s]
     :param extent_m: extent (longest side) of the field, for the prior of the range [m]. By default that of
         the samples, which understates it early in a mission
-    :param edges: edges of distance classes [m], by default :func:`default_edges`
     :param spread: as :class:`Samples`. REML estimates the variogram of the rate at points; the semivariogram and
         soft_l1 ignore the spread
     :param anisotropy: whether the range may depend on the direction; it never does with soft_l1
@@ -150,7 +148,7 @@ def estimate_variogram(
         raise ValueError("fitting a variogram needs at least one sample; wait for the first record")
     if extent_m is not None and not (np.isfinite(extent_m) and extent_m > 0):
         raise ValueError(f"extent_m must be positive and finite, got {extent_m}")
-    classes = _classes(places, edges)
+    classes = _classes(places)
     if method == "soft_l1":
         fit = _fit_soft_l1(places, model, classes)
         return replace(fit, local_rate=LocalRate.of(places, fit.variogram)) if local_noise else fit
@@ -168,10 +166,10 @@ def estimate_variogram(
 _Classes = tuple[Array, Array, Array, Array]  # the empirical semivariogram: lag_m, gamma, weight, and edges_m
 
 
-def _classes(places: Samples, edges: ArrayLike | None) -> _Classes:
-    if edges is None and len(places) < 2:
+def _classes(places: Samples) -> _Classes:
+    if len(places) < 2:
         return np.empty(0), np.empty(0), np.empty(0), np.empty(0)
-    limits = default_edges(places.xy) if edges is None else np.asarray(edges, float)
+    limits = default_edges(places.xy)
     if (every := -(-len(places) // MAX_PAIRED_PLACES)) > 1:
         places = Samples(places.xy[::every], places.counts[::every], places.exposure_s[::every])
     return (*semivariogram_of(places, limits), limits)

@@ -110,25 +110,6 @@ def solve_exactly(model, xy, counts, exposure_s, target, keep_nugget):
     return [*weights, mu, rate, at_target - sum(w * c for w, c in zip(weights, right[:n], strict=True)) - mu]
 
 
-@pytest.mark.parametrize(("model", "factor"), [("gaussian", 7 / 4), ("exponential", 3.0), ("spherical", 1.0)])
-def test_long_exposure_is_ordinary_kriging_of_pykrige(model, factor):
-    from pykrige.ok import OrdinaryKriging
-
-    xy = survey(40, seed=8)[0]
-    rate = 3 + np.sin(xy[:, 0] / 40)
-    exposure_s = np.full(40, 2.0**50)
-    parameters = {"psill": 0.28, "range": 40 * factor, "nugget": 0.02}
-    peer = OrdinaryKriging(
-        *xy.T, rate, variogram_model=model, variogram_parameters=parameters, exact_values=True, pseudo_inv=False
-    )
-    x_m, y_m = np.linspace(-20, 220, 25), np.linspace(-30, 230, 31)
-    expected = peer.execute("grid", x_m, y_m)
-    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3)).fit(xy, np.rint(rate * exposure_s), exposure_s)
-    found = kriging.predict_grid(x_m, y_m)
-    np.testing.assert_allclose(found[0], expected[0], rtol=1e-10)
-    np.testing.assert_allclose(found[1], expected[1], rtol=1e-9)
-
-
 # -- properties ------------------------------------------------------------------------------------------
 
 
@@ -197,17 +178,6 @@ def test_a_record_split_in_two_is_the_same_record(index, share, counts_share):
     np.testing.assert_allclose(weights[-1], share * expected_weights[index], atol=1e-12)
     np.testing.assert_allclose(lagrange, expected_lagrange, atol=1e-12)
     np.testing.assert_allclose((split[1] / split[2]) @ weights, whole.predict(targets())[0], rtol=1e-10)
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_weights_sum_to_one_and_give_the_rate(model):
-    xy, counts, exposure_s = survey()
-    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3)).fit(xy, counts, exposure_s)
-    weights, lagrange = kriging.weights(targets())
-    assert weights.shape == (30, 25)
-    assert lagrange.shape == (25,)
-    np.testing.assert_allclose(weights.sum(axis=0), 1, rtol=1e-12)
-    np.testing.assert_allclose((counts / exposure_s) @ weights, kriging.predict(targets())[0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("model", MODELS)

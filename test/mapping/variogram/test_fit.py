@@ -114,7 +114,6 @@ def test_the_extent_of_the_field_sets_the_range_of_few_samples():
     [
         (([], [], []), {}, "needs at least one sample"),
         (([[0, 0]], [3], [10]), {"method": "soft_l1"}, "two distinct places.*or use method reml"),
-        (([[0, 0], [50, 0]], [3, 4], [10, 10]), {"method": "soft_l1", "edges": [0, 9]}, "distance classes"),
         (([[0, 0]], [3], [10]), {"model": "linear"}, "there is no variogram model 'linear'"),
         (([[0, 0]], [3], [10]), {"method": "ml"}, "unknown method 'ml'; known are reml, soft_l1"),
         (([[0, 0]], [3], [10]), {"extent_m": 0.0}, "extent_m must be positive"),

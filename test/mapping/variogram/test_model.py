@@ -218,7 +218,8 @@ def test_it_is_isotropic_kriging_of_stretched_places(model, ratio, angle_deg, ke
 
 
 @pytest.mark.parametrize(("model", "factor"), [("gaussian", 7 / 4), ("exponential", 3.0), ("spherical", 1.0)])
-def test_long_exposure_is_ordinary_kriging_of_pykrige(model, factor):
+@pytest.mark.parametrize("ratio", [1.0, 3.0])
+def test_long_exposure_is_ordinary_kriging_of_pykrige(model, factor, ratio):
     """PyKrige's range is the longest."""
     from pykrige.ok import OrdinaryKriging
 
@@ -227,12 +228,12 @@ def test_long_exposure_is_ordinary_kriging_of_pykrige(model, factor):
     exposure_s = np.full(40, 2.0**50)
     peer = OrdinaryKriging(
         *xy.T, rate, variogram_model=model,
-        variogram_parameters={"psill": 0.28, "range": 40 * math.sqrt(3) * factor, "nugget": 0.02},
-        anisotropy_scaling=3.0, anisotropy_angle=35.0, exact_values=True, pseudo_inv=False,
+        variogram_parameters={"psill": 0.28, "range": 40 * math.sqrt(ratio) * factor, "nugget": 0.02},
+        anisotropy_scaling=ratio, anisotropy_angle=35.0, exact_values=True, pseudo_inv=False,
     )  # fmt: skip
     x_m, y_m = np.linspace(-20, 220, 25), np.linspace(-30, 230, 31)
     expected = peer.execute("grid", x_m, y_m)
-    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3, 3.0, 35.0))
+    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3, ratio, 35.0))
     found = kriging.fit(xy, np.rint(rate * exposure_s), exposure_s).predict_grid(x_m, y_m)
     np.testing.assert_allclose(found[0], expected[0], rtol=1e-9)
     np.testing.assert_allclose(found[1], expected[1], rtol=1e-8)
