@@ -82,7 +82,7 @@ def publish(
     arguments = shlex.join(argument for argument in sys.argv[1:] if argument != "--save")
     facts = {
         "settings": settings,
-        "command": f".venv/bin/python {program()} {arguments}".strip(),
+        "command": f".venv/bin/python scripts/{Path(sys.argv[0]).name} {arguments}".strip(),
         "version": version(),
         "date": date.today().isoformat(),
         "machine": machine(),
@@ -91,13 +91,6 @@ def publish(
     print(f"\n{markdown(table)}\n", flush=True)
     if save:
         write(table, FOLDER / f"{name}.csv")
-
-
-def program() -> str:
-    """Path of the running script, as a command names it."""
-    path = Path(sys.argv[0])
-    where = "test/equipment" if path.resolve().parent.name == "equipment" else "scripts"
-    return f"{where}/{path.name}"
 
 
 def columns_and_rows(found: Sequence[Mapping[str, object]]) -> tuple[list[str], list[list[str]]]:

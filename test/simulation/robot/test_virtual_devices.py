@@ -83,8 +83,9 @@ def map_error(faults=NO_FAULTS):
     [
         {"tubes": [{"tube": 3, "kind": "factor", "value": 0, "at_s": 900, "for_s": FOREVER}]},
         {"tubes": [{"tube": 7, "kind": "noise", "value": 30, "at_s": n, "for_s": 60} for n in (600, 1200, 1800)]},
+        {"tubes": [{"tube": n, "kind": "noise", "value": 4, "at_s": 1500, "for_s": 600} for n in range(1, 13)]},
     ],
-    ids=["dead tube", "bursts"],
+    ids=["dead tube", "bursts", "all tubes noisy"],
 )
 def test_the_map_of_a_faulty_sensor_is_within_10_percent_of_that_of_a_good_one(faults):
     clean, left_out = map_error()
