@@ -190,19 +190,12 @@ def test_goals_of_a_process_before_are_cancelled(ros, world, navigation, drive):
     ros.wait_for(lambda: navigation.ends == ["canceled"])
 
 
-def test_the_server_may_come_late(ros, world, drive):
-    driver = drive()
-    driver.go(1, OTHER, WAY)
-    assert "topological_navigation" in driver.navigator.waiting_for
-    with VirtualNavigation(ros, world):
-        assert driver.end_of(1).outcome is Outcome.SUCCEEDED
-
-
-def test_the_server_may_die_in_mid_goal_and_come_back(ros, world, drive):
+def test_the_server_may_come_late_die_in_mid_goal_and_come_back(ros, world, drive):
     world.rate = 5.0
     driver = drive()
+    driver.go(1, FAR, WAY)
+    assert "topological_navigation" in driver.navigator.waiting_for
     with VirtualNavigation(ros, world) as first:
-        driver.go(1, FAR, WAY)
         ros.wait_for(lambda: world.goal is not None)
         first.die()
     assert driver.end_of(1).outcome is Outcome.FAILED
