@@ -416,13 +416,10 @@ def _compare(options: Options, site: Path) -> None:
     _require_usual(f"a ratio of counts of {found.ratio:.3g} makes a sensitivity", value, options.logs[0])
     put(
         ratio=found.ratio, ratio_sd=found.ratio_sd, sensor_sensitivity=value, sensor_sensitivity_sd=sd,
-        own_counts=found.own_counts, station_counts=found.other_counts, counted_s=found.counted_s, gaps=found.gaps,
+        own_counts=found.own_counts, station_counts=found.other_counts, counted_s=found.counted_s,
     )  # fmt: skip
     first, last = sensing.utc_text(found.first_s), sensing.utc_text(found.last_s)
-    say(f"together   {found.counted_s / 3600:.1f} h of {first} to {last} UTC, {len(found.gaps)} gaps")
-    for begin, end in sorted(found.gaps, key=lambda gap: gap[0] - gap[1])[:3]:
-        first, last = sensing.utc_text(begin), sensing.utc_text(end)
-        say(f"gap        {(end - begin) / 3600:.1f} h of {first} to {last} UTC")
+    say(f"together   {found.counted_s / 3600:.1f} h of {first} to {last} UTC")
     say(f"counts     {found.own_counts} here, {found.other_counts} of the station")
     say(f"ratio      {found.ratio:.4f} +- {found.ratio_sd:.4f}, from counting")
     say(f"station    sensitivity {sensitivity:.3f} +- {sensitivity_sd:.3f}, {origin}")

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from soilmoist_ros.foundation import Mistake
@@ -37,7 +38,6 @@ class Kind(enum.StrEnum):
     WRONG_FIELDS = "wrong_fields", "wrong number of fields", Severity.WARNING
     BAD_TIME = "bad_time", "no valid time", Severity.WARNING
     LOCAL_TIME = "local_time", "local time that occurs twice or never", Severity.NOTE
-    FOREIGN_TEXT = "foreign_text", "foreign text before a record", Severity.WARNING
     NOT_A_NUMBER = "not_a_number", "not a number", Severity.WARNING
     NEGATIVE_COUNT = "negative_count", "negative count", Severity.WARNING
     NOT_WHOLE = "not_whole", "count that is not whole", Severity.WARNING
@@ -151,3 +151,16 @@ class Finding:
     remedy: str = ""
     bad: bool = False
     column: str = ""
+
+    def at(self, path: Path | None, line: int, lost: bool = False) -> Problem:
+        """Problem of the record in a line."""
+        mistake = Mistake(self.message, self.remedy, path, line, self.column)
+        return Problem(self.kind, mistake, lost, quarantined=self.bad and not lost)
+
+
+class LostRecordError(Exception):
+    """A line is damaged, or its record cannot be corrected or placed."""
+
+    def __init__(self, kind: Kind, message: str, column: str = "", remedy: str = "") -> None:
+        self.finding = Finding(kind, message, remedy, column=column)
+        super().__init__(message)

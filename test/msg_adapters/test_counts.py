@@ -137,13 +137,6 @@ def test_places_are_rounded_to_what_viewers_take():
 
 
 def test_samples_of_another_kind_are_refused():
-    with pytest.raises(ValueError, match="has no field 'x'"):
-        samples_from_message(PointCloud2())
-    message = samples_to_message(columns([[1, 2, 3, 10.0], [4, 5, 6, 10.0]]), 0.0)
-    message.width = 3
-    message.row_step = 3 * message.point_step
-    with pytest.raises(ValueError, match="its data end early"):
-        samples_from_message(message)
     message = samples_to_message(columns([[1, 2, 3, 10.0]]), 0.0)
     data = bytes(message.data)
     message.data = data[:-20] + np.float64(-1).tobytes() + data[-12:]

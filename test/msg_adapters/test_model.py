@@ -106,19 +106,6 @@ def test_a_drift_and_its_samples_come_back_exactly(is_jump):
         np.testing.assert_array_equal(value, wanted, strict=True)
 
 
-def test_without_a_drift_the_message_has_none():
-    fit, changing = drifting()
-    with_drift, without = (
-        json.loads(model_to_message(Model(fit, 1.0, 2.5, each)).data) for each in (changing, None)
-    )
-    assert set(with_drift) - set(without) == {"drift"}
-    del with_drift["drift"]
-    assert with_drift == without
-    assert model_from_message(String(data=json.dumps(without))).changing is None
-    still = dataclasses.replace(changing, change=Change())
-    assert "drift" not in json.loads(model_to_message(Model(fit, 1.0, 2.5, still)).data)
-
-
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [

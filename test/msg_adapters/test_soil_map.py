@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of a keep-out mask."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -94,33 +92,12 @@ def test_the_uncertainty_is_a_share_of_not_knowing(grid, keep_nugget):
     assert message.info.map_load_time == message.header.stamp
 
 
-def test_rows_run_from_south_to_north_and_columns_from_west_to_east():
-    grid = rectangle(0.0, 0.0, 6, 5, 1.0)
-    soil_map = dataclasses.replace(
-        a_map(grid), rate=np.arange(30.0).reshape(5, 6), variance=np.linspace(0, 0.4, 30).reshape(5, 6) ** 2
-    )
-    cells = soil_map_from_message(soil_map_to_message(grid, soil_map, 0.0))
-    corners = {(x, y): r for x, y, r in zip(cells["x"].flat, cells["y"].flat, cells["rate"].flat, strict=True)}
-    assert (corners[0.5, 0.5], corners[5.5, 0.5], corners[0.5, 4.5]) == (0, 5, 24)
-    message = uncertainty_to_message(grid, soil_map, 0.0)
-    assert message.data[0] == 0
-    assert list(message.data) == sorted(message.data)
-
-
 def test_before_the_first_map_nothing_is_known():
     grid = rectangle(0.0, 0.0, 8, 8, 1.0, hole=True)
     cells = soil_map_from_message(soil_map_to_message(grid, None, 0.0))
     assert np.isnan(cells["rate"]).all()
     np.testing.assert_array_equal(np.isfinite(cells["x"]), grid.mask)
     assert set(uncertainty_to_message(grid, None, 0.0).data) == {-1, 100}
-
-
-def test_messages_of_another_kind_are_refused():
-    grid = rectangle(0.0, 0.0, 6, 6, 1.0)
-    message = soil_map_to_message(grid, None, 0.0)
-    del message.fields[3]
-    with pytest.raises(ValueError, match="has no field 'rate', only: x, y, z, rate_sd"):
-        soil_map_from_message(message)
 
 
 # Messages of a keep-out mask ------------------------------------------------------------------------------------

@@ -55,12 +55,6 @@ def test_a_bad_address_is_refused_with_an_example(uri, said):
 # Reconnecting ----------------------------------------------------------------------------------------------------
 
 
-def test_split_packets_slow_drip_and_several_lines_at_once():
-    drip = [bytes([byte]) for byte in b"one\r\ntw"]
-    with ScriptedServer(sends(*drip, b"o\nthr", b"ee\nfour\nfive\n")) as server, opened(server.uri) as source:
-        assert read(source, 5) == [b"one", b"two", b"three", b"four", b"five"]
-
-
 def test_it_reconnects_after_the_server_has_closed_and_drops_the_incomplete_line():
     with ScriptedServer(sends(b"a\ncut"), sends(b"b\n"), sends(b"c\n")) as server, opened(server.uri) as source:
         assert read(source, 3) == [b"a", b"b", b"c"]

@@ -22,7 +22,7 @@ from soilmoist_ros.sensing.formats.log_values import (
 )
 from soilmoist_ros.sensing.formats.logger_format import RATE_TIME_S, LoggerFormat, order_of
 from soilmoist_ros.sensing.formats.notation import date_text, is_packed, stamp_text
-from soilmoist_ros.sensing.problems import Finding, Kind
+from soilmoist_ros.sensing.problems import Finding, Kind, LostRecordError
 from soilmoist_ros.sensing.records import NAN, LoggerRecord, Position
 
 Longitude = Literal["signed", "east", "west"]
@@ -31,14 +31,6 @@ EARLIEST_S = 631_152_000.0  # 1990-01-01: clocks with an empty battery start in 
 LATEST_S = 4_102_444_800.0  # 2100-01-01
 HALF_DAY_S = 43_200.0
 _NO_NUMBER = "write 'decimal: comma' in the logger format, or add a mark of missing values to its 'missing'"
-
-
-class LostRecordError(Exception):
-    """The line is damaged, or the record has no counts."""
-
-    def __init__(self, kind: Kind, message: str, column: str = "", remedy: str = "") -> None:
-        self.finding = Finding(kind, message, remedy, column=column)
-        super().__init__(message)
 
 
 class FieldReader:

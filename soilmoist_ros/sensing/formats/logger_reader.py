@@ -21,16 +21,9 @@ from soilmoist_ros.sensing.formats.log_layout import (
     LogHeader,
     MissingColumnsError,
     build_layout,
-    split_fields,
 )
-from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError
-from soilmoist_ros.sensing.formats.log_values import (
-    decode_line,
-    read_number,
-    read_time,
-    strip_checksum,
-    to_seconds,
-)
+from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude
+from soilmoist_ros.sensing.formats.log_values import decode_line, read_number, strip_checksum, to_seconds
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.notation import (
     HEADER_LINES,
@@ -38,10 +31,9 @@ from soilmoist_ros.sensing.formats.notation import (
     matching_formats,
     separated_as,
     settle,
-    stamp_text,
 )
 from soilmoist_ros.sensing.lines import MAX_LINE, read_lines
-from soilmoist_ros.sensing.problems import Finding, Kind, Problem, Severity
+from soilmoist_ros.sensing.problems import Finding, Kind, LostRecordError, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
 MAX_PERIOD_S = 90_000.0
@@ -205,9 +197,8 @@ class RecordParser:
         try:
             if len(line) > MAX_LINE:
                 raise LostRecordError(Kind.TOO_LONG, f"the line has {len(line)} bytes")
-            line = line.strip(b"\r\n")
-            if b"\x00" in line:
-                line, complete = self._without_zeros(line, complete)
+            # Zero bytes were written when the power failed: what stands before them may be cut off.
+            line = line.strip(b"\r\n").lstrip(b"\x00")
             if not line.strip(b" \t\x03\x04\x1a"):  # includes end marks of text, transmission and DOS file
                 return None
             body = self._checked(line, complete) if self.format.checksum == "nmea" else line
@@ -218,18 +209,6 @@ class RecordParser:
             self._report(error.finding, lost=True)
             return None
 
-    def _without_zeros(self, line: bytes, complete: bool) -> tuple[bytes, bool]:
-        """A line without zero bytes, and if it is complete: the power failed while a line was written."""
-        line = line.strip(b"\x00") if self.format.checksum == "nmea" else line.lstrip(b"\x00")
-        before, _, after = line.rpartition(b"\x00")
-        if before and not after.strip():
-            return before, False
-        if before and self._has_record(after):
-            message = "zero bytes end the line, and another one begins"
-            self._report(Finding(Kind.TRUNCATED, message), lost=True)
-            return after, complete
-        return line, complete
-
     def _checked(self, line: bytes, complete: bool) -> bytes:
         """A line without its checksum; of the remark of a person, which has none, nothing."""
         body, mark = strip_checksum(line), self.format.header.comment.encode()
@@ -237,27 +216,8 @@ class RecordParser:
             return body
         if mark and line.lstrip().startswith(mark) and b"*" not in line:
             return b""
-        # Devices on the way insert text: the checksum proves the record or header at the end of the line.
-        for start in range(1, len(line)):
-            if not (line[start : start + 1].isdigit() or (mark and line.startswith(mark, start))):
-                continue
-            body = strip_checksum(line[start:])
-            if body is None or not ((mark and body.startswith(mark)) or self._has_record(body)):
-                continue
-            message = f"the text {line[:start].decode('ascii', 'backslashreplace')[:60]!r} stands before it"
-            remedy = "switch off the heartbeat or banner of the serial server"
-            self._report(Finding(Kind.FOREIGN_TEXT, message, remedy))
-            return body
         kind = Kind.CHECKSUM if complete else Kind.TRUNCATED
         raise LostRecordError(kind, "the checksum is absent or wrong", "", "check the connection to the logger")
-
-    def _has_record(self, body: bytes) -> bool:
-        """True if a text has the fields of a record and begins with its time."""
-        layout = self.layout
-        fields = None if layout is None else layout.fit(split_fields(decode_line(body), self.format.delimiter))
-        if layout is None or fields is None:
-            return False
-        return read_time(stamp_text(fields, layout), self.format.time.used_formats) is not None
 
     def _use_new_header(self) -> None:
         if not self._header.is_new:
@@ -359,8 +319,7 @@ class RecordParser:
             notes.append(Finding(Kind.CLOCK_OFFSET, f"the logger's clock was set: {now}", remedy))
 
     def _report(self, finding: Finding, lost: bool = False) -> None:
-        mistake = Mistake(finding.message, finding.remedy, self._path, self.line_number, finding.column)
-        self._on_problem(Problem(finding.kind, mistake, lost))
+        self._on_problem(finding.at(self._path, self.line_number, lost))
 
 
 def read_log(

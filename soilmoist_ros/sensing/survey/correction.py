@@ -18,7 +18,7 @@ from soilmoist_ros.sensing.corrections.factors import effective_exposure, standa
 from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor, read_neutron_monitor
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.problems import Kind, LostRecordError
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, Position
 
 USUAL_FACTORS = {"f_humidity": (0.85, 1.25), "f_intensity": (0.8, 1.25)}
@@ -30,14 +30,6 @@ MAX_WEATHER_GAP_S = 1800.0
 MAX_GAP_RECORDS = 4.0
 """This gap in counting intervals: three records of a logger that writes every hour may lack a value."""
 QUANTITIES = ("pressure_hpa", "temperature_degc", "relative_humidity")
-
-
-class UnusableRecordError(Exception):
-    """A record cannot be corrected or placed; contains the kind of problem and the remedy."""
-
-    def __init__(self, kind: Kind, message: str, remedy: str) -> None:
-        super().__init__(message)
-        self.kind, self.message, self.remedy = kind, message, remedy
 
 
 class WeatherSeries:
@@ -148,12 +140,12 @@ def correct_record(
     :param record: the raw record, with the weather at its time
     :param intensity: incoming intensity: from a monitor or constant, ``None`` if unknown
     :param shares: share of each tube in the whole rate [-]
-    :raises UnusableRecordError: if no tube counted, or a value that a correction needs is missing
+    :raises LostRecordError: if no tube counted, or a value that a correction needs is missing
     """
     try:
         raw_counts, exposure_s = combine_tubes(record, shares)
     except ValueError as error:
-        raise UnusableRecordError(Kind.NO_COUNTS, str(error), "check the detector") from None
+        raise LostRecordError(Kind.NO_COUNTS, str(error), remedy="check the detector") from None
     if isinstance(intensity, NeutronMonitor):
         rate = intensity.at(record.stamp_s)
         if rate is None:
@@ -161,7 +153,7 @@ def correct_record(
             remedy = "export the whole time of the survey"
             remedy += ", or raise 'max_gap_hours' under 'intensity'" if inside else ""
             message = f"cannot be corrected: {intensity.coverage} has no rate at this time"
-            raise UnusableRecordError(Kind.NO_CORRECTION, message, remedy)
+            raise LostRecordError(Kind.NO_CORRECTION, message, remedy=remedy)
         intensity = rate
     settings, parameters = site.corrections, site.corrections_parameters
     air = {"air temperature": record.temperature_degc, "relative humidity": record.relative_humidity}
@@ -170,7 +162,7 @@ def correct_record(
     if lacking := [name for name, value in needed.items() if math.isnan(value)]:
         remedy = "complete the data; write null for a correction only if N0 was calibrated without it"
         message = f"cannot be corrected: there is no {' and no '.join(lacking)}"
-        raise UnusableRecordError(Kind.NO_CORRECTION, message, remedy)
+        raise LostRecordError(Kind.NO_CORRECTION, message, remedy=remedy)
     try:
         rate = math.nan if intensity is None else intensity
         factors = (
@@ -181,7 +173,7 @@ def correct_record(
         effective_s = effective_exposure(exposure_s, math.prod(factors) * parameters.f_surroundings)
     except ValueError as error:
         remedy = "correct the value, or the corrections in the site file"
-        raise UnusableRecordError(Kind.NO_CORRECTION, f"cannot be corrected: {error}", remedy) from None
+        raise LostRecordError(Kind.NO_CORRECTION, f"cannot be corrected: {error}", remedy=remedy) from None
     return CountRecord(record.stamp_s, NAN, NAN, NAN, raw_counts, exposure_s, effective_s, *factors)
 
 
@@ -199,15 +191,15 @@ def place_record(
 ) -> CountRecord:
     """Add the coordinates of a record.
 
-    :raises UnusableRecordError: if there is no position, or it is beyond the datum's hemisphere
+    :raises LostRecordError: if there is no position, or it is beyond the datum's hemisphere
     """
     if position is None or frame is None:
         remedy = "give the GNSS log with --nmea, or the location of a stationary probe in the site file"
-        raise UnusableRecordError(Kind.NO_POSITION, "there is no position for this record", remedy)
+        raise LostRecordError(Kind.NO_POSITION, "there is no position for this record", remedy=remedy)
     x, y = frame.to_local(position.latitude_deg, position.longitude_deg)[0]
     if not math.isfinite(x + y):
-        raise UnusableRecordError(
-            Kind.NO_POSITION, "the position is on the far side of the earth", "check the datum"
+        raise LostRecordError(
+            Kind.NO_POSITION, "the position is on the far side of the earth", remedy="check the datum"
         )
     east_m, north_m = offset_m
     return replace(record, x_m=float(x) + east_m, y_m=float(y) + north_m, z_m=position.altitude_m)

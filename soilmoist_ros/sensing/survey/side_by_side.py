@@ -40,7 +40,6 @@ class SideBySide:
     :param ratio_sd: standard deviation of the ratio from the counts of both
     :param counted_s: time that both counted [s]
     :param first_s: begin of the first common interval [s since 1970-01-01 UTC]; ``last_s`` end of the last one
-    :param gaps: begin and end of each time between them that one of both did not count [s since 1970-01-01 UTC]
     """
 
     ratio: float
@@ -50,7 +49,6 @@ class SideBySide:
     counted_s: float
     first_s: float
     last_s: float
-    gaps: tuple[tuple[float, float], ...]
     scatter: float = 1.0
     """Scatter of both about one ratio in units of that of counting; above 1 if the ratio changed."""
 
@@ -112,11 +110,9 @@ def compare_side_by_side(
         what = f"counts as {other[0].path.name} does, record by record: they are of one sensor"
         raise InputError(what, _OTHERS_LOG, own[0].path)
     begins, ends = _begins(slow)[kept], np.array([record.stamp_s for record in slow_used])
-    pauses = np.flatnonzero(begins[1:] - ends[:-1] > 1.0)
     return SideBySide(
-        ratio, ratio * relative, own_counts, other_counts, counted_s, float(begins[0]), float(ends[-1]),
-        tuple((float(ends[index]), float(begins[index + 1])) for index in pauses), scatter,
-    )  # fmt: skip
+        ratio, ratio * relative, own_counts, other_counts, counted_s, float(begins[0]), float(ends[-1]), scatter
+    )
 
 
 def _scatter(counts: Array) -> tuple[float, float]:

@@ -14,16 +14,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import LocalFrame, Mistake
+from soilmoist_ros.foundation import LocalFrame
 from soilmoist_ros.sensing.checks.record_checks import N0_KEY, RecordChecks
 from soilmoist_ros.sensing.checks.tubes import tube_shares
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, Heard
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import EDGE_TOLERANCE_S, NO_ARMS, CheckedTrack, LeverArms, Track
-from soilmoist_ros.sensing.problems import Finding, Kind, Problem
+from soilmoist_ros.sensing.problems import Finding, Kind, LostRecordError, Problem
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.correction import (
-    UnusableRecordError,
     WeatherSeries,
     correct_record,
     counting_interval_s,
@@ -116,7 +115,7 @@ class Survey:
                 self.tube_share = tube_shares([one.record for one in learned if not one.quarantine] or ahead)
             rates = []
             for checked in learned[:: max(len(learned) // MAX_TYPICAL, 1)]:
-                with suppress(UnusableRecordError):
+                with suppress(LostRecordError):
                     rates.append(self._correct(checked.record, self.tube_share).corrected_rate)
             self.checks.totals.typical_cps = float(np.median(rates)) if rates else NAN
         self._last: LoggerRecord | None = None
@@ -158,11 +157,11 @@ class Survey:
         shares = self.checks.shares if self.tube_share is None else self.tube_share
         try:
             corrected = replace(self._correct(record, shares), quarantine=checked.quarantine)
-        except UnusableRecordError as error:
+        except LostRecordError as error:
             weather = Kind.IMPOSSIBLE_WEATHER
             findings = tuple(replace(one, bad=one.bad or one.kind is weather) for one in findings)
-            if error.kind is not Kind.NO_CORRECTION or not any(one.kind is weather for one in findings):
-                self._report(error, record, path, lost=True)
+            if error.finding.kind is not Kind.NO_CORRECTION or not any(one.kind is weather for one in findings):
+                self._on_problem(error.finding.at(path, record.line, lost=True))
                 return
             corrected = uncorrected_record(record, shares, weather.value)
         self._list(findings, record, path)
@@ -208,16 +207,17 @@ class Survey:
             findings = [Finding(Kind.PLACE_JUMP, message, remedy, bad=True)]
         offset_m = self.places.sensor_offset_m(*when)
         if offset_m is None:
-            heading = Mistake("the heading of the robot is unknown", "drive some metres", path, raw.line)
-            self._on_problem(Problem(Kind.NO_HEADING, heading))
+            heading = Finding(Kind.NO_HEADING, "the heading of the robot is unknown", "drive some metres")
+            self._on_problem(heading.at(path, raw.line))
         try:
             record = place_record(waiting.record, position, self.frame, offset_m or (0.0, 0.0))
-        except UnusableRecordError as error:
+        except LostRecordError as error:
+            lost = error.finding
             if position is None and self.heard.first_s < math.inf:
                 message = "the receiver has no position at the time of this record"
                 remedy = f"{self.heard.span}: check the receiver, or give its whole log"
-                error = UnusableRecordError(error.kind, message, remedy)
-            self._report(error, raw, path, lost=not self._keep_unplaced)
+                lost = replace(lost, message=message, remedy=remedy)
+            self._on_problem(lost.at(path, raw.line, lost=not self._keep_unplaced))
             if not self._keep_unplaced:
                 return None
             record = waiting.record
@@ -228,11 +228,7 @@ class Survey:
 
     def _list(self, findings: Iterable[Finding], record: LoggerRecord, path: Path | None) -> None:
         for finding in findings:
-            mistake = Mistake(finding.message, finding.remedy, path, record.line)
-            self._on_problem(Problem(finding.kind, mistake, quarantined=finding.bad))
-
-    def _report(self, error: UnusableRecordError, record: LoggerRecord, path: Path | None, lost: bool) -> None:
-        self._on_problem(Problem(error.kind, Mistake(error.message, error.remedy, path, record.line), lost))
+            self._on_problem(finding.at(path, record.line))
 
 
 # Where the records of a survey were counted ---------------------------------------------------------------------

@@ -102,14 +102,6 @@ def test_outdoor_sensors_come_first_and_longitudes_have_their_sign(tmp_path, lon
     assert first.position.longitude_deg == pytest.approx(found)
 
 
-def test_columns_without_values_are_named_or_left_out(tmp_path):
-    text = table(("time", "empty", "neutrons", "live_s"), "2024-05-{day:02d} {hour:02d}:00:00,,{count},-1")
-    assert "live_time" not in read(tmp_path, text)[0]
-    for given in ("time", "counts"):
-        with pytest.raises(InputError, match="no column 'empty' with values"):
-            read(tmp_path, text, **{given: ["empty"]})
-
-
 def test_what_must_be_answered_first(tmp_path):
     text = table((), "2024-05-{day:02d} {hour:02d}:00,983.{n},{count},700")
     with pytest.raises(InputError, match=r"no column that is .* raw counts .* --neutrons NAME.*column3 \(1600\)"):
@@ -159,13 +151,6 @@ def test_a_unit_that_fits_nothing_is_a_question(tmp_path):
     draft, log = read(tmp_path, text)
     assert "QUESTION: which unit? The header says psi, the median is 14.5" in draft
     assert log.records[0].pressure_hpa != log.records[0].pressure_hpa
-
-
-def test_the_unit_is_that_of_the_column_that_is_read(tmp_path):
-    path = tmp_path / "two.csv"
-    path.write_text("time,counts,pulses\n" + "".join(f"2024-05-13 10:{n}:00,{n},{n}.5\n" for n in range(10, 40)))
-    text = draft_format(path, counts=["counts", "pulses"])
-    assert "  unit: counts\n  # QUESTION: only counts is read, not pulses?" in text
 
 
 def test_names_in_two_comment_lines_are_one_header():

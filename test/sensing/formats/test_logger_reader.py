@@ -6,14 +6,12 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing import Kind, Severity, format_header, load_logger_format
-from soilmoist_ros.sensing.checks.tubes import combine_tubes, tube_shares
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser, detect_format, parse_log, read_log
 
 FORMATS = {
@@ -70,22 +68,6 @@ def test_real_rover_log(roving_record) -> None:
     assert last.position is not None
     assert (last.position.latitude_deg, last.position.longitude_deg) == (38.72526, -97.43415)
     assert last.position.altitude_m == 371.5
-
-
-def test_tube_sums_of_the_real_log(roving_record) -> None:
-    path = roving_record
-    rows = [row.split(",") for row in path.read_text().splitlines()[20:]]
-    expected = np.array([[int(text) for text in row[10:18]] for row in rows])
-    records = rover_log(roving_record).records
-    assert np.array_equal([record.tube_counts for record in records], expected)
-    live = np.array([[float(text) for text in row[18:22]] for row in rows]).repeat(2, axis=1)
-    assert np.array_equal([record.tube_live_s for record in records], live)
-    shares = tube_shares(records)
-    rates = expected.sum(axis=0) / live.sum(axis=0)
-    np.testing.assert_allclose(shares, rates / rates.sum(), rtol=1e-4)
-    raw, exposure = np.array([combine_tubes(record, shares) for record in records]).T
-    assert raw.sum() == expected.sum()
-    np.testing.assert_allclose(exposure, live @ shares)
 
 
 def test_problems_of_the_real_log(roving_record) -> None:
@@ -192,13 +174,6 @@ def test_oddities_that_are_reported_and_kept(odd, expected) -> None:
     assert len(records) == 1
     assert kinds(problems) == expected
     assert not any(problem.lost for problem in problems)
-
-
-def test_duplicates_are_dropped() -> None:
-    records, problems = rover(line(), line(time="2024/05/01 10:01:00", number="8"), line())
-    assert len(records) == 2
-    assert kinds(problems) == [Kind.DUPLICATE]
-    assert problems[0].severity is Severity.NOTE
 
 
 @pytest.mark.parametrize("again", [slice(2, 4), slice(1, 2), slice(0, 4)])

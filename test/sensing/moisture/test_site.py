@@ -160,12 +160,6 @@ CURVES = pytest.mark.parametrize("unit_curve", [UNIT, UniversalCurve(1.0, 1.4, 0
 
 
 @CURVES
-def test_calibration_closes(unit_curve):
-    n0 = estimate_n0(4.0, 0.04, 0.22, 0.01, unit_curve).n0_cps
-    assert replace(unit_curve, n0_cps=n0).vwc(4.0) == pytest.approx(0.22, abs=1e-12)
-
-
-@CURVES
 def test_uncertainty_of_n0_is_that_of_repeated_calibrations(unit_curve):
     rng = np.random.default_rng(4)
     true = replace(unit_curve, n0_cps=6.0)

@@ -122,35 +122,6 @@ def test_the_first_place_is_not_one_of_unknown_age():
     assert places.fix.xy == (500.0, 0.0)
 
 
-def test_a_wrong_stamp_does_not_excuse_a_jump():
-    places = confirmed()
-    places.take(PlaceFix(1.0, 0.0, 0.0, stamp_s=1.0))
-    assert places.take(PlaceFix(2.0, 1000.0, 0.0, stamp_s=1e9)) is Verdict.JUMP
-
-
-def test_slow_drift_is_seen_as_speed_and_fast_drift_as_a_jump():
-    """Every step is short: 25 receivers' epochs a second."""
-    for speed, verdicts in ((2.5, {Verdict.PLAUSIBLE}), (4.5, {Verdict.PLAUSIBLE}), (30.0, {Verdict.JUMP})):
-        places = confirmed(now_s=0.0)
-        seen = [places.take(PlaceFix(k / 25, speed * k / 25, 0.0)) for k in range(1, 500)]
-        assert verdicts <= set(seen)
-        if speed < 10:
-            assert places.speed_mps == pytest.approx(speed, rel=0.01)
-
-
-@given(st.integers(0, 2**32 - 1), st.floats(0.0, 2.0), st.floats(0.2, 5.0), st.floats(0.0, 0.3))
-def test_a_robot_that_drives_as_it_can_is_never_lost(seed, speed, period_s, noise_m):
-    rng = np.random.default_rng(seed)
-    places = confirmed()
-    place, heading = np.zeros(2), 0.0
-    for number in range(1, 80):
-        heading += rng.normal(0, 0.5)
-        place += speed * period_s * np.array([math.cos(heading), math.sin(heading)])
-        seen = place + np.clip(rng.normal(0.0, noise_m, 2), -2 * noise_m, 2 * noise_m)
-        fix = PlaceFix(number * period_s, *seen.tolist(), sd_m=max(noise_m, 1e-3))
-        assert places.take(fix) is Verdict.PLAUSIBLE
-
-
 @given(
     st.lists(
         st.tuples(

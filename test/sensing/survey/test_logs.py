@@ -84,15 +84,6 @@ def test_a_separate_track_is_joined_by_gnss_time_where_the_loggers_clock_is_off(
     assert late.frame.to_geographic(late.xy_m)[:, 0] == pytest.approx(expected, abs=1e-8)
 
 
-def test_a_drift_of_the_loggers_clock_is_taken_off(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0 * k * 1.05, 5.0 + k % 2) for k in range(1, 40)])
-    log = with_clock(log, [(one.stamp_s - T0) * (1 - 1 / 1.05) for one in log.records])
-    moving = track((0, 50.0), (400, 50.04))
-    survey = process_logs([log], NO_CORRECTIONS, track=moving)
-    expected = 50.0 + 1e-4 * (10.0 * np.arange(2, 38) - 5.0)
-    assert survey.frame.to_geographic(survey.xy_m)[1:37, 0] == pytest.approx(expected, abs=1e-4)
-
-
 @pytest.mark.parametrize("separate", [True, False])
 def test_a_log_whose_clock_was_set_is_placed_by_the_offset_of_each_part(separate, tmp_path):
     ahead_s = [105.0] * 20 + [0.0] * 15  # the times of the first part come again
