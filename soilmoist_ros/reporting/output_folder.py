@@ -85,12 +85,13 @@ def writable(names: Sequence[str]) -> tuple[str, ...]:
 
 
 @contextmanager
-def replaced_together(folder: Path, names: Sequence[str]) -> Iterator[Path]:
+def replaced_together(folder: Path, names: Sequence[str] | None = None) -> Iterator[Path]:
     """Replace the results in a folder together: write them to the hidden folder that the context gives.
 
     After an error the folder is as it was. What a killed process left is removed, and results of an earlier run
     that this run has not.
 
+    :param names: results of this run; without them all files that were written are replaced, and none is removed
     :raises InputError: if the folder cannot be written
     """
     try:
@@ -103,12 +104,13 @@ def replaced_together(folder: Path, names: Sequence[str]) -> Iterator[Path]:
         raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
     try:
         yield workshop
-        for name in names:
+        written = sorted(path.name for path in workshop.iterdir()) if names is None else names
+        for name in written:
             sync_file(workshop / name)
-        earlier = earlier_outputs(folder)
-        for name in names:
+        earlier = set() if names is None else earlier_outputs(folder)
+        for name in written:
             os.replace(workshop / name, folder / name)
-        remove_earlier(folder, earlier, names)
+        remove_earlier(folder, earlier, written)
         sync_folder(folder)
     finally:
         shutil.rmtree(workshop, ignore_errors=True)

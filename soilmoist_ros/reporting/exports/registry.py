@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from filecmp import cmp
@@ -14,7 +12,7 @@ from typing import Any
 
 from soilmoist_ros.foundation import InputError, Registry
 from soilmoist_ros.mapping import FarmPrior
-from soilmoist_ros.recording import SUMMARY, sync_file
+from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.exports.irrigation import write_dose
 from soilmoist_ros.reporting.exports.isoxml import write_isoxml
 from soilmoist_ros.reporting.exports.kmz import write_kmz
@@ -23,6 +21,7 @@ from soilmoist_ros.reporting.exports.qgis import write_geopackage, write_qgis
 from soilmoist_ros.reporting.exports.sheet import write_sheet
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, open_source
 from soilmoist_ros.reporting.opened_run import open_run
+from soilmoist_ros.reporting.output_folder import replaced_together
 
 Write = Callable[[RunSource, Path, ExportSettings], list[Path]]
 
@@ -131,33 +130,21 @@ def export_run(
     target = folder or source.run.folder / "export"
     if (target / SUMMARY).is_file() and not target.samefile(source.run.folder):
         raise InputError("holds another run", "choose another folder for the exports", target)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-        workshop = Path(tempfile.mkdtemp(prefix=".writing-", dir=target))
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", "choose another folder", target) from None
-    try:
-        chosen = settings or ExportSettings()
-        paths, failed = list[Path](), list[InputError]()
+    paths, failed = list[Path](), list[InputError]()
+    with replaced_together(target) as workshop:
         for name, kind in kinds.items():
             try:
-                paths += _written(name, kind.write(source, workshop, chosen))
+                paths += _written(name, kind.write(source, workshop, settings or ExportSettings()))
             except InputError as error:
                 failed.append(error)
                 if refused is None or len(failed) == len(kinds):
                     raise InputError([mistake for one in failed for mistake in one.mistakes]) from None
                 refused.append(f"{name}: {error}")
-        final = {path: target / path.relative_to(workshop) for path in paths}
+        final = {path: target / path.name for path in paths}
         held = [end.name for path, end in final.items() if end.exists() and not cmp(path, end, shallow=False)]
         if held and not overwrite:
             message = f"has {', '.join(held)} of an earlier export"
             raise InputError(message, "choose another folder, or give --overwrite to replace them", target)
-        for path in final:
-            sync_file(path)
-        for path, end in final.items():
-            path.replace(end)
-    finally:
-        shutil.rmtree(workshop, ignore_errors=True)
     for text in dict.fromkeys(source.notes):
         note(text)
     return list(final.values())
