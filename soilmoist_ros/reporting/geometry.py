@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation import direction
+
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import FieldGrid
 
@@ -60,5 +62,4 @@ def compass_part(grid: FieldGrid, xy_m: NDArray[np.float64]) -> str:
     east, north = (xy_m.mean(axis=0) - every.mean(axis=0)) / np.maximum(np.ptp(every, axis=0), 1e-9)
     if math.hypot(east, north) < 0.12:
         return ""
-    points = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
-    return points[round(math.degrees(math.atan2(north, east)) / 45) % 8]
+    return direction(math.degrees(math.atan2(east, north)))

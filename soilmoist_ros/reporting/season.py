@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import DAY_S, InputError, LocalFrame, resource
+from soilmoist_ros.foundation import DAY_S, InputError, LocalFrame
 from soilmoist_ros.mapping import (
     Bands,
     FieldChange,
@@ -45,12 +45,11 @@ from soilmoist_ros.pipeline import (
     is_illustrative,
     mean_rate,
     read_earlier_runs,
-    read_features,
-    read_run,
     read_summary,
-    shape_of,
 )
-from soilmoist_ros.recording import SUMMARY, bag_of, configuration_of, read_parameters
+from soilmoist_ros.recording import SUMMARY
+from soilmoist_ros.reporting.exports.source import field_shapes
+from soilmoist_ros.reporting.opened_run import open_run
 from soilmoist_ros.sensing import MoistureCurve, load_site
 
 Array = NDArray[np.float64]
@@ -252,34 +251,35 @@ def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) ->
 
 
 def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
-    """Field and calibration: from files, else from the last run that has a folder, or from the last bag."""
+    """Field and calibration: from files, else from the last run that has a folder."""
     summaries = [(path, read_summary(path)) for path in runs if (path / SUMMARY).is_file()]
-    home, about = max(
-        summaries, key=lambda one: one[1].get("last_stamp_s") or 0.0, default=(runs[-1], dict[str, Any]())
-    )
-    field = load_field(settings.field) if settings.field else None
+    if not summaries:
+        what = "a season of recordings alone does not know field and calibration"
+        raise InputError(what, f"make one a run: soilmoist replay {runs[-1]} --out DIR", runs[-1])
+    home, about = max(summaries, key=lambda one: one[1].get("last_stamp_s") or 0.0)
     curve, simulated = curve_of(about, home), bool(about.get("simulated"))
     illustrative, time_zone = curve is not None and is_illustrative(about), str(about.get("time_zone") or "")
-    method, recorded = calibration_method(about), None if summaries else read_run(home)
-    if recorded is not None:
-        mapper = read_parameters(configuration_of(bag_of(home)), "mapper")  # which read_run has found
-        field = field or load_field(resource("fields", str(mapper["field"])))
-        curve, simulated = recorded.curve, recorded.simulated
+    method = calibration_method(about)
     if settings.site:
         site = load_site(settings.site)
         curve, time_zone = site.curve, site.time_zone or time_zone
         illustrative = site.calibration is not None and site.calibration.illustrative
         method = "cores" if site.calibration is None else site.calibration.method
+    from shapely import get_parts
+
     given_m = settings.cell_m
-    if field is not None:
+    if settings.field:
+        field = load_field(settings.field)
         name, frame = field.name, field.frame
         grid = _sized(field.grid, given_m, field.grid(given_m))
     elif (datum := about.get("datum")) is None:
         raise InputError("does not say where its datum lies", "give the field file with --field", home)
     else:
         name, frame = about.get("field") or "the field", LocalFrame(datum["latitude_deg"], datum["longitude_deg"])
-        rings, holes = _rings(home, frame)
-        make = partial(FieldGrid.from_polygon, rings, holes=holes)
+        parts = get_parts(field_shapes(open_run(home), frame)[0]).tolist()
+        rings = [[np.asarray(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)] for part in parts]
+        holes = [hole for _, *of_part in rings for hole in of_part]
+        make = partial(FieldGrid.from_polygon, [outline for outline, *_ in rings], holes=holes)
         grid = _sized(make, given_m, make(given_m or float(about.get("cell_m") or 1.0)))
     names = [str(one.get("name", "")) for one in about.get("properties") or ()]
     return SeasonField(
@@ -296,21 +296,3 @@ def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: Fiel
     if given_m is not None or cells <= USUAL_CELLS:
         return grid
     return make(grid.cell_m * math.ceil(math.sqrt(cells / USUAL_CELLS)))
-
-
-def _rings(path: Path, frame: LocalFrame) -> tuple[list[Array], list[Array]]:
-    """Outlines and holes of the field of a run, in its plane [m]."""
-    import shapely
-
-    file = path / "samples.geojson"
-    fields = [one for one in read_features(file) if one["properties"].get("kind") == "field"]
-    polygons = [part for one in fields[:1] for part in shapely.get_parts(shape_of(one, file)).tolist()]
-    polygons = [part for part in polygons if part.geom_type == "Polygon" and not part.is_empty]
-    if not polygons:
-        raise InputError("has no boundary of the field", "give the field file with --field", path)
-
-    def local(ring: Any) -> Array:
-        places = np.array(ring.coords)[:-1]
-        return frame.to_local(places[:, 1], places[:, 0])
-
-    return [local(one.exterior) for one in polygons], [local(hole) for one in polygons for hole in one.interiors]

@@ -54,11 +54,9 @@ def test_the_calibration_is_that_of_the_last_run(runs, tmp_path, curve):
     np.testing.assert_allclose(last.bands.vwc, possible_moisture(curve, last.bands.rate))
 
 
-def test_field_and_calibration_of_recordings_are_those_of_their_nodes():
-    season = make_season([GOLDEN / "one_stop", GOLDEN / "drive_and_stop"], SeasonSettings())
-    assert season.curve == CalibrationCurve(6.0, 1.4)
-    assert season.simulated
-    assert season.surveys[1].mean_vwc is not None
+def test_recordings_alone_do_not_know_field_and_calibration():
+    with pytest.raises(InputError, match=r"make one a run: soilmoist replay .*drive_and_stop"):
+        make_season([GOLDEN / "one_stop", GOLDEN / "drive_and_stop"], SeasonSettings())
 
 
 def test_one_survey_is_no_season(runs):
@@ -70,7 +68,7 @@ def test_a_run_without_a_boundary_needs_a_field_file(runs, tmp_path):
     for name in ("survey_1", "survey_2"):
         shutil.copytree(runs / "earlier" / name, tmp_path / name)
         (tmp_path / name / "samples.geojson").write_text('{"type": "FeatureCollection", "features": []}')
-    with pytest.raises(InputError, match="--field"):
+    with pytest.raises(InputError, match="has no field"):
         make_season([tmp_path], SeasonSettings())
     assert len(make_season([tmp_path], SeasonSettings(field=FIELDS / "smooth.yaml", cell_m=8.0)).surveys) == 2
 

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from soilmoist_ros.reporting.certainty import NO_LEVEL, guess_text
-from soilmoist_ros.reporting.colours import colour_ramp, coloured_png
+from soilmoist_ros.reporting.colours import colour_ramp, coloured_png, robust_range
 from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import ExportedProperty, ExportSettings, RunSource
-from soilmoist_ros.reporting.exports.zones import shown_range
 from soilmoist_ros.reporting.page.frame import render_page
 
 DATE_TIME = "%Y-%m-%dT%H:%M:%SZ"
@@ -54,7 +53,7 @@ def _write_kmz(source: RunSource, one: ExportedProperty, path: Path) -> Path:
 
 def _in_words(source: RunSource, one: ExportedProperty) -> str:
     """Date and colours in words: a phone shows them, and no legend."""
-    low, high = shown_range(one.values)
+    low, high = robust_range(one.values)
     sentences = ["Simulated counts."] if source.simulated else []
     if one.calibration in NO_LEVEL:
         what = f"{one.calibration.capitalize()} calibration"
@@ -91,6 +90,6 @@ def _overlay(one: ExportedProperty) -> tuple[bytes, dict[str, float]]:
         dst_crs=CRS.from_string(f"+proj=longlat +ellps=WGS84 +pm={centre} +no_defs"),
         resampling=Resampling.nearest,
     )  # fmt: skip
-    low, high = shown_range(values)
+    low, high = robust_range(values)
     picture = coloured_png((target - low) / (high - low), colour_ramp(one.quantity.colours, COLOURS))
     return picture, {"north": north, "south": south, "east": centre + east, "west": centre + west}

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from soilmoist_ros.reporting.certainty import NO_LEVEL, guess_text
-from soilmoist_ros.reporting.colours import UNCERTAIN, colour_ramp, hex_ramp
+from soilmoist_ros.reporting.colours import UNCERTAIN, colour_ramp, hex_ramp, robust_range
 from soilmoist_ros.reporting.exports.layers import (
     Layer,
     of_one_place,
@@ -32,7 +32,6 @@ from soilmoist_ros.reporting.exports.source import (
     RunSource,
     transformed,
 )
-from soilmoist_ros.reporting.exports.zones import shown_range
 from soilmoist_ros.reporting.page.frame import render_page
 
 FILE, PROJECT = "soilmoist.gpkg", "soilmoist"
@@ -63,9 +62,9 @@ _SYMBOLS: Final[dict[str, tuple[str, dict[str, str]]]] = {
 
 
 def map_look(one: ExportedProperty, sd: bool = False) -> dict[str, Any]:
-    """Colours of the first band or its standard deviation between the quantiles 0.02 and 0.98, interpolated."""
+    """Colours of the first band or its standard deviation between its robust limits, interpolated."""
     quantity = one.quantity
-    low, high = (edge / quantity.scale for edge in shown_range(one.sd if sd else one.values))
+    low, high = (edge / quantity.scale for edge in robust_range(one.sd if sd else one.values))
     values = np.linspace(low, high, RAMP_ITEMS).tolist()
     colours = hex_ramp(UNCERTAIN if sd else quantity.colours, RAMP_ITEMS)
     return {

@@ -236,7 +236,7 @@ def open_source(run: OpenedRun) -> RunSource:
     if not run.properties or not about.get("datum"):
         raise InputError(*_no_map(run), run.folder)
     frame = LocalFrame(about["datum"]["latitude_deg"], about["datum"]["longitude_deg"])
-    boundary, no_go, tracks = _shapes(run, frame)
+    boundary, no_go, tracks = field_shapes(run, frame)
     labels = {one.get("name", ""): one.get("label", "") for one in about.get("properties") or ()}
     maps = []
     for name in run.properties:
@@ -264,7 +264,7 @@ def _no_map(run: OpenedRun) -> tuple[str, str]:
     )
 
 
-def _shapes(run: OpenedRun, frame: LocalFrame) -> tuple[BaseGeometry, list[BaseGeometry], list[BaseGeometry]]:
+def field_shapes(run: OpenedRun, frame: LocalFrame) -> tuple[BaseGeometry, list[BaseGeometry], list[BaseGeometry]]:
     """Field, no-go areas and tracks in the plane of the field."""
     from shapely import get_parts, transform, union_all
 

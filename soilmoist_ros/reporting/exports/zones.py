@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Management zones of a map, and the range of its colours."""
+"""Management zones of a map."""
 
 from __future__ import annotations
 
@@ -28,24 +28,10 @@ def zone_limits(values: ArrayLike, classes: int) -> Array:
 
     :param values: any shape, one value for each cell; NaN is ignored
     """
-    finite = _finite(values)
+    finite: Array = np.asarray(values, float)
+    finite = finite[np.isfinite(finite)]
     edges = np.unique(np.quantile(finite, np.arange(1, classes) / classes)) if finite.size else finite
     return edges[(edges > finite.min()) & (edges < finite.max())] if finite.size else edges
-
-
-def shown_range(values: ArrayLike) -> tuple[float, float]:
-    """Range of a colour scale: quantiles 0.02 and 0.98, never empty."""
-    finite = _finite(values)
-    low, high = np.quantile(finite, [0.02, 0.98]).tolist() if finite.size else (0.0, 1.0)
-    return (low, high) if high - low > 1e-6 else (low - 0.5, high + 0.5)
-
-
-def _finite(values: ArrayLike) -> Array:
-    found: Array = np.asarray(values, float)
-    return found[np.isfinite(found)]
-
-
-# Management zones: classes of a map as workable polygons that share their borders and cover the field -----------
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,10 +15,9 @@ from affine import Affine
 from matplotlib.image import imread
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.reporting.colours import colour_ramp
+from soilmoist_ros.reporting.colours import colour_ramp, robust_range
 from soilmoist_ros.reporting.exports.kmz import write_kmz
 from soilmoist_ros.reporting.exports.source import ExportSettings
-from soilmoist_ros.reporting.exports.zones import shown_range
 
 pytestmark = pytest.mark.slow  # the run that all export takes long to make
 
@@ -45,7 +44,7 @@ def test_kmz_shows_the_map_in_its_place_with_its_time(exported, tmp_path):
     rows = ((north - lat) / (north - south) * picture.shape[0]).astype(int)
     columns = ((lon - west) / (east - west) * picture.shape[1]).astype(int)
     found = np.round(255 * picture[rows, columns])
-    low, high = shown_range(one.values)
+    low, high = robust_range(one.values)
     share = np.clip((one.values[inside] - low) / (high - low), 0, 1)
     ramp = colour_ramp("YlGnBu", 256).astype(float)
     assert (found[:, 3] == 255).all()
