@@ -48,23 +48,19 @@ def test_a_rule_of_a_plug_in_must_be_one(monkeypatch):
         ("", "no dwell rule is given.*fmi, ami, optimal"),
         ("fmj:600", "did you mean 'fmi'"),
         ("optimal:3", "must be 'optimal' alone"),
-        ("optimum", "did you mean 'optimal'?"),
         ("value:1,2", "is not A,B,PRICE,FACTOR"),
         ("value:nan,1,1,1", "in range"),
         ("value:1,1,-1,1", "in range"),
+        ("value:1,1,1,1;1,1", "A,B,PRICE,FACTOR"),
+        ("value:1,1,1,1;-1,1,1", "in range"),
         ("600", "'600' is a number without a rule -> write for example 'fmi:600'"),
         ("fmi", "has no number after 'fmi:'"),
-        ("60s", "is a number without a rule"),
         ("fmi:ten", "'ten' in 'fmi:ten' is not a finite number -> write for example"),
-        ("fmi:10%", "is not a finite number"),
         ("fmi:inf", "not a finite number"),
-        ("ami:-inf%", "not a finite number"),
         ("fmi:0", "not between 1 and 86400 s"),
-        ("fmi:1e999999", "not between"),
         ("fmi:1e99999999999999999999", "is not a finite number"),
         ("ami:2.5", "did you mean 'ami:2.5%'"),
         ("ami:0", "not between 0.001 and 0.5 -> it is 1/sqrt"),
-        ("ami:1e-999999%", "not between"),
         ("ami:99", "not between 0.001 and 0.5 -> it is 1/sqrt"),
     ],
 )
@@ -80,20 +76,13 @@ def test_a_longest_dwell_that_is_none_is_refused(longest_s):
         parse_dwell("ami:3%", longest_s)
 
 
-@pytest.mark.parametrize(
-    ("text", "counts"), [("ami:2.5%", 1600), ("ami:3%", 1112), ("ami:1%", 10000), ("ami:7%", 205)]
-)
-def test_counts_needed_are_those_of_the_decimal_threshold(text, counts):
-    rule = parse_dwell(text)
-    assert rule.enough(counts, 10.0)
-    assert not rule.enough(counts - 1, 10.0)
-
-
 @given(st.integers(10, 5000))
 def test_the_threshold_is_met_by_the_counts_needed_and_not_by_one_less(tenth_permille):
     rule = parse_dwell(f"ami:{tenth_permille}e-4")
     n = rule.counts_needed
     assert n * tenth_permille**2 >= 10**8 > (n - 1) * tenth_permille**2
+    assert rule.enough(n, 10.0)
+    assert not rule.enough(n - 1, 10.0)
 
 
 def test_a_dead_sensor_does_not_hold_the_robot_for_ever():

@@ -15,7 +15,6 @@ from soilmoist_ros.exploration import (
     Stop,
     StrategyKind,
     make_strategy,
-    strategy_kind,
     warm_up,
 )
 from soilmoist_ros.exploration.strategies.route import timed_route
@@ -72,18 +71,17 @@ def test_the_presets_are_the_published_constants():
     assert some_cells == {*without, "gcb"}
 
 
-def test_a_kind_must_make_a_strategy():
-    with pytest.raises(InputError, match="make must return an object with a method choose; it returned int"):
-        make_strategy(StrategyKind(lambda preset: 1, "mine"))
-
-
-def test_unknown_names_are_answered_with_the_known_ones():
-    with pytest.raises(InputError, match=r"'gredy' -> use one of: greedy, .*did you mean 'greedy'"):
-        make_strategy("gredy")
-    with pytest.raises(
-        InputError, match=r"no preset 'author' -> use one of: recommended, paper, authors \(did you mean 'authors'"
-    ):
-        make_strategy("greedy", "author")
+@pytest.mark.parametrize(
+    ("given", "preset", "said"),
+    [
+        (StrategyKind(lambda preset: 1, "mine"), "paper", "must return an object with a method choose; it .* int"),
+        ("gredy", "paper", "'gredy' -> use one of: greedy, .*did you mean 'greedy'"),
+        ("greedy", "author", r"'author' -> use one of: recommended, paper, authors \(did you mean 'authors'"),
+    ],
+)
+def test_others_are_refused_with_what_is_known(given, preset, said):
+    with pytest.raises(InputError, match=said):
+        make_strategy(given, preset)
 
 
 class First:
@@ -100,9 +98,7 @@ class First:
 def test_a_class_an_object_and_a_kind_are_strategies_and_each_mission_has_its_own(given):
     one, two = make_strategy(given), make_strategy(given)
     one.choose(situation(), rng())
-    assert (one.choices, two.choices) == (1, 0)
-    assert strategy_kind(given).needs_map
-    assert warm_up(given, "authors")[0] == 3
+    assert (one.choices, two.choices, warm_up(given, "authors")[0]) == (1, 0, 3)
 
 
 @every
@@ -159,25 +155,13 @@ def test_greedy_takes_the_first_of_the_highest(values):
     assert choice.ahead == ()
 
 
-def frequencies(preset, variance, draws=4000):
-    strategy, dice = make_strategy("monte_carlo", preset), rng(11)
-    now = situation(variance)
-    names = [strategy.choose(now, dice).stop.name for _ in range(draws)]
-    return np.array([names.count(f"p{i}") for i in range(len(variance))])
-
-
-def test_monte_carlo_draws_in_proportion_to_the_variance():
-    variance = np.linspace(0, 1, 120)
-    count = frequencies("paper", variance)
-    assert count[0] == 0
-    assert chisquare(count[1:], 4000 * variance[1:] / variance.sum()).pvalue > 0.01
-
-
 @pytest.mark.slow
-def test_monte_carlo_of_the_authors_draws_only_above_nine_tenths_of_the_mean():
-    variance = np.linspace(0, 1, 120)
-    count = frequencies("authors", variance)
-    high = variance > 0.9 * variance.mean()
+@pytest.mark.parametrize(("preset", "floor"), [("paper", 0.0), ("authors", 0.45)])
+def test_monte_carlo_draws_in_proportion_to_the_variance_above_the_floor(preset, floor):
+    variance, dice = np.linspace(0, 1, 120), rng(11)
+    strategy, now = make_strategy("monte_carlo", preset), situation(variance)
+    drawn = [int(strategy.choose(now, dice).stop.name[1:]) for _ in range(4000)]
+    count, high = np.bincount(drawn, minlength=120), variance > floor
     assert count[~high].sum() == 0
     assert chisquare(count[high], 4000 * variance[high] / variance[high].sum()).pvalue > 0.01
 
@@ -189,11 +173,9 @@ def test_monte_carlo_goes_on_when_no_candidate_is_above_the_floor():
 
 
 def test_draws_without_replacement_follow_the_weights():
-    weight = np.array([1.0, 2.0, 0.0, 5.0])
-    dice = rng(2)
+    weight, dice = np.array([1.0, 2.0, 0.0, 5.0]), rng(2)
     orders = np.array([weighted_order(weight, dice) for _ in range(4000)])
     assert (orders[:, 3] == 2).all()
-    assert chisquare(np.bincount(orders[:, 0], minlength=4)[[0, 1, 3]], 4000 * weight[[0, 1, 3]] / 8).pvalue > 0.01
     second = orders[orders[:, 0] == 3, 1]
     assert chisquare(np.bincount(second)[:2], len(second) * np.array([1, 2]) / 3).pvalue > 0.01
     assert sorted(weighted_order(np.zeros(3), dice)) == [0, 1, 2]

@@ -96,12 +96,6 @@ def test_yaml_means_the_same_to_the_navigations_parser(value):
     assert yaml.safe_load(TopologicalMap(content, made.graph).to_yaml()) == content
 
 
-def test_nodes_that_cannot_be_left_are_kept():
-    content = document()
-    content["nodes"][2]["node"]["edges"] = []
-    assert len(parse(content).graph.names) == len(content["nodes"])
-
-
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -141,16 +135,10 @@ def test_what_is_no_map_is_refused(text):
         parse_topological_map(text)
 
 
-def test_a_missing_file_is_an_input_error(tmp_path):
-    for name in ("none.json", "none.yaml"):
-        with pytest.raises(InputError, match="cannot be read"):
-            read_topological_map(tmp_path / name)
+def test_a_map_of_the_oldest_form_is_refused(tmp_path):
     (tmp_path / "old.tmap").write_text("node: \n\tgate\n\twaypoint:\n\t\t0,0,0,0,0,0,1\n")
     with pytest.raises(InputError, match="a map of the oldest form"):
         read_topological_map(tmp_path / "old.tmap")
-    (tmp_path / "link.json").symlink_to("/dev/null")
-    with pytest.raises(InputError, match="not a regular file"):
-        read_topological_map(tmp_path / "link.json")
 
 
 def newer(nav_frame=None, child="farm", x=50.0, key="topo_frame_id"):
@@ -238,44 +226,33 @@ def test_a_large_map_is_read_and_a_wrong_one_gets_a_fitting_text(tmp_path):
 
 
 def test_edges_with_actions_that_the_navigation_does_not_know_are_named():
-    content = document()
-    assert parse(content).doubts(["NavigateToPose"]) == []
+    content, known = document(), ["NavigateToPose"]
+    assert parse(content).doubts(known) == []
     edge = content["nodes"][0]["node"]["edges"][0]
     edge["action"] = "move_base"
-    (found,) = parse(content).doubts(["NavigateToPose"])
+    (found,) = parse(content).doubts(known)
     assert "may refuse to drive: 1 of" in found
     assert f"(move_base): {edge['edge_id']}; describe those that it has under 'actions'" in found
-    described = {"move_base": {"action_server": "/move_base"}}
-    for actions in (
-        described,
-        ["move_base"],
-        [{"name": "move_base", "type": "x"}],
-        [{"action_name": "move_base"}],
-    ):
-        for keys in ({"actions": actions}, {"definitions": {"actions": actions}}):
-            assert parse({**content, **keys}).doubts(["NavigateToPose"]) == [], "the map describes it"
+    named = [{"move_base": {}}, ["move_base"], [{"name": "move_base"}], [{"action_name": "move_base"}]]
+    described = [
+        keys for actions in named for keys in ({"actions": actions}, {"definitions": {"actions": actions}})
+    ]
+    for keys in (*described, {"navigation_config_file": "actions.yaml"}):
+        assert parse({**content, **keys}).doubts(known) == [], "the map describes it"
     assert parse(content).doubts([]) == []
-    assert parse({**content, "navigation_config_file": "x.yaml"}).doubts(["NavigateToPose"]) == []
 
 
 def test_ways_are_the_same_whatever_the_map_is_called():
-    content = document()
-    found = parse(content)
-    assert parse({**content, "name": "another"}).has_ways_of(found)
-    assert not parse({**content, "meta": {"datum_latitude": 1.0, "datum_longitude": 2.0}}).has_ways_of(found)
-    content = document()
-    content["nodes"][0]["node"]["edges"].pop()
-    assert not parse(content).has_ways_of(found)
-    content = newer()
-    moved = copy.deepcopy(content)
-    moved["transformation"]["translation"]["x"] = 8.0
-    assert not parse(moved).has_ways_of(parse(content))
-    moved = copy.deepcopy(document())
-    moved["transformation"]["parent"] = "odom"
-    for entry in moved["nodes"]:
+    found = parse(document())
+    assert parse({**document(), "name": "another"}).has_ways_of(found)
+    fewer, odom = document(), document()
+    fewer["nodes"][0]["node"]["edges"].pop()
+    odom["transformation"]["parent"] = "odom"
+    for entry in odom["nodes"]:
         entry["node"].pop("parent_frame")
-    assert (parse(moved).frame, parse(document()).frame) == ("odom", "map")
-    assert not parse(moved).has_ways_of(parse(document()))
+    located = {**document(), "meta": {"datum_latitude": 1.0, "datum_longitude": 2.0}}
+    assert not any(parse(other).has_ways_of(found) for other in (fewer, odom, located))
+    assert not parse(newer(x=8.0)).has_ways_of(parse(newer()))
 
 
 def test_a_map_whose_nodes_name_no_frame_has_none():
@@ -292,12 +269,10 @@ def test_restrictions_are_named_and_a_message_is_read():
     content["nodes"][1]["node"]["restrictions_planning"] = "robot_tall"
     content["nodes"][0]["node"]["edges"][0]["restrictions_runtime"] = "False"
     message = parse({"data": json.dumps(content)})
-    assert message.graph.names == graph().names
     assert "False of gate_row 1; robot_tall of row 1 (set robot_properties" in message.restrictions()
-    for key, mark in (("properties", {"no_go": True}), ("tag", ["no_go", "barn"])):
+    for part, key, mark in (("node", "properties", {"no_go": True}), ("meta", "tag", ["no_go", "barn"])):
         content = document()
-        part = content["nodes"][2]["node" if key == "properties" else "meta"]
-        part[key] = mark
+        content["nodes"][2][part][key] = mark
         found = parse(content)
         assert found.restrictions().endswith("no_go of row_2 (list its area under 'no_go' in the field file)")
         assert all("row_2" in ends for ends in barred_ends(found))
