@@ -30,7 +30,7 @@ from soilmoist_ros.pipeline.bag_lines import (
 from soilmoist_ros.pipeline.field_survey import FieldSurvey, input_file, loss_rows_of, open_survey, require_crs
 from soilmoist_ros.pipeline.file_facts import position_notes
 from soilmoist_ros.pipeline.log_map import loss_rows
-from soilmoist_ros.pipeline.logs import log_times, shifted_track, with_position_doubts
+from soilmoist_ros.pipeline.logs import LogSettings, log_times, shifted_track, with_position_doubts
 from soilmoist_ros.pipeline.mission import (
     RobotMission,
     last_mission,
@@ -81,36 +81,25 @@ _REPLAY = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReplaySettings(MappingSettings):
+class ReplaySettings(LogSettings):
     """Choices of a replay; settings of :class:`MappingSettings` that are ``None`` are taken from the mapper.
 
-    :param site: site file, or name of a shipped one; other corrections need the source ``raw``
+    A ``site`` with other corrections needs the source ``raw``.
+
     :param properties: names of the properties to map; empty for all in the bag
     :param truths: surrogate fields to compare with, by name of the property or its index in the list of
         properties, from 0; built-in names, or field files with a truth
-    :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw`` corrects and
-        places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
-    :param logger_topic: topic with the raw lines of the logger, which are the source then; ``raw/logger`` if empty
-    :param fix_topic: topic with the positions of the raw lines: fixes or NMEA; ``raw/gnss``, or ``fix``, if empty
-    :param gnss_shift_s: time added to those of the positions of the raw lines [s]
-    :param logger: format of the raw lines of the logger; detected from their header if ``None``
+    :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw``, or a
+        ``logger_topic``, corrects and places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`; ``None`` for those of the robot
-    :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field; ``None`` for
         those of the robot
     """
 
-    field: str | None = None
-    site: str | None = None
     properties: Sequence[str] = ()
     truths: Mapping[str | int, str] = dataclasses.field(default_factory=dict)
     counts_topic: str = "counts"
     source: Source = "counts"
-    logger: str | None = None
-    logger_topic: str = ""
-    fix_topic: str = ""
-    gnss_shift_s: float = 0.0
-    crs: str | None = None
     earlier: Sequence[Path | str] | None = None
     covariates: Sequence[str] | None = None
 
@@ -135,7 +124,7 @@ def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) 
 
 
 def _open(
-    bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str | None = None, name: str = ""
+    bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: Path | str | None = None, name: str = ""
 ) -> FieldSurvey:
     """A map of a property without records: the mapper's settings, overridden by the user's choices."""
     field_file = chosen.field or had.get("field")
@@ -143,7 +132,8 @@ def _open(
         raise InputError("does not say which field it is of", "give the field file with --field", bag)
     try:
         return open_survey(
-            field_file, had.get("site", "") if site is None else site, simulated=had.get("simulated", False),
+            str(field_file), had.get("site", "") if site is None else str(site),
+            simulated=had.get("simulated", False),
             earlier=had.get("earlier", ()) if chosen.earlier is None else chosen.earlier, property_name=name,
             covariates=had.get("covariates", ()) if chosen.covariates is None else chosen.covariates,
             recorded=had or None,

@@ -31,6 +31,7 @@ from soilmoist_ros.pipeline.field_survey import (
 )
 from soilmoist_ros.pipeline.file_facts import far_from_site, position_notes
 from soilmoist_ros.pipeline.logs import (
+    LogSettings,
     Progress,
     log_positions,
     log_times,
@@ -64,32 +65,20 @@ MAX_EXTENT_M = 300_000.0  # extent of a track beyond which some of its positions
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapSettings(mapping.MappingSettings):
-    """Choices of a mapping run; ``None`` derives the value from the data. Shipped files can be given by name.
+class MapSettings(LogSettings):
+    """Choices of a mapping run; ``None`` derives the value from the data, and maps the hull of the track.
 
-    :param field: field file; ``None`` maps the hull of the track
     :param nmea: GNSS logs, for loggers without positions
-    :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
     :param covariates: files with covariates, in addition to those of the field
-    :param logger_topic: topic with the lines of the logger in bags; see :func:`.logger_topic` if empty
-    :param fix_topic: topic with the positions in bags; see :func:`.fix_topic` if empty
-    :param gnss_shift_s: time added to those of the positions, such as 1024 weeks after a roll-over [s]
     :param sensor: model of the sensor or its sensitivity, for a site without N0, see :func:`general_calibration`
     :param times_s: begin and end of the part of the logs that is mapped [s since 1970-01-01 UTC]
     """
 
-    logger: str | None = None
-    site: Path | str | None = None
-    field: Path | str | None = None
     nmea: tuple[Path, ...] = ()
     title: str | None = None
-    crs: str | None = None
     earlier: tuple[Path, ...] = ()
     covariates: tuple[mapping.CovariateSource, ...] = ()
-    logger_topic: str = ""
-    fix_topic: str = ""
-    gnss_shift_s: float = 0.0
     times_s: tuple[float, float] = (-math.inf, math.inf)
     sensor: str | float | None = None
 

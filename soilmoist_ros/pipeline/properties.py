@@ -16,20 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration import Visit, property_weights
-from soilmoist_ros.foundation import IllConditionedError, InputError, LocalFrame, Mistake, finite_number, resource
+from soilmoist_ros.foundation import IllConditionedError, InputError, LocalFrame, finite_number, resource
 from soilmoist_ros.mapping import Field, FieldMap, MapState, PositionSource, load_field, require_near
-from soilmoist_ros.pipeline.bag_lines import (
-    CLOUD,
-    STATUS,
-    TEXT,
-    RunTopics,
-    fix_topic,
-    read_fixes,
-    unread_positions,
-)
+from soilmoist_ros.pipeline.bag_lines import CLOUD, STATUS, TEXT, RunTopics
 from soilmoist_ros.pipeline.field_survey import FieldSurvey
 from soilmoist_ros.recording import BagReader, points, read_parameters
-from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt, Doubts, Heard, stamp_of
+from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt, Doubts, stamp_of
 from soilmoist_ros.simulation import MapErrors, SurrogateField, map_errors
 
 _OF_RATE = ("rate", "rate_sd")
@@ -113,28 +105,10 @@ def recorded_places(configuration: Path | None, field: Field) -> RecordedPlaces:
     return RecordedPlaces(field.frame, field)
 
 
-def _why_unplaced(records: Sequence[CountRecord], path: Path) -> Mistake | None:
-    """Reason why no record of a recording has a place, from its positions; ``None`` if these do not say."""
-    heard = Heard()
-    try:
-        with BagReader(path) as reader:
-            if (topic := fix_topic(reader)) is None:
-                unread = unread_positions(reader)
-                return unread[0].mistake if unread else None
-            for fix in read_fixes(reader, topic)[0]:
-                heard.add(fix)
-    except InputError:
-        return None  # of several robots, or damaged
-    stamps = [record.stamp_s for record in records]
-    return heard.why_not_at(min(stamps), max(stamps)) if stamps else heard.why_none()
-
-
 def why_nothing(survey: FieldSurvey, records: Sequence[CountRecord], path: Path) -> InputError:
     """Reason why none of the records is in the map: they lie elsewhere, or have other faults."""
     places = [(record.x_m, record.y_m) for record in records if np.isfinite(record.x_m + record.y_m)]
     field = survey.field
-    if not places and (why := _why_unplaced(records, path)) is not None:
-        return InputError([why])
     source = PositionSource("the recording", field_file=dict(survey.files).get("field"))
     try:
         if places:

@@ -14,6 +14,7 @@ import os
 import struct
 from collections import Counter
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -95,48 +96,38 @@ def _no_record(error: Exception, path: Path, line: int) -> InputError:
     return InputError([Mistake(f"is not a record: {error}", "delete the line, or restore the file", path, line)])
 
 
-def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountRecord]:
-    """Records of some topics of an MCAP bag, and the quarantined ones next to them, in the order of recording.
+def stored_counts(bag: Path, topics: Collection[str], frame: str = "") -> list[CountRecord]:
+    """Records of some topics of a bag in any condition, and the quarantined ones next to them.
 
-    What cannot be read, or has another frame than a given one, is skipped; ``OSError`` for a file.
+    What cannot be read, or has another frame than a given one, is skipped.
     """
     from soilmoist_ros.recording.bag.messages import CLOUD, count_records, quarantined_topic
-    from soilmoist_ros.recording.bag.scan import McapScan
-    from soilmoist_ros.recording.bag.verify import mcap_files
+    from soilmoist_ros.recording.bag.verify import files_of, stored_messages
 
     records: list[CountRecord] = []
     wanted = {*topics, *map(quarantined_topic, topics)}
-    for path in mcap_files(bag):
-        for message in McapScan(path).messages(wanted):
-            if message.topic.definition.type_name != CLOUD:
-                continue
-            try:
-                cloud = _store().deserialize_cdr(message.data, CLOUD)
-                if frame in ("", cloud.header.frame_id):
-                    records += count_records(cloud)
-            except (ValueError, LookupError, TypeError, struct.error) as error:
-                _log.warning("%s: a message of %s is skipped: %s", path, message.topic.name, error)
+    for path in files_of(bag):
+        with suppress(Exception):  # of a damaged file, which bag_info names
+            for message in stored_messages(path, [], wanted):
+                if message.type_name != CLOUD:
+                    continue
+                try:
+                    cloud = _store().deserialize_cdr(message.data, CLOUD)
+                    if frame in ("", cloud.header.frame_id):
+                        records += count_records(cloud)
+                except (ValueError, LookupError, TypeError, struct.error) as error:
+                    _log.warning("%s: a message of %s is skipped: %s", path, message.topic, error)
     return records
 
 
 def quarantine_reasons(info: BagInfo) -> dict[str, dict[str, int]]:
-    """Number of quarantined records of a bag, by topic and code of the reason, the most frequent first.
-
-    :raises InputError: as :func:`stored_counts`
-    """
+    """Number of quarantined records of a bag, by topic and code of the reason, the most frequent first."""
     from soilmoist_ros.recording.bag.messages import CLOUD, QUARANTINED
-    from soilmoist_ros.recording.bag.reader import BagReader
 
-    def all_counts(topic: str) -> list[CountRecord]:
-        if info.storage == "mcap":
-            return stored_counts(info.path, [topic], frame="")
-        with BagReader(info.path) as reader:
-            return [record for _, record in reader.read_counts_of([topic])]
-
-    clouds = [topic.name for topic in info.topics if topic.type_name == CLOUD]
+    names = [topic.name for topic in info.topics if topic.type_name == CLOUD]
     return {
-        name: dict(Counter(record.quarantine for record in all_counts(name)).most_common())
-        for name in clouds
+        name: dict(Counter(record.quarantine for record in stored_counts(info.path, [name])).most_common())
+        for name in names
         if name.rpartition("/")[2] == QUARANTINED
     }
 

@@ -324,7 +324,6 @@ TARGETS = {
     ),
     "drawn_geojson": Target(drawn(".geojson"), texts(GEOJSON)),
     "drawn_field": drawn_task("field"),
-    "drawn_map": drawn_task("map"),
     "drawn_walk": drawn_task("walk"),
     # These need ROS: they are what nodes of others may publish.
     "model": Target(read_model, model, refusals=(ValueError,)),

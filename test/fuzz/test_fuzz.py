@@ -30,7 +30,7 @@ NAMES = (
     "journal", "snapshot", "summary", "samples", "series", "visits", "map", "stored_mission", "records", "cores",
     "monitor", "raster", "vectors",
     "topological_map", "mission", "mission_events", "request", "drawn_geojson",
-    "drawn_field", "drawn_map", "drawn_walk", *ROS,
+    "drawn_field", "drawn_walk", *ROS,
 )  # fmt: skip
 
 

@@ -8,10 +8,11 @@ from datetime import UTC, datetime
 from typing import Final
 
 from rich.console import Console, Group, RenderableType
+from rich.filesize import decimal
 from rich.table import Table
 from rich.text import Text
 
-from soilmoist_ros.foundation import printable
+from soilmoist_ros.foundation import duration, printable
 from soilmoist_ros.recording.bag.metadata import Extent
 from soilmoist_ros.recording.bag.verify import BagInfo, RecoveredBag, TopicInfo
 from soilmoist_ros.sensing import reason_text
@@ -25,7 +26,7 @@ def info_table(info: BagInfo, quarantined: dict[str, dict[str, int]] | None = No
     :param quarantined: number of quarantined records, by topic and code of the reason
     """
     head = plain_text(
-        f"{info.path}  {info.storage}, {size_text(info.size_bytes)}, {_extent_text(info.extent)}", no_wrap=True
+        f"{info.path}  {info.storage}, {decimal(info.size_bytes)}, {_extent_text(info.extent)}", no_wrap=True
     )
     table = Table("topic", "type", box=None, pad_edge=False)
     for title in ("messages", "every", "size", "gaps"):
@@ -35,8 +36,8 @@ def info_table(info: BagInfo, quarantined: dict[str, dict[str, int]] | None = No
             plain_text(topic.name),
             plain_text(topic.type_name),
             str(topic.extent.messages),
-            "" if topic.interval_s is None else _seconds_text(topic.interval_s),
-            size_text(topic.size_bytes),
+            "" if topic.interval_s is None else _time_text(topic.interval_s),
+            decimal(topic.size_bytes),
             _gaps_text(topic),
         )
     bad = [f"{name}: {value}" for name, value in info.notes.items()]
@@ -87,27 +88,11 @@ def print_plain(console: Console, content: RenderableType) -> None:
     console.print(content, highlight=False, crop=False)
 
 
-def size_text(size_bytes: int) -> str:
-    """A size for people.
-
-    >>> size_text(1234567)
-    '1.23 MB'
-    """
-    size = float(size_bytes)
-    for unit in ("B", "kB", "MB"):
-        if size < 1000:
-            return f"{size:.3g} {unit}"
-        size /= 1000
-    return f"{size:.3g} GB"
-
-
 def _extent_text(extent: Extent) -> str:
     if not extent.messages:
         return "no messages"
     start = datetime.fromtimestamp(extent.start_ns * 1e-9, UTC)
-    return (
-        f"{extent.messages} messages in {_seconds_text(extent.duration_ns * 1e-9)} from {start:%Y-%m-%d %H:%M:%S}Z"
-    )
+    return f"{extent.messages} messages in {_time_text(extent.duration_ns * 1e-9)} from {start:%Y-%m-%d %H:%M:%S}Z"
 
 
 def _gaps_text(topic: TopicInfo) -> str:
@@ -115,12 +100,8 @@ def _gaps_text(topic: TopicInfo) -> str:
         return ""
     longest = max(topic.gaps, key=lambda gap: gap.duration_s)
     start = datetime.fromtimestamp(longest.start_s, UTC)
-    return f"{len(topic.gaps)}, longest {_seconds_text(longest.duration_s)} at {start:%H:%M:%S}Z"
+    return f"{len(topic.gaps)}, longest {_time_text(longest.duration_s)} at {start:%H:%M:%S}Z"
 
 
-def _seconds_text(time_s: float) -> str:
-    if time_s < 60:
-        return f"{time_s:.3g} s"
-    minutes, seconds = divmod(round(time_s), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {seconds:02} s"
+def _time_text(time_s: float) -> str:
+    return f"{time_s:.3g} s" if time_s < 60 else duration(time_s)

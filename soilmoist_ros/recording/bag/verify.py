@@ -9,7 +9,7 @@ import re
 import shutil
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import chain
@@ -101,13 +101,13 @@ def bag_info(path: Path) -> BagInfo:
     """
     times: dict[tuple[str, str], array[int]] = {}  # the numbers only: there may be many messages
     sizes: Counter[tuple[str, str]] = Counter()
-    paths = _files(path)
+    paths = files_of(path)
     storage = _STORAGES[Path(_plain(paths[0].name)).suffix] if paths else "mcap"
     files, problems = [], [f"{file.name} was not closed" for file in path.glob("*.bag.active")]
     for file in paths:
         extent = Extent()
         try:
-            for name, kind, log_ns, data in _stored_messages(file, problems):
+            for name, kind, log_ns, data in stored_messages(file, problems):
                 extent = extent.with_message(log_ns)
                 times.setdefault((name, kind), array("Q")).append(log_ns)
                 sizes[name, kind] += len(data)
@@ -142,15 +142,17 @@ def bag_info(path: Path) -> BagInfo:
     )
 
 
-def _stored_messages(file: Path, problems: list[str]) -> Iterator[BagMessage]:
-    """Messages of a file in any condition; its problems are added to those of the bag."""
+def stored_messages(
+    file: Path, problems: list[str], topics: Collection[str] | None = None
+) -> Iterator[BagMessage]:
+    """Messages of topics, or of all, of a file in any condition; its problems are added to those of the bag."""
     with ExitStack() as stack:
         path = unpacked(file, stack)
         if path.suffix != ".mcap":
-            yield from messages_of(open_file(path, stack))
+            yield from messages_of(open_file(path, stack), topics)
             return
         scan = McapScan(path)
-        for one in scan.messages():
+        for one in scan.messages(topics):
             yield BagMessage(one.topic.name, one.topic.definition.type_name, one.log_ns, one.data)
         problems += scan.findings()
 
@@ -192,30 +194,23 @@ def _topic_info(name: str, type_name: str, times: array[int], size_bytes: int) -
     return TopicInfo(name, type_name, extent, size_bytes, interval_s, find_gaps(seconds))
 
 
-def mcap_files(path: Path) -> list[Path]:
-    """MCAP files of a bag in the order of recording; ``InputError`` if there are none."""
+def files_of(path: Path) -> list[Path]:
+    """The files of a bag in the order of recording; none in a folder with metadata only.
+
+    :raises InputError: if there is no bag
+    """
     give = "give the folder of a bag or an MCAP file"
-    if path.is_file() and path.suffix == ".mcap":
+    if path.is_file() and Path(_plain(path.name)).suffix in _STORAGES:
         return [path]
     if not path.exists():
         raise InputError("there is no such bag", give, path)
-    found = sorted(_named(path, "*.mcap"), key=_split_number)
-    if not found:
-        there = sorted({file.suffix for file in [path, *path.glob("*")]} & {".zstd", ".db3", ".bag", ".active"})
-        message = f"holds no MCAP file{', only ' * bool(there)}{', '.join(there)}"
-        raise InputError(message, remedy_of(path) if there else give, path)
-    return found
-
-
-def _files(path: Path) -> list[Path]:
-    """The files of a bag in the order of recording; none in a folder with metadata only."""
-    if path.is_file():
-        return [path] if Path(_plain(path.name)).suffix in _STORAGES else mcap_files(path)
-    found = [file for pattern in _PATTERNS for file in _named(path, pattern)]
+    # computers of Apple add a file of their own to each on a foreign disk
+    found = [one for pattern in _PATTERNS for one in path.glob(pattern) if not one.name.startswith("._")]
     names = {file.name for file in found}  # a file and its copy that was unpacked are one
     found = [file for file in found if not (file.suffix == ".zstd" and _plain(file.name) in names)]
     if not found and not (path / METADATA).is_file():
-        return mcap_files(path)  # its error says what is wrong
+        active = path.suffix == ".active" or any(path.glob("*.bag.active"))
+        raise InputError("is not a bag", remedy_of(path) if active else give, path)
     return sorted(found, key=_split_number)
 
 
@@ -272,11 +267,6 @@ def _checked_sums(bag: Path) -> tuple[int, list[str]]:
     return right, problems
 
 
-def _named(folder: Path, pattern: str) -> Iterator[Path]:
-    """Files of a folder; computers of Apple add one of their own to each on a foreign disk."""
-    return (file for file in folder.glob(pattern) if not file.name.startswith("._"))
-
-
 def _plain(name: str) -> str:
     return name.removesuffix(".zstd")
 
@@ -306,7 +296,11 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
 
     :raises InputError: if nothing can be read, or the new bag cannot be written
     """
-    scans = [McapScan(file) for file in mcap_files(path)]
+    files = files_of(path)
+    scans = [McapScan(file) for file in files if file.suffix == ".mcap"]
+    if not scans:
+        kinds = ", ".join(sorted({file.suffix for file in files}))
+        raise InputError(f"holds no MCAP file{', only ' * bool(kinds)}{kinds}", remedy_of(path), path)
     messages = chain.from_iterable(map(_readable, scans))
     first = next(messages, None)
     if first is None:

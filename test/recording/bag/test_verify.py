@@ -414,7 +414,7 @@ def test_all_files_of_a_split_bag_are_recovered_in_their_order(tmp_path):
         ("a.db3", "holds no MCAP file, only .db3 -> ros2 bag reindex"),
         ("a.bag", "holds no MCAP file, only .bag -> rosbag fix"),
         ("a.mcap.zstd", "holds no MCAP file, only .zstd -> unpack its files with unzstd"),
-        ("a.txt", "holds no MCAP file"),
+        ("a.txt", "is not a bag"),
         ("", "no such bag"),
     ],
 )
