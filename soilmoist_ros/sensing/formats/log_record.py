@@ -20,7 +20,7 @@ from soilmoist_ros.sensing.formats.log_values import (
     remedy_of_unit,
     zone_doubt,
 )
-from soilmoist_ros.sensing.formats.logger_format import RATE_TIME_S, LoggerFormat, order_of
+from soilmoist_ros.sensing.formats.logger_format import RATE_TIME_S, ROUNDING_TOLERANCE, LoggerFormat, order_of
 from soilmoist_ros.sensing.formats.notation import date_text, is_packed, stamp_text
 from soilmoist_ros.sensing.problems import Finding, Kind, LostRecordError
 from soilmoist_ros.sensing.records import NAN, LoggerRecord, Position
@@ -247,7 +247,7 @@ class FieldReader:
         time_s = RATE_TIME_S[self._logger.counts.unit]
         counts = rate * live_s / time_s
         whole = float(round(counts))
-        if abs(counts - whole) > self._logger.counts.rounding_tolerance:
+        if abs(counts - whole) > ROUNDING_TOLERANCE:
             per = {1.0: "s", 60.0: "min", 3600.0: "h"}[time_s]
             message = f"{rate:g}/{per} times {live_s:g} s is {counts:.2f} counts"
             remedy = "take the raw counts: if these were corrected or smoothed, they are corrected twice"
@@ -293,7 +293,7 @@ class FieldReader:
         quality = fields[layout["quality"].index].strip() if "quality" in layout else None
         if len(self.notes) > noted:
             return None
-        nowhere = settings.zero_is_no_fix and latitude == longitude == 0
+        nowhere = latitude == longitude == 0
         if latitude is None or longitude is None or nowhere or quality in settings.no_fix_quality:
             self._note(Kind.NO_FIX, "no position fix", layout["latitude"].name)
             return None

@@ -29,6 +29,8 @@ DurationUnit = Literal["s", "ms", "min", "h"]
 CountUnit = Literal["counts", "counts_per_second", "counts_per_minute", "counts_per_hour"]
 RATE_TIME_S = {"counts_per_second": 1.0, "counts_per_minute": 60.0, "counts_per_hour": 3600.0}
 """Time to which a rate refers [s]."""
+ROUNDING_TOLERANCE = 0.1
+"""Rounding error above which a rate times its live time is reported [counts]; statistics need whole counts."""
 DateOrder = Literal["auto", "day_first", "month_first"]
 NAMED_TIME_FORMATS = ("iso8601", "unix_s", "unix_ms", "excel_days")
 Checksum = Literal["none", "nmea"]
@@ -185,9 +187,6 @@ class Counts(Section):
     """Numbers of unused tubes: dead tubes, or a bare (thermal) detector next to a moderated one."""
     note: str = ""
     """Tubes taken as moderated and mapped, in words, for the user to check: shown with each log."""
-    rounding_tolerance: float = Field(default=0.1, gt=0, le=0.5)
-    """With a rate as unit: rounding error above which rate times live time is reported [counts].
-    The product is rounded because counting statistics need whole counts."""
 
 
 class LiveTime(Section):
@@ -301,8 +300,6 @@ class LoggedPosition(Section):
     """Alternative names of the column of the horizontal dilution of precision."""
     no_fix_quality: tuple[str, ...] = ("0",)
     """Texts in the quality column that mark a missing fix."""
-    zero_is_no_fix: bool = True
-    """True if latitude and longitude 0 mark a missing fix."""
     required: bool = True
     """True if a log needs these columns to have this format."""
     time_of_day: tuple[str, ...] = ()

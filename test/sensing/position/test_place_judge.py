@@ -122,6 +122,12 @@ def test_the_first_place_is_not_one_of_unknown_age():
     assert places.fix.xy == (500.0, 0.0)
 
 
+def test_a_wrong_stamp_does_not_excuse_a_jump():
+    places = confirmed()
+    places.take(PlaceFix(1.0, 0.0, 0.0, stamp_s=1.0))
+    assert places.take(PlaceFix(2.0, 1000.0, 0.0, stamp_s=1e9)) is Verdict.JUMP
+
+
 @given(
     st.lists(
         st.tuples(
