@@ -331,9 +331,7 @@ class FieldMap:
         self.set_samples(self.state.samples.joined(as_samples([xy], [raw_counts], [effective_exposure_s])))
 
     def set_records(self, records: Sequence[CountRecord]) -> None:
-        """Replace all samples by those of a whole survey, merged as :func:`merge_records` does.
-
-        The samples do not depend on the order in which a place was visited, unlike those of :meth:`add`.
+        """Replace all samples by those of a whole survey; its variogram is fitted to all of them.
 
         :param records: all with a place and an exposure > 0, in order of time; quarantined ones are left out, and
             so are those that :meth:`add` would quarantine

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from soilmoist_ros.mapping.covariates import Covariates
 from soilmoist_ros.mapping.drift import MAX_SAMPLES, WINDOW_S, TimedSamples, find_change
 from soilmoist_ros.mapping.records import SampleMerger, driven_spreads, survey_samples
-from soilmoist_ros.mapping.samples import Samples, merge_records
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing import CountRecord
 
@@ -59,8 +59,10 @@ def samples_at_end(
     drift = find_change(timed, end_s, fit.variogram, fit.noise_rate, places=samples).drift
     if drift is None:
         return samples
-    exposure_s = one.exposure_s * drift.factor(timed.time_s)
-    return merge_records(one.xy, one.counts, exposure_s, radius_m, one.spread)
+    at_end, exposure_s = SampleMerger(radius_m, footprint_radius_m), one.exposure_s * drift.factor(timed.time_s)
+    for (x_m, y_m), counts, seconds, path in zip(one.xy, one.counts, exposure_s, one.spread, strict=True):
+        at_end.add(x_m, y_m, counts, seconds, path)
+    return at_end.samples
 
 
 # -- Knowledge -----------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +19,6 @@ from soilmoist_ros.mapping.samples import (
     footprint_spread,
     full_spread,
     good_samples,
-    merge_records,
     path_spread,
     without_noise,
 )
@@ -154,20 +153,9 @@ class DrivenPaths:
 
 
 def driven_spreads(records: Sequence[CountRecord]) -> Array:
-    """Spread of each record along its path, shape (n, 4) [m^2]; ``records`` as in :func:`survey_samples`."""
+    """Spread of each record along its path, shape (n, 4) [m^2]; records in order of time."""
     paths = DrivenPaths()
     return np.array([paths.spread(record) for record in records]).reshape(-1, 4)
-
-
-def survey_samples(
-    records: Sequence[CountRecord], radius_m: float, footprint_radius_m: float = 0.0, spread: Array | None = None
-) -> Samples:
-    """Samples of a whole survey, merged by :func:`merge_records`: the order of visits does not matter."""
-    spread = driven_spreads(records) if spread is None else spread
-    columns = [(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s) for one in records]
-    table = np.array(columns, float).reshape(-1, 4)
-    samples = merge_records(table[:, :2], table[:, 2], table[:, 3], radius_m, spread)
-    return replace(samples, spread=samples.spread + footprint_spread(footprint_radius_m))
 
 
 class SampleMerger:
@@ -176,7 +164,7 @@ class SampleMerger:
     A record joins the nearest sample if its mean place is within the radius, and moves it; otherwise it begins
     a new sample. So the records of a stop whose positions jitter are one sample, however long the robot stands,
     and a drive becomes a chain of samples about two radii apart (each lags behind the robot by half its path).
-    What comes out depends on the order of the records, unlike with :func:`merge_records`.
+    What comes out depends on the order of the records.
 
     A sample's spread is the path of its records together (parallel-axis theorem), and the sensor's footprint.
 
@@ -255,3 +243,17 @@ class SampleMerger:
         self._columns[:, self._count] = x_m, y_m, *np.zeros(5), time_s, time_s
         self._count += 1
         return self._count - 1
+
+
+def survey_samples(
+    records: Sequence[CountRecord], radius_m: float, footprint_radius_m: float = 0.0, spread: Array | None = None
+) -> Samples:
+    """Samples of a whole survey, merged as on line.
+
+    :param records: in order of time, each with a place and an exposure > 0
+    :param spread: along the path of each, shape (n, 4) [m^2]; computed by default
+    """
+    merger = SampleMerger(radius_m, footprint_radius_m)
+    for record, path in zip(records, driven_spreads(records) if spread is None else spread, strict=True):
+        merger.add_record(record, path)
+    return merger.samples

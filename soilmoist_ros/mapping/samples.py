@@ -10,7 +10,6 @@ fourth column: its shape is published (:mod:`soilmoist_ros.sensing.moisture.foot
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import floats, optional_module, squared_distances
+from soilmoist_ros.foundation import floats, optional_module
 
 if TYPE_CHECKING:
     import pandas
@@ -29,7 +28,6 @@ MIN_SPREAD_M2 = 1.0
 """Spreads with a smaller trace count as points: the noise of positions makes as much where a robot stands."""
 _TINY_M2 = 1e-12
 """Rounding allowed in the moments of a spread: of tiny lengths, one product may vanish and another not."""
-_BLOCK_ELEMENTS = 2_000_000  # elements of a temporary distance block (16 MB)
 _COLUMNS = ("xy", "counts", "exposure_s", "spread")
 
 
@@ -240,113 +238,6 @@ def _mean_spread(samples: Samples, group: NDArray[np.intp]) -> Array:
     """Exposure-weighted mean of the spreads of each group, shape (groups, 4)."""
     share = samples.exposure_s / np.bincount(group, samples.exposure_s)[group]
     return np.column_stack([np.bincount(group, share * samples.spread[:, k]) for k in range(4)])
-
-
-def merge_records(
-    xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, radius_m: float = 0.0, spread: ArrayLike | None = None
-) -> Samples:
-    """Merge records into samples; the total counts and the total exposure are conserved.
-
-    With ``radius_m = 0`` only records at exactly one place merge, which changes no estimate. With a radius,
-    records of a stop whose positions jitter become one sample:
-
-    1. The place with the longest exposure within the radius is a centre, and the places within the radius
-       of it are settled; the next centre is chosen likewise among those left, until none is.
-    2. Each record joins the nearest centre. A sample lies at the exposure-weighted mean of its records, and its
-       spread is theirs together (parallel-axis theorem); what the noise of positions may have made counts as none.
-
-    Records of one sample are never more than two radii apart, so a chain of records taken while driving
-    becomes a chain of samples. The rule depends on the records only, not on their order. The cost is
-    linear in the number of places (about ten seconds for 10^5), and quadratic in those within one radius.
-
-    :param radius_m: radius of a stop [m], >= 0; keep it well below the sensor's footprint
-    :param spread: that of each record, as :class:`Samples`; all points by default
-    :returns: samples in the order of their first record
-    """
-    if not (np.isfinite(radius_m) and radius_m >= 0):
-        raise ValueError(f"radius_m must be >= 0 and finite, got {radius_m}")
-    places, _ = merge_exactly(as_samples(xy, counts, exposure_s, spread))
-    if radius_m == 0 or len(places) < 2:
-        return replace(places, spread=without_noise(places.spread))
-    buckets = _Buckets(places.xy, radius_m)
-    group = _nearest(places.xy, buckets, _centres(places, buckets, radius_m))
-    return _join(places, group)
-
-
-class _Buckets:
-    """Places in square cells as wide as a radius: all within the radius of one are in its cell or the next.
-
-    Cells are wider than a tiny radius, so that their numbers are finite and have a next one.
-    """
-
-    def __init__(self, xy: Array, radius_m: float) -> None:
-        self._cell = np.floor(xy / max(radius_m * (1 + 1e-9), np.abs(xy).max() * 2.0**-50))
-        order = np.lexsort(self._cell.T)
-        ends = np.flatnonzero((np.diff(self._cell[order], axis=0) != 0).any(axis=1)) + 1
-        self._members = {tuple(self._cell[cell[0]].tolist()): cell for cell in np.split(order, ends)}
-
-    def around(self, number: int) -> NDArray[np.intp]:
-        """Numbers of the places in and next to the cell of a place, in order."""
-        column, row = self._cell[number].tolist()
-        cells = ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
-        return np.sort(np.concatenate([self._members[cell] for cell in cells if cell in self._members]))
-
-    def cells(self) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """Places of each cell, some at a time, and those around them."""
-        for members in self._members.values():
-            around = self.around(members[0])
-            for rows in _row_blocks(len(members), len(around)):
-                yield members[rows], around
-
-
-def _centres(places: Samples, buckets: _Buckets, radius_m: float) -> NDArray[np.intp]:
-    """Numbers of the places that become centres of stops, the longest exposures first."""
-    n, xy = len(places), places.xy
-    within = np.empty(n)
-    for members, around in buckets.cells():
-        distances_m = np.sqrt(squared_distances(xy[members], xy[around]))
-        within[members] = (distances_m <= radius_m) @ places.exposure_s[around]
-    within = np.round(within, 6)  # equal sums must be equal in whatever order they were added up
-    free = np.ones(n, bool)
-    centres = []
-    for candidate in np.lexsort((xy[:, 1], xy[:, 0], -within)).tolist():
-        if free[candidate]:
-            centres.append(candidate)
-            around = buckets.around(candidate)
-            offset = xy[around] - xy[candidate]
-            free[around[np.hypot(offset[:, 0], offset[:, 1]) <= radius_m]] = False
-    return np.array(centres)
-
-
-def _nearest(xy: Array, buckets: _Buckets, centres: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Number of the nearest centre of each place; there is one within the radius."""
-    rank = np.full(len(xy), -1)
-    rank[centres] = np.arange(len(centres))
-    nearest = np.empty(len(xy), int)
-    for members, around in buckets.cells():
-        known = np.sort(rank[around][rank[around] >= 0])
-        nearest[members] = known[np.sqrt(squared_distances(xy[members], xy[centres[known]])).argmin(axis=1)]
-    return nearest
-
-
-def _join(places: Samples, group: NDArray[np.intp]) -> Samples:
-    """Samples of groups of places, in the order in which the groups first appear."""
-    _, first, group = np.unique(group, return_index=True, return_inverse=True)
-    exposure_s = np.bincount(group, places.exposure_s)
-    counts = np.bincount(group, places.counts)
-    share = places.exposure_s / exposure_s[group]
-    xy = np.column_stack([np.bincount(group, share * places.xy[:, axis]) for axis in (0, 1)])
-    away = places.xy - xy[group]
-    apart = full_spread(np.column_stack([away[:, 0] ** 2, away[:, 0] * away[:, 1], away[:, 1] ** 2]))
-    wide = Samples(places.xy, places.counts, places.exposure_s, places.spread + apart)
-    spread = without_noise(_mean_spread(wide, group))
-    order = np.argsort(first)
-    return as_samples(xy[order], counts[order], exposure_s[order], spread[order])
-
-
-def _row_blocks(rows: int, columns: int) -> list[slice]:
-    step = max(1, _BLOCK_ELEMENTS // max(columns, 1))
-    return [slice(start, min(start + step, rows)) for start in range(0, rows, step)]
 
 
 def _refuse(bad: NDArray[np.bool_], values: Array, rule: str) -> None:

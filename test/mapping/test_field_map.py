@@ -18,8 +18,8 @@ from soilmoist_ros.mapping.field_map import (
     FieldMapSettings,
     fits_footprint,
 )
-from soilmoist_ros.mapping.records import DrivenPaths, Skip
-from soilmoist_ros.mapping.samples import footprint_spread, merge_records, path_spread
+from soilmoist_ros.mapping.records import Skip
+from soilmoist_ros.mapping.samples import footprint_spread, path_spread
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -238,15 +238,16 @@ def test_a_bad_sample_changes_nothing():
 
 
 def test_a_whole_survey_is_mapped_as_by_kriging_to_the_last_digits():
-    """Records of a file: merged whatever the order, and within rounding of an exact kriging."""
+    """Records of a file: merged as on line, and within rounding of an exact kriging."""
     many = [record(x, y, stamp_s=10.0 * n, raw_counts=30 + n % 7) for n, (x, y) in enumerate(GRID.cells[::3])]
     field_map = FieldMap(GRID, FieldMapSettings(merge_radius_m=6.0, footprint_radius_m=4.0, curve=CURVE))
     field_map.set_records(many)
     found = field_map.compute(field_map.state)
-    ways = DrivenPaths()
-    spread = [ways.spread(one) for one in many]
-    samples = merge_records(GRID.cells[::3], [one.raw_counts for one in many], [9.0] * len(many), 6.0, spread)
-    samples = dataclasses.replace(samples, spread=samples.spread + footprint_spread(4.0))
+    on_line = FieldMap(GRID, FieldMapSettings(merge_radius_m=6.0, footprint_radius_m=4.0))
+    for one in many:
+        on_line.add(one)
+    samples = on_line.samples
+    np.testing.assert_array_equal(field_map.samples.xy, samples.xy)
     fit = estimate_variogram(
         samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m, spread=samples.spread,
         local_noise=True,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Samples: checked, merged exactly or within a radius, never made of masked values, and pooled."""
+"""Samples: checked, merged exactly or one by one, never made of masked values, and pooled."""
 
 import dataclasses
 import math
@@ -14,17 +14,10 @@ from count_records import drive, records
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Variogram
 from soilmoist_ros.mapping.records import DrivenPaths, SampleMerger, StampLimits
-from soilmoist_ros.mapping.samples import MIN_SPREAD_M2, Samples, merge_exactly, merge_records, path_spread, pooled
+from soilmoist_ros.mapping.samples import MIN_SPREAD_M2, Samples, merge_exactly, path_spread, pooled
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 MODEL = Variogram("exponential", 0.0, 20.0, 0.1)
-COORDINATE = st.integers(-20, 20).map(float)
-RECORD = st.tuples(COORDINATE, COORDINATE, st.integers(0, 500), st.sampled_from([5.0, 10.0, 20.0, 640.0]))
-
-
-def columns(records):
-    table = np.array(records, float).reshape(-1, 4)
-    return table[:, :2], table[:, 2], table[:, 3]
 
 
 @pytest.mark.parametrize(
@@ -55,56 +48,7 @@ def test_merge_exactly_keeps_the_order_of_first_appearance():
     np.testing.assert_array_equal(place, [0, 1, 0, 1, 2])
 
 
-@pytest.mark.slow
-@given(st.lists(RECORD, min_size=1, max_size=40), st.sampled_from([0.0, 0.5, 3.0, 15.0, 100.0]))
-def test_merge_records_conserves_counts_exposure_and_centre(records, radius_m):
-    xy, counts, exposure_s = columns(records)
-    merged = merge_records(xy, counts, exposure_s, radius_m)
-    assert merged.counts.sum() == counts.sum()
-    assert merged.exposure_s.sum() == exposure_s.sum()
-    np.testing.assert_allclose(merged.exposure_s @ merged.xy, exposure_s @ xy, atol=1e-8)
-
-
-@pytest.mark.slow
-@given(
-    st.lists(st.tuples(st.integers(-30, 30), st.integers(-30, 30)), min_size=1, max_size=60),
-    st.sampled_from([0.7, 1.0, 5.0, 13.0]),
-    st.integers(0, 2**32 - 1),
-)
-def test_merge_records_follows_its_rule(cells, radius_m, seed):
-    """The rule as it stands in the docstring, with all distances at once."""
-    rng = np.random.default_rng(seed)
-    xy = np.unique(np.array(cells, float) + rng.choice([0.0, 0.25], (len(cells), 2)), axis=0)
-    counts, exposure_s = rng.poisson(40, len(xy)), rng.choice([10.0, 9.5, 25.0], len(xy))
-    apart = np.hypot(*(xy[:, None] - xy).T)
-    ranking = np.lexsort((xy[:, 1], xy[:, 0], -((apart <= radius_m) @ exposure_s)))
-    centres, settled = [], np.zeros(len(xy), bool)
-    for number in ranking:
-        if not settled[number]:
-            centres.append(number)
-            settled |= apart[number] <= radius_m
-    nearest = apart[:, centres].argmin(axis=1)
-    expected = [(exposure_s[nearest == k].sum(), counts[nearest == k].sum()) for k in range(len(centres))]
-    merged = merge_records(xy, counts, exposure_s, radius_m)
-    assert sorted(zip(merged.exposure_s, merged.counts, strict=True)) == sorted(expected)
-
-
-@pytest.mark.parametrize("radius_m", [-1.0, np.nan, np.inf])
-def test_merge_records_refuses_a_bad_radius(radius_m):
-    with pytest.raises(ValueError, match="radius_m must be >= 0 and finite"):
-        merge_records([[0, 0]], [1], [1], radius_m)
-
-
 # -- spreads -------------------------------------------------------------------------------------------
-
-
-def moments(samples):
-    """Exposure, and exposure times first and second moments about the origin, of all samples together."""
-    x, y = samples.xy.T
-    second = np.column_stack([x * x, x * y, y * y]) + samples.spread[:, :3]
-    return np.concatenate(
-        [[samples.exposure_s.sum()], samples.exposure_s @ samples.xy, samples.exposure_s @ second]
-    )
 
 
 @pytest.mark.parametrize(
@@ -121,15 +65,6 @@ def moments(samples):
 def test_impossible_spreads_are_refused(spread):
     with pytest.raises(ValueError, match="spread must"):
         Samples([[0, 0], [1, 0]], [1, 2], [10, 10], spread)
-
-
-def test_a_drive_that_becomes_one_sample_has_its_extent():
-    way = Samples([[0, 0], [6, 0], [12, 0]], [30, 30, 30], [10, 10, 10], path_spread([6.0, 0.0]))
-    merged = merge_records(way.xy, way.counts, way.exposure_s, 8.0, way.spread)
-    np.testing.assert_allclose(merged.spread, [path_spread([18.0, 0.0])])
-    stand = merge_records([[0, 0], [0.5, 0.3], [-0.4, 0.6]], [30, 30, 30], [10, 10, 10], 8.0)
-    assert len(stand) == 1
-    assert not stand.spread.any()
 
 
 def test_samples_as_a_table():

@@ -19,7 +19,6 @@ OF_SILL = 1e-8
 """Stated error of correlations and variances, relative to the sill."""
 OF_SD = 1e-6
 """Error of the rate, relative to the root of the sill."""
-TABLE = np.random.default_rng(8).uniform(0.5, 2.0, (4, 5))
 
 
 @pytest.mark.parametrize("model", SMOOTH)

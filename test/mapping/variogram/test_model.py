@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Variogram models: correlations, anisotropy and amplitudes, also in maps."""
+"""Variogram models: correlations and anisotropy, also in maps."""
 
 import dataclasses
 import functools
@@ -149,8 +149,6 @@ def test_names_in_configuration_files_are_checked():
 
 ratios = st.floats(1.0, 20.0)
 angles = st.floats(-360.0, 360.0)
-ways = np.random.default_rng(7).normal(0, 4, (30, 2))
-WAYS = np.column_stack([ways[:, 0] ** 2, ways[:, 0] * ways[:, 1], ways[:, 1] ** 2])
 
 
 def survey(n=30, seed=0, side=200.0):
@@ -163,12 +161,6 @@ def stretched(xy, ratio, angle_deg):
     angle = math.radians(angle_deg)
     back = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     return xy @ back * [ratio**-0.5, ratio**0.5] @ back.T
-
-
-def moments(spread, ratio, angle_deg):
-    plane = stretched(np.eye(2), ratio, angle_deg)
-    matrices = plane.T @ spread[:, [0, 1, 1, 2]].reshape(-1, 2, 2) @ plane
-    return matrices.reshape(-1, 4)[:, [0, 1, 3]]
 
 
 @functools.cache
