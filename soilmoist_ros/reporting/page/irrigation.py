@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping import SoilMap
+from soilmoist_ros.mapping import SoilMap, common_rate_sd
 from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.reporting.budget import level_remedy, make_budget, place_remedy
+from soilmoist_ros.reporting.budget import level_remedy, place_remedy
 from soilmoist_ros.reporting.certainty import (
     CERTAIN,
     Certainty,
@@ -30,6 +30,8 @@ from soilmoist_ros.reporting.geometry import compass_part, field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
 from soilmoist_ros.reporting.page.field_dose import (
     FEW_PLACES,
+    MEASURED_BELOW,
+    MEASURED_LIMITS,
     FieldDose,
     NoDose,
     field_dose,
@@ -167,7 +169,7 @@ def irrigation(run: MapRun) -> IrrigationAdvice:
         _water(run), _level(run), dose=field_dose(run),
     )  # fmt: skip
     doses = tuple(dose_rows(run, found.dose)) if isinstance(found.dose, FieldDose) else ()
-    return replace(found, doses=doses, steps=tuple(_steps(run, found)))
+    return replace(found, doses=doses, steps=tuple(_steps(run, found, limits)))
 
 
 class _Limits(NamedTuple):
@@ -314,7 +316,7 @@ def _level(run: MapRun) -> str:
     return f"Calibrated{source}: the percentages and millimetres are meant as they stand, with their intervals."
 
 
-def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
+def _steps(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> Iterator[str]:
     """The next steps that help most. They never rest on a zone that is not certain."""
     samples = len(run.soil_map.samples)
     if calibration_of(run) == UNKNOWN_SENSOR:
@@ -332,6 +334,8 @@ def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
         )
         yield f"Next: {todo}. Until then the map says where it is drier and wetter, not if water is needed."
     elif at_one_place(run):
+        if found.edges:
+            yield _on_place(run, found, limits)
         yield "Next: for a map of the surroundings, drive the sensor over the field or move it between places."
     elif samples < FEW_PLACES:
         yield f"Next: measure at more places; {samples} are too few to know how sure the map is."
@@ -339,7 +343,7 @@ def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
         yield from _on_dose(run, found.dose)
         yield from _on_wet(found)
     elif found.edges:
-        yield from _on_dry(run, found)
+        yield from _on_dry(run, found, limits)
         yield from _on_wet(found)
     elif not (found.zones[0].certainty.certain and found.zones[2].certainty.certain):
         yield (
@@ -350,34 +354,68 @@ def _steps(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
         yield "Next: compare the zones with what you see in the field, and measure again after rain or irrigation."
 
 
-def _on_dry(run: MapRun, found: IrrigationAdvice) -> Iterator[str]:
+def _on_place(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> str:
+    """Advice for a probe that stays at one place, by the last step of its series."""
+    bands, curve = moisture_series(run.track, run.soil_map.curve).bands, run.soil_map.curve
+    rate, sd = bands.rate[-1:], bands.rate_sd[-1:]
+    of_limits = limits.edges, curve, False, limits.sds, limits.shift
+    dry = float(class_probability(rate, sd, 0, *of_limits)[0])
+    is_dry = float(bands.vwc[-1]) + limits.shift < limits.edges[0]
+    seen = f"at the end it was {'' if is_dry else 'not '}{found.zones[0].name} here"
+    if max(dry, 1 - dry) < CERTAIN:
+        todo = _remedy(run, limits, rate, sd) or "count longer first"
+        return f"{seen.capitalize()}, but that is not certain: {todo}."
+    return f"{'Irrigate' if is_dry else 'No irrigation needed now'}: {seen}."
+
+
+def _on_dry(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> Iterator[str]:
     """Advice on the driest zone: parts to irrigate, parts to leave, and parts that are uncertain."""
-    dry, open_cells = found.zones[0], (found.number > 0) & ~found.not_dry
-    if dry.certainty.certain:
-        yield f"Irrigate the {dry.area} that are {dry.name} (certain on {dry.sure_area})."
-        yield (
-            f"Filling their root zone to field capacity takes {dry.missing}; add what your irrigation loses."
-            if dry.missing
-            else "With field capacity in the site file, this page shows how much water they lack."
-        )
-    elif dry.share > 0:
-        seems = f"{dry.name.capitalize()} on {dry.area}, certain on {dry.sure_area}"
-        yield f"{seems}: {_first(run, found.number == 0)}."
-    elif not open_cells.any():
+    dry, as_well, soil_map = found.zones[0], "", run.soil_map
+
+    def first(chosen: NDArray[np.bool_]) -> str:
+        remedy = _remedy(run, limits, soil_map.rate[chosen], soil_map.rate_sd[chosen])
+        return remedy or f"{place_remedy(run)} there first{_where(run, chosen)}"
+
+    if dry.share > 0:
+        as_well = " as well"
+        if dry.certainty.certain:
+            yield f"Irrigate the {dry.area} that are {dry.name} (certain on {dry.sure_area})."
+            yield (
+                f"Filling their root zone to field capacity takes {dry.missing}; add what your irrigation loses."
+                if dry.missing
+                else "With field capacity in the site file, this page shows how much water they lack."
+            )
+        else:
+            seems = f"{dry.name.capitalize()} on {dry.area}, certain on {dry.sure_area}"
+            yield f"{seems}: {first(found.number == 0)}."
+    open_cells = (found.number > 0) & ~found.not_dry
+    moist, unclear = _area(run, found.not_dry), _area(run, open_cells)
+    if not open_cells.any() and not as_well:
         yield f"No irrigation needed now: no part of the field is {dry.name}."
-    if found.not_dry.any() and (dry.share > 0 or open_cells.any()):
-        yield f"No irrigation needed now on {_area(run, found.not_dry)}."
-    if open_cells.any():
-        as_well = " as well" if dry.share > 0 else ""
-        yield f"{_area(run, open_cells)} may be {dry.name}{as_well}: {_first(run, open_cells)}."
+    elif found.not_dry.any():
+        yield f"No irrigation needed now on {'the other ' if as_well and not open_cells.any() else ''}{moist}."
+    if open_cells.any() and not as_well and not found.not_dry.any():
+        todo = first(open_cells)
+        yield f"No part of the field seems {dry.name}, but that is certain on none of it: {todo}."
+    elif open_cells.any():
+        yield f"The other {unclear} may be {dry.name}{as_well}: {first(open_cells)}."
 
 
-def _first(run: MapRun, chosen: NDArray[np.bool_]) -> str:
-    """What to do first about cells that are not certain: against the larger error, of the level or of a place."""
-    budget = make_budget(run)
-    if budget is not None and budget.level_sd > budget.place_sd:
-        return f"first get {level_remedy(run)}, since this, not the counts, leaves it open"
-    return f"{place_remedy(run)} there first{_where(run, chosen)}"
+def _remedy(run: MapRun, limits: _Limits, rate: Array, rate_sd: Array) -> str:
+    """Remedy for the largest error of places that are not certain to be dry; empty if that is of the counts."""
+    curve, zone = run.soil_map.curve, root_zone(run)
+    if curve is None:
+        return ""
+    common = 0.0 if (found := common_rate_sd(curve, rate)) is None else float(np.mean(found**2))
+    variances = {"": float(np.mean(rate_sd**2)), level_remedy(run): common}
+    if limits.sds and zone is not None:
+        edge = float(curve.rate_cps(max(limits.edges[0] - limits.shift, 0.0)))
+        below = zone[0].below_share * zone[0].below_sd
+        slope = abs(float(curve.slope(edge)))
+        variances[MEASURED_BELOW] = (below / slope) ** 2
+        variances[MEASURED_LIMITS] = (math.sqrt(max(limits.sds[0] ** 2 - below**2, 0.0)) / slope) ** 2
+    largest = max(variances, key=lambda name: variances[name])
+    return f"first get {largest}, since this, not the counts, leaves it open" if largest else ""
 
 
 def _share(run: MapRun, chosen: NDArray[np.bool_]) -> float:

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.pipeline.run import CalibrationInfo
-from soilmoist_ros.reporting import mean_moisture
+from soilmoist_ros.reporting import mean_moisture, moisture_series
 from soilmoist_ros.reporting.page.irrigation import BY_PLANT, RELATIVE, irrigation
 from soilmoist_ros.sensing import CountRecord, Irrigation
 
@@ -96,6 +96,19 @@ def test_a_probe_at_one_place_has_its_water_at_the_end(make_run, map_of):
     found = irrigation(make_run(soil_map=map_of(n=1), track=track))
     assert found.water.startswith("At the end the upper 300 mm of the soil held ")
     assert "drive the sensor over the field" in found.advice
+    for dry_below, first in ((0.6, "Irrigate: at the end it was dry here."), (0.01, "No irrigation needed now:")):
+        limits = Irrigation(dry_below=dry_below, moist_above=0.9)
+        steps = irrigation(make_run(soil_map=map_of(n=1), track=track, irrigation=limits)).steps
+        assert steps[0].startswith(first)
+    end = float(moisture_series(track, map_of(n=1).curve).bands.vwc[-1])
+    limits = Irrigation(dry_below=end + 1e-4, moist_above=0.9)
+    unsure = irrigation(make_run(soil_map=map_of(n=1), track=track, irrigation=limits)).steps[0]
+    said = "At the end it was dry here, but that is not certain: "
+    level = "first get more soil cores, on another day, since this, not the counts, leaves it open."
+    assert unsure == said + level
+    soil = dataclasses.replace(map_of(n=1), curve=dataclasses.replace(map_of(n=1).curve, n0_sd_cps=1e-3))
+    unsure = irrigation(make_run(soil_map=soil, track=track, irrigation=limits)).steps[0]
+    assert unsure == said + "count longer first."
 
 
 LIMITS = Irrigation(dry_below=0.21, moist_above=0.30, wilting_point=0.12, field_capacity=0.30, width_m=90)
@@ -123,16 +136,16 @@ def advised(make_run, the_map):
         ((0.26, 0.26, 0.05), ["No irrigation needed now: no part of the field is dry."]),
         ((0.40, 0.40, 0.02), ["No irrigation needed now: no part of", "Moist on 0.11 ha (certain on"]),
         ((0.205, 0.26, 0.05), ["Dry on 0.06 ha, certain on none of it: count at more places there first (",
-                               "No irrigation needed now on 0.05 ha."]),
+                               "No irrigation needed now on the other 0.05 ha."]),
         ((0.15, 0.215, 0.05), ["Irrigate the 0.06 ha that are dry",
                                "Filling their root zone to field capacity takes 45 mm (",
-                               "0.05 ha may be dry as well: count at more places there first (mostly"]),
-        ((0.214, 0.213, 0.05), ["0.11 ha may be dry: count at more places there first"]),
+                               "The other 0.05 ha may be dry as well: count at more places there first (mostly"]),
+        ((0.214, 0.213, 0.05), ["No part of the field seems dry, but that is certain on none of it: count"]),
         ((0.31, 0.29, 0.05), ["No irrigation needed now: no part", "Moist on 0.06 ha, certain on none of it."]),
         ((0.19, 0.19, 0.01, LIMITS, 0.5), ["Dry on 0.11 ha, certain on none of it: first get more soil"]),
         ((0.10, 0.26, 0.05, Irrigation(dry_below=0.2, moist_above=0.25)),
          ["Irrigate the 0.06 ha that are dry", "With field capacity in the site file",
-          "No irrigation needed now on 0.05 ha.", "Moist on 0.05 ha"]),
+          "No irrigation needed now on the other 0.05 ha.", "Moist on 0.05 ha"]),
     ],
 )  # fmt: skip
 def test_advice_of_a_field(advised, field, steps):
