@@ -137,20 +137,6 @@ def goes_on(farm):
     assert farm.health.level is Level.OK
 
 
-def test_fixes_that_repeat_in_one_short_goal_after_the_other_are_frozen(farm):
-    frozen, goals = farm.place, set()
-    farm.fix = lambda true: frozen
-    for number in range(40):
-        goals.add(farm.goal_id)
-        if "fix_frozen" in farm.alarms:
-            break
-        if number % 8 == 7:
-            farm.control.command(Verb.SKIP)
-        farm.second()
-    assert "fix_frozen" in farm.alarms
-    assert len(goals - {None}) > 1
-
-
 def test_a_receiver_may_hold_the_place_of_a_robot_that_has_arrived(farm):
     farm.run(lambda: farm.way_m < 2)
     farm.move = lambda: None  # the navigation has not said so yet

@@ -286,6 +286,9 @@ COURSES = {
                    (now(fixes=True), 11, "-fix_old")]),
     "frozen fixes": ({}, [(now(frozen=True, driving=True), 12, ""), (NOTHING, 5, "+fix_frozen"),
                           (now(frozen=False), 30, "-fix_frozen")]),
+    "frozen fixes in one short goal after the other": ({}, [
+        (now(frozen=True, driving=True), 6, ""), (now(driving=False), 2, ""), (now(driving=True), 6, ""),
+        (NOTHING, 3, "+fix_frozen")]),
     "frozen fixes of a robot that stands": ({}, [(now(frozen=True), 60, "")]),
     "records, only in a mission": ({"doing": IDLE}, [
         (NOTHING, 20, ""), (now(records=False), 100, ""), (now(under_way=True), 61, ""),
