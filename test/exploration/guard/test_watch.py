@@ -287,8 +287,8 @@ COURSES = {
     "frozen fixes": ({}, [(now(frozen=True, driving=True), 12, ""), (NOTHING, 5, "+fix_frozen"),
                           (now(frozen=False), 30, "-fix_frozen")]),
     "frozen fixes in one short goal after the other": ({}, [
-        (now(frozen=True, driving=True), 6, ""), (now(driving=False), 2, ""), (now(driving=True), 6, ""),
-        (NOTHING, 3, "+fix_frozen")]),
+        (now(frozen=True, driving=True), 9, ""), (now(driving=False), 2, ""),
+        (now(driving=True), 9, "+fix_frozen")]),
     "frozen fixes of a robot that stands": ({}, [(now(frozen=True), 60, "")]),
     "records, only in a mission": ({"doing": IDLE}, [
         (NOTHING, 20, ""), (now(records=False), 100, ""), (now(under_way=True), 61, ""),

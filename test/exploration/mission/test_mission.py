@@ -109,8 +109,6 @@ NO_RECORDS = {
         driver.travelling().record(after=12.0).reach(after=2.0).record(after=8.0, exposure_s=7.5)
     ),
     "begun while driving, stamped ahead": lambda driver: driver.counting().record(after=2.0, stamp_s=5000.0),
-    "repeated": lambda driver: driver.counting().record(after=2.0).record(after=0.0, stamp_s=driver.now_s),
-    "late": lambda driver: driver.counting().record(after=4.0).record(stamp_s=driver.now_s - 5.0),
     "elsewhere": lambda driver: driver.counting().record(place=(60.0, 0.0)),
     "nowhere": lambda driver: driver.counting().record(place=(math.nan, 0.0)),
     "without exposure": lambda driver: driver.counting().record(exposure_s=0.0),
@@ -127,6 +125,13 @@ def test_what_was_not_counted_wholly_at_the_stop_is_not_of_it(send):
     send(driver)
     assert driver.mission.state.counting.records == 0
     assert driver.record(after=10.0).mission.state.counting.records == 1, "nor does it keep out those that follow"
+
+
+def test_repeated_and_late_records_do_not_count():
+    driver = Driver().counting().record()
+    stamp_s = driver.now_s
+    driver.record(after=0.0, stamp_s=stamp_s).record(after=10.0, stamp_s=stamp_s - 5.0)
+    assert driver.mission.state.counting.records == 1
 
 
 # Travel and its failures
