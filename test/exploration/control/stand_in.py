@@ -1,16 +1,39 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Navigator and outputs of a mission control, in one; tests override what matters to them."""
+"""A field with a pond, and navigator and outputs of a mission control in one; tests override what matters."""
 
 import math
 from concurrent.futures import Executor, Future
+from itertools import pairwise
 
 import numpy as np
 
-from soilmoist_ros.exploration import ExplorerSettings, MissionRules, MissionSetup, RobotMotion, parse_dwell
+from soilmoist_ros.exploration import (
+    ExplorerSettings,
+    MissionRules,
+    MissionSetup,
+    RobotMotion,
+    Stop,
+    TravelGraph,
+    parse_dwell,
+)
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
+
+SQUARE = np.array([[0, 0], [60, 0], [60, 40], [0, 40]], float)
+POND = np.array([[20, 12], [40, 12], [40, 40], [20, 40]], float)
+MEADOW = Field("meadow", LocalFrame(53.0, 0.0), SQUARE, (POND,), 4.0)
+PLACES = {"a": (10, 20), "p": (30, 20), "b": (50, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6)}
+"""The pond of the meadow lies between a and b, with the node p in it; s, t and u lead around it."""
+
+
+def graph(places, *ways, one_way=()):
+    """A graph of ways such as ``a s t``, which lead there and back."""
+    stops = [Stop(name, float(x), float(y)) for name, (x, y) in places.items()]
+    both = [pair for way in ways for pair in pairwise(way.split())]
+    edges = [*both, *((end, start) for start, end in both), *(tuple(way.split()) for way in one_way)]
+    return TravelGraph.from_edges(stops, edges)
 
 
 def square_setup(side_m, cell_m, strategy="random", no_go=(), settings=None, more=None, **rules):

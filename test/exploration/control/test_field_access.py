@@ -4,13 +4,13 @@
 
 import contextlib
 import logging
-from itertools import pairwise
 
 import numpy as np
 import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from stand_in import MEADOW, PLACES, POND, SQUARE, graph
 from test_mission_control import Around
 
 from rehearsal.cases import GRAPHS, OUTLINES, random_ground
@@ -19,21 +19,10 @@ from soilmoist_ros.exploration.control.field_access import AccessRules, CurrentA
 from soilmoist_ros.exploration.control.mission_control import MissionSetup
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.field import Field
 
-SQUARE = np.array([[0, 0], [60, 0], [60, 40], [0, 40]], float)
-POND = np.array([[20, 12], [40, 12], [40, 40], [20, 40]], float)
-FIELD = Field("meadow", LocalFrame(53.0, 0.0), SQUARE, (POND,), 4.0)
 RADIUS = AccessRules(robot_radius_m=0.75)
-PLACES = {"a": (10, 20), "p": (30, 20), "b": (50, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6)}
-
-
-def graph(places, *ways):
-    stops = [Stop(name, *map(float, place)) for name, place in places.items()]
-    both = [pair for way in ways for pair in pairwise(way.split())]
-    return TravelGraph.from_edges(stops, [*both, *((b, a) for a, b in both)])
 
 
 MAP = graph(PLACES, "a p b", "a s t u b")
@@ -44,7 +33,7 @@ NEW = graph({**{name: PLACES[name] for name in "stu"}, "a": PLACES["b"], "b": PL
 
 
 def test_free_travel_keeps_the_robots_radius():
-    access = FieldAccess(FIELD, RobotMotion(), None, RADIUS)
+    access = FieldAccess(MEADOW, RobotMotion(), None, RADIUS)
     way = access.way((10.0, 30.0), Stop("b", 50.0, 30.0))
     assert way.nodes == ()
     assert len(way.corners) == 4, "around the pond"
@@ -58,7 +47,7 @@ def test_free_travel_keeps_the_robots_radius():
 
 
 def test_a_robot_a_little_outside_drives_straight_back_in_and_one_far_outside_is_not_sent():
-    access = FieldAccess(FIELD, RobotMotion(), None, RADIUS)
+    access = FieldAccess(MEADOW, RobotMotion(), None, RADIUS)
     assert access.way((-3.0, 6.0), Stop("s", 10.0, 6.0)).corners.tolist() == [[-3, 6], [0.75, 6], [10, 6]]
     with pytest.raises(InputError, match=r"the robot stands 2000\.0 m outside, more than 10 m"):
         access.way((-2000.0, 6.0), Stop("s", 10.0, 6.0))
@@ -118,23 +107,23 @@ def test_a_robot_at_the_wall_of_a_pen_is_not_sent_through_it(ways):
 
 def test_a_stop_that_a_new_map_has_moved_is_not_driven_to():
     """The robot would go to the node's new place, then straight to the old one, through the pond."""
-    chosen = FieldAccess(FIELD, RobotMotion(), OLD, RADIUS).stop("b")
+    chosen = FieldAccess(MEADOW, RobotMotion(), OLD, RADIUS).stop("b")
     with pytest.raises(
         InputError, match=r"b is at \(10\.0, 20\.0\) now, not at \(50\.0, 20\.0\) -> choose it again"
     ):
-        FieldAccess(FIELD, RobotMotion(), NEW, RADIUS).way((10.0, 8.0), chosen)
+        FieldAccess(MEADOW, RobotMotion(), NEW, RADIUS).way((10.0, 8.0), chosen)
     nearly = graph({"s": (10, 6), "t": (30, 6), "u": (50, 6), "b": (51.5, 20)}, "s t u b")
-    assert FieldAccess(FIELD, RobotMotion(), nearly, RADIUS).way((10.0, 8.0), chosen).nodes == (chosen,)
+    assert FieldAccess(MEADOW, RobotMotion(), nearly, RADIUS).way((10.0, 8.0), chosen).nodes == (chosen,)
 
 
 def test_routes_on_a_graph_are_sent_by_name_only_where_the_navigation_takes_them_too():
-    access = FieldAccess(FIELD, RobotMotion(), MAP, AccessRules(robot_radius_m=0.75, by_name=True))
+    access = FieldAccess(MEADOW, RobotMotion(), MAP, AccessRules(robot_radius_m=0.75, by_name=True))
     assert "1 in a no-go area (p)" in access.warning
     way = access.way((10.0, 20.0), Stop("b", 50.0, 20.0))
     assert way.nodes[-1].name == "b"
     assert len(way.nodes) > 1
     assert [tuple(corner) for corner in way.corners[1:3]] == [(10, 6), (30, 6)]
-    posed = FieldAccess(FIELD, RobotMotion(), MAP, RADIUS).way((10.0, 20.0), Stop("b", 50.0, 20.0))
+    posed = FieldAccess(MEADOW, RobotMotion(), MAP, RADIUS).way((10.0, 20.0), Stop("b", 50.0, 20.0))
     assert posed.nodes == (Stop("b", 50.0, 20.0),)
     assert posed.corners.tolist() == way.corners.tolist()
     with pytest.raises(InputError, match="p is not allowed: it is in no-go area 1"):
@@ -142,10 +131,10 @@ def test_routes_on_a_graph_are_sent_by_name_only_where_the_navigation_takes_them
 
 
 def test_the_graph_is_entered_where_nothing_is_in_the_way():
-    access = FieldAccess(FIELD, RobotMotion(), graph({"a": (18, 36), "b": (42, 36), "t": (45, 5)}, "t b"))
+    access = FieldAccess(MEADOW, RobotMotion(), graph({"a": (18, 36), "b": (42, 36), "t": (45, 5)}, "t b"))
     assert [stop.name for stop in access.stops] == ["b", "t"]
     assert access.way((15.0, 8.0), Stop("b", 42.0, 36.0)).corners[1].tolist() == [45, 5]
-    blocked = FieldAccess(FIELD, RobotMotion(), graph({"b": (42, 36), "c": (42, 30)}, "b c"))
+    blocked = FieldAccess(MEADOW, RobotMotion(), graph({"b": (42, 36), "c": (42, 30)}, "b c"))
     with pytest.raises(InputError, match="the route to b is not allowed: it enters no-go area 1"):
         blocked.way((15.0, 36.0), Stop("b", 42.0, 36.0))
 
@@ -203,7 +192,7 @@ def started(graph, place):
         budget_s=3600.0, dwell=parse_dwell("fmi:60"), warm_up_stops=1, backoff_s=0.0, standstill_s=0.0,
         failures_to_pause=100,
     )  # fmt: skip
-    around = Around(setup=MissionSetup(field=FIELD, settings=chosen, rules=rules))
+    around = Around(setup=MissionSetup(field=MEADOW, settings=chosen, rules=rules))
     around.time_s = 1000.0
     around.control.use_graph(graph)
     around.answer = stand(around, place).control.command(Verb.START)
@@ -270,7 +259,7 @@ class Used:
 
     def __init__(self, home=""):
         self.home, self.used = home, []
-        self.current = CurrentAccess(FIELD, RobotMotion(), RADIUS, lambda: self.home, self.used.append)
+        self.current = CurrentAccess(MEADOW, RobotMotion(), RADIUS, lambda: self.home, self.used.append)
 
 
 def test_a_map_that_cannot_be_used_is_named_and_changes_nothing():

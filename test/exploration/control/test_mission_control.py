@@ -93,10 +93,7 @@ class Around(StandIn):
         _, stop = self.goals[-1]
         for _ in range(records):
             self.time_s += 10.0
-            record = CountRecord(
-                stamp_s=self.time_s, x_m=stop.x_m, y_m=stop.y_m, z_m=0.0, raw_counts=40, exposure_s=10.0,
-                effective_exposure_s=10.0, f_pressure=1.0, f_humidity=1.0, f_intensity=1.0,
-            )  # fmt: skip
+            record = CountRecord(self.time_s, stop.x_m, stop.y_m, 0.0, 40, 10.0, 10.0)
             self.control.records([record])
 
     def map(self):

@@ -28,10 +28,7 @@ from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.sensing import CountRecord, PlaceFix
 
 EAST = Stop("east", 30.0, 0.0)
-RECORD = CountRecord(
-    stamp_s=10.0, x_m=1.0, y_m=2.0, z_m=0.0, raw_counts=40, exposure_s=10.0, effective_exposure_s=10.0,
-    f_pressure=1.0, f_humidity=1.0, f_intensity=1.0,
-)  # fmt: skip
+RECORD = CountRecord(10.0, 1.0, 2.0, 0.0, 40, 10.0, 10.0)
 
 
 class Watched:

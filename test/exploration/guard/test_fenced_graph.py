@@ -9,34 +9,21 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stand_in import MEADOW, PLACES, POND, SQUARE, graph
 
 from soilmoist_ros.exploration import Fence, FencedGraph, Outside, Stop, TravelGraph
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.field import Field
 
 FRAME = LocalFrame(53.0, 0.0)
-SQUARE = np.array([[0, 0], [60, 0], [60, 40], [0, 40]], float)
-POND = np.array([[20, 12], [40, 12], [40, 40], [20, 40]], float)
-FIELD = Field("meadow", FRAME, SQUARE, (POND,))
-
-
-def graph(places, *ways, one_way=()):
-    stops = [Stop(name, x, y) for name, (x, y) in places.items()]
-    both = [pair for way in ways for pair in pairwise(way.split())]
-    edges = [*both, *((end, start) for start, end in both), *(tuple(way.split()) for way in one_way)]
-    return TravelGraph.from_edges(stops, edges)
-
-
-AROUND = {"a": (10, 20), "p": (30, 20), "b": (50, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6)}
-"""The pond lies between a and b, with the node p in it; s, t and u lead around it."""
 
 
 def pond_map(**more):
-    return graph({**AROUND, **more.get("places", {})}, "a p b", "a s t u b", *more.get("ways", ()))
+    return graph({**PLACES, **more.get("places", {})}, "a p b", "a s t u b", *more.get("ways", ()))
 
 
 def test_nodes_in_a_pond_and_edges_across_it_are_dropped_by_name_in_one_sentence():
-    fenced = FencedGraph(graph({**AROUND, "far": (90, 6)}, "a p b", "a s t u b", "a b", "u far"), Fence(FIELD))
+    fenced = FencedGraph(graph({**PLACES, "far": (90, 6)}, "a p b", "a s t u b", "a b", "u far"), Fence(MEADOW))
     assert set(fenced.graph.names) == {"a", "b", "s", "t", "u"}
     assert [stop.name for stop in fenced.stops] == ["a", "b", "s", "t", "u"]
     assert fenced.graph.path("a", "b") == ("a", "s", "t", "u", "b")
@@ -44,19 +31,19 @@ def test_nodes_in_a_pond_and_edges_across_it_are_dropped_by_name_in_one_sentence
         "not used of the topological map: 1 in a no-go area (p); 1 outside the field (far); "
         "1 edge across the border or a no-go area (a - b)"
     )
-    assert FencedGraph(graph(AROUND, "a s t u b"), Fence(FIELD)).warning.endswith("1 in a no-go area (p)")
+    assert FencedGraph(graph(PLACES, "a s t u b"), Fence(MEADOW)).warning.endswith("1 in a no-go area (p)")
 
 
 def test_a_passage_that_the_robots_width_closes_is_named():
     whole = graph({"a": (10, 11.5), "b": (50, 11.5)}, "a b")
-    assert FencedGraph(whole, Fence(FIELD)).warning == ""
-    narrow = FencedGraph(whole, Fence(FIELD, 0.75, 0.1))
+    assert FencedGraph(whole, Fence(MEADOW)).warning == ""
+    narrow = FencedGraph(whole, Fence(MEADOW, 0.75, 0.1))
     assert narrow.warning.endswith("(a - b); 1 of them only for robot_radius_m, 0.75 m")
-    assert FencedGraph(pond_map(), Fence(FIELD, 0.75, 0.1)).warning.endswith("1 in a no-go area (p)")
+    assert FencedGraph(pond_map(), Fence(MEADOW, 0.75, 0.1)).warning.endswith("1 in a no-go area (p)")
 
 
 def test_a_goal_behind_the_pond_is_sent_node_by_node():
-    fenced = FencedGraph(pond_map(), Fence(FIELD))
+    fenced = FencedGraph(pond_map(), Fence(MEADOW))
     sent = fenced.nodes_to_send((10.2, 20.1), Stop("b", 50, 20), 5.0)
     assert sent[-1] == "b"
     assert len(sent) > 1
@@ -75,7 +62,7 @@ def test_an_edge_that_the_map_closes_for_the_robot_is_never_driven_and_the_fence
     whole = graph({"w": (10, 5), "m": (30, 5), "e": (50, 5), "s": (30, 10)}, "w m e", "w s e")
     ends = np.array(whole.names)[whole.edges]
     barred = (ends == "m").any(axis=1)
-    fenced = FencedGraph(replace(whole, barred=barred), Fence(FIELD))
+    fenced = FencedGraph(replace(whole, barred=barred), Fence(MEADOW))
     assert [stop.name for stop in fenced.stops] == ["w", "e", "s"]
     assert fenced.nodes_to_send((10, 5), Stop("e", 50, 5), 5.0) == ("s", "e"), "the server would drive through m"
     assert "m" in fenced.warning
@@ -94,13 +81,13 @@ def test_a_navigation_may_take_every_route_that_is_about_the_shortest():
 
 
 def test_a_robot_near_a_forbidden_node_is_not_sent():
-    fenced = FencedGraph(pond_map(places={"q": (30, 13)}, ways=("t q",)), Fence(FIELD))
+    fenced = FencedGraph(pond_map(places={"q": (30, 13)}, ways=("t q",)), Fence(MEADOW))
     with pytest.raises(InputError, match="may plan from q, which is near the robot but not allowed: it enters"):
         fenced.nodes_to_send((30, 11), Stop("s", 10, 6), 5.0)
 
 
 def test_the_straight_way_to_the_first_node_is_validated_too():
-    fenced = FencedGraph(graph({"a": (18, 6), "t": (50, 9)}, "a t"), Fence(FIELD))
+    fenced = FencedGraph(graph({"a": (18, 6), "t": (50, 9)}, "a t"), Fence(MEADOW))
     assert fenced.nodes_to_send((10, 6), Stop("t", 50, 9), 5.0) == ("t",)
     assert fenced.nodes_to_send((10, 30), Stop("t", 50, 9), 5.0) == ("a", "t"), "straight to t is across the pond"
     with pytest.raises(InputError, match=r"robot stands 10\.0 m outside"):
@@ -108,12 +95,12 @@ def test_the_straight_way_to_the_first_node_is_validated_too():
 
 
 def test_islands_and_one_way_parts_are_named_and_not_refused():
-    places = {**AROUND, "i": (5, 35), "j": (15, 35), "out": (45, 35), "sink": (55, 35)}
+    places = {**PLACES, "i": (5, 35), "j": (15, 35), "out": (45, 35), "sink": (55, 35)}
     whole = graph(places, "a s t u b", "i j", one_way=("out b", "b sink"))
-    fenced = FencedGraph(whole, Fence(FIELD))
+    fenced = FencedGraph(whole, Fence(MEADOW))
     assert set(fenced.graph.names) == {"a", "s", "t", "u", "b"}
     assert "4 without a way there and back from the others (i, j, out, sink)" in fenced.warning
-    island = FencedGraph(whole, Fence(FIELD), place=(6, 34))
+    island = FencedGraph(whole, Fence(MEADOW), place=(6, 34))
     assert set(island.graph.names) == {"i", "j"}
     assert not fenced.serves((6, 34))
     assert island.serves((6, 34))
@@ -121,13 +108,13 @@ def test_islands_and_one_way_parts_are_named_and_not_refused():
 
 
 def test_a_robot_at_a_node_that_can_only_be_left_gets_to_the_others():
-    whole = graph({**AROUND, "out": (45, 35)}, "a s t u b", one_way=("out b",))
-    fenced = FencedGraph(whole, Fence(FIELD), place=(45, 35))
+    whole = graph({**PLACES, "out": (45, 35)}, "a s t u b", one_way=("out b",))
+    fenced = FencedGraph(whole, Fence(MEADOW), place=(45, 35))
     assert {stop.name for stop in fenced.stops} == {"a", "s", "t", "u", "b"}
     assert fenced.nodes_to_send((45, 35), Stop("b", 50, 20), 5.0) == ("b",)
     with pytest.raises(InputError, match="the home sink and the nodes"):
         FencedGraph(
-            graph({**AROUND, "sink": (5, 35)}, "a s t u b", one_way=("b sink",)), Fence(FIELD), home="sink"
+            graph({**PLACES, "sink": (5, 35)}, "a s t u b", one_way=("b sink",)), Fence(MEADOW), home="sink"
         )
 
 
@@ -135,9 +122,9 @@ SHED = {"gate": (-10, 6), "shed": (-20, 6), "yard": (-10, 25)}
 
 
 def test_nodes_outside_are_the_way_home_only():
-    places = {**AROUND, **SHED}
+    places = {**PLACES, **SHED}
     whole = graph(places, "a s t u b", "s gate shed", "gate yard a")
-    fenced = FencedGraph(whole, Fence(FIELD), Outside.HOME, "shed")
+    fenced = FencedGraph(whole, Fence(MEADOW), Outside.HOME, "shed")
     assert set(fenced.graph.names) == {"a", "s", "t", "u", "b", "gate", "shed"}
     assert {stop.name for stop in fenced.stops} == {"a", "s", "t", "u", "b"}
     assert "1 outside the field (yard)" in fenced.warning
@@ -149,15 +136,15 @@ def test_nodes_outside_are_the_way_home_only():
         "the home shed lies 20 m outside the field: the robot drives there and back outside"
     )
     with pytest.raises(InputError, match="the home shed, 20 m outside the field, and"):
-        FencedGraph(whole, Fence(FIELD), Outside.NEVER, "shed")
+        FencedGraph(whole, Fence(MEADOW), Outside.NEVER, "shed")
     far = graph({**places, "farm": (-9000, 6)}, "a s t u b", "s gate farm")
     with pytest.raises(
         InputError, match=r"the home farm lies 9\.0 km from the field 'meadow' -> choose a node near"
     ):
-        FencedGraph(far, Fence(FIELD), Outside.WAY, "farm")
+        FencedGraph(far, Fence(MEADOW), Outside.WAY, "farm")
     with pytest.raises(InputError, match=r"the home p is not allowed: it is in no-go area 1 at \(30.0, 20.0\)"):
-        FencedGraph(pond_map(), Fence(FIELD), Outside.HOME, "p")
-    whole_way = FencedGraph(whole, Fence(FIELD), Outside.WAY)
+        FencedGraph(pond_map(), Fence(MEADOW), Outside.HOME, "p")
+    whole_way = FencedGraph(whole, Fence(MEADOW), Outside.WAY)
     assert set(whole_way.graph.names) >= {"yard", "gate", "shed"}
     assert {stop.name for stop in whole_way.stops} == {"a", "s", "t", "u", "b"}
 
@@ -165,12 +152,12 @@ def test_nodes_outside_are_the_way_home_only():
 def test_no_way_home_leads_through_a_no_go_area():
     ditch = np.array([[-8, -5], [-4, -5], [-4, 45], [-8, 45]], float)
     field = Field("ditch", FRAME, SQUARE, (POND, ditch))
-    whole = graph({**AROUND, **SHED}, "a s t u b", "s gate shed")
+    whole = graph({**PLACES, **SHED}, "a s t u b", "s gate shed")
     with pytest.raises(InputError, match="no way that is allowed leads between the home shed"):
         FencedGraph(whole, Fence(field), Outside.WAY, "shed")
-    one_way = graph({**AROUND, **SHED}, "a s t u b", one_way=["s gate", "gate shed"])
+    one_way = graph({**PLACES, **SHED}, "a s t u b", one_way=["s gate", "gate shed"])
     with pytest.raises(InputError, match=r"the home shed, .* in the field; only the way from it is missing"):
-        FencedGraph(one_way, Fence(FIELD), Outside.WAY, "shed")
+        FencedGraph(one_way, Fence(MEADOW), Outside.WAY, "shed")
 
 
 @pytest.mark.parametrize(
