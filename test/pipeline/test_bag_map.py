@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
@@ -63,8 +63,8 @@ def copy_bag(source, target, keep=lambda topic, number: True, rename=lambda topi
     :param keep: which messages, by topic and number within the topic
     :param texts: further messages at the end, each the name of its topic and its text
     """
-    mode = options.pop("compression", None)
-    with AnyReader([source]) as reader, writer_of(target, mode, **options) as writer:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with AnyReader([source]) as reader, Writer(target, version=9, **options) as writer:
         topics = {
             c.id: writer.add_connection(rename(c.topic), c.msgtype, typestore=reader.typestore)
             for c in reader.connections
@@ -79,14 +79,6 @@ def copy_bag(source, target, keep=lambda topic, number: True, rename=lambda topi
         for name, text in texts:
             writer.write(further[name], stamp_ns, STORE.serialize_cdr(STORE.types[TEXT](text), TEXT))
     return target
-
-
-def writer_of(target, mode, **options):
-    target.parent.mkdir(parents=True, exist_ok=True)
-    writer = Writer(target, version=9, **options)
-    if mode is not None:
-        writer.set_compression(mode, CompressionFormat.ZSTD)
-    return writer
 
 
 def with_files(case, **changes):
@@ -126,7 +118,7 @@ def test_golden_bags(case, name):
         found = [np.nanmin(values), np.nanmean(values), np.nanmax(values)]
         assert found == pytest.approx(expected["bands"][band], rel=1e-5)
     if expected["as_on_line"]:
-        assert replay.comparisons[0].same or replay.comparisons[0].is_rounding
+        assert replay.comparisons[0].same or replay.comparisons[0].difference < 1e-4
     else:
         # False: the robot's fit was that of an earlier version.
         assert replay.comparisons[0].same is expected["as_on_line"]
@@ -170,27 +162,6 @@ def test_the_mission_is_replayed_as_it_was(makers, tmp_path):
     assert run.truth_rate is not None
     assert run.mission.settings.strategy == "greedy"
     assert run.mission.soil_map is run.soil_map
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("options", "in_file"),
-    [
-        ({"storage_plugin": StoragePlugin.MCAP}, True),
-        ({"storage_plugin": StoragePlugin.SQLITE3, "compression": CompressionMode.FILE}, False),
-    ],
-)
-def test_bags_of_other_recorders(tmp_path, options, in_file):
-    bag = copy_bag(GOLDEN / "one_stop" / "bag", tmp_path / "their.2026", **options)
-    if in_file:
-        (bag,) = (path for path in bag.iterdir() if path.suffix in (".mcap", ".db3"))
-    replay = replay_bag(bag, with_files("one_stop"))
-    own = replay_bag(GOLDEN / "one_stop")
-    for band, values in bands(own.run.soil_map).items():
-        assert values.tobytes() == bands(replay.run.soil_map)[band].tobytes()
-    assert replay.comparisons == own.comparisons
-    files = [item for item in replay.run.inputs if item.role == "bag"]
-    assert len(files) == 1
 
 
 @pytest.mark.slow

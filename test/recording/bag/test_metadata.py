@@ -6,7 +6,6 @@ import pytest
 from bags import STORE
 from hypothesis import given
 from hypothesis import strategies as st
-from rosbags.rosbag2.metadata import dump_qos_v8, parse_qos
 from rosbags.typesys import get_types_from_msg, get_typestore
 from rosbags.typesys.stores import Stores
 
@@ -27,16 +26,6 @@ QOS = st.builds(
 @given(st.lists(QOS, max_size=3))
 def test_quality_of_service_comes_back_as_it_was(offered):
     assert qos_from_yaml(to_yaml([qos.to_dict() for qos in offered])) == tuple(offered)
-
-
-@pytest.mark.slow
-@given(st.lists(QOS, min_size=1, max_size=3))
-def test_the_numbers_of_older_bags_become_words(offered):
-    older = dump_qos_v8(parse_qos([qos.to_dict() for qos in offered]))
-    read = qos_from_yaml(older)
-    assert [(q.depth, q.reliability, q.durability, q.history) for q in read] == [
-        (q.depth, q.reliability, q.durability, q.history) for q in offered
-    ]
 
 
 @given(st.lists(QOS, min_size=1, max_size=4))
