@@ -105,18 +105,18 @@ def read_lines(path: Path, remedy: str = "check the path and its permissions") -
     return text.replace("\0", "").splitlines()
 
 
-def read_yaml(path: Path, max_bytes: int = _MAX_YAML_BYTES, max_values: int = _MAX_YAML_VALUES) -> Any:
+def read_yaml(path: Path) -> Any:
     """The content of a YAML file, with the line numbers that :func:`load_model` reports.
 
     :raises InputError: if the file cannot be read, is beyond a limit, or is not valid YAML
     """
     try:
-        text = read_limited(path, limit=max_bytes).decode("utf-8-sig")
+        text = read_limited(path, limit=_MAX_YAML_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
             f"is not UTF-8 text (byte {error.start})", "save the file as UTF-8 in a text editor", path
         ) from None
-    return parse_yaml(text, path, "rt", max_bytes, max_values)
+    return parse_yaml(text, path, "rt")
 
 
 def parse_yaml(

@@ -20,7 +20,7 @@ EXTRAS = {
     **dict.fromkeys(("lz4", "mcap", "rosbags", "zstandard"), "bags"),
     **dict.fromkeys(("distributed", "pyarrow", "pyvrp"), "campaign"),
     **dict.fromkeys(("aiohttp", "segno"), "console"),
-    **dict.fromkeys(("geopandas", "pandas", "xarray"), "frames"),
+    "pandas": "frames",
 }
 """Extra of this package that installs a module."""
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scripted_server import LIMIT_S, QUICK, ScriptedServer, sends
 
 from soilmoist_ros import sensing
-from soilmoist_ros.sensing import CountRecord, Kind, LoggerRecord
+from soilmoist_ros.sensing import CountRecord, LoggerRecord
 from soilmoist_ros.sensing.connections import open_source
 from soilmoist_ros.sensing.lines import MAX_WAITING, MAX_WAITING_BYTES, LineBuffer, LineReader, LinkState
 
@@ -107,14 +107,3 @@ MAX_LINE = 115
 def test_the_text_of_a_result_fits_a_line(thing, text) -> None:
     assert len(repr(thing)) <= MAX_LINE
     assert text is None or repr(thing) == text
-
-
-# Problems ------------------------------------------------------------------------------------------------------
-
-
-def test_a_kind_is_its_code_and_has_a_text_and_a_severity() -> None:
-    assert Kind("no_position") is Kind.NO_POSITION
-    assert str(Kind.NO_POSITION) == "no_position"
-    assert Kind.NO_POSITION.text == "no position"
-    assert [kind.value for kind in Kind] == [kind.name.lower() for kind in Kind]
-    assert len({kind.text for kind in Kind}) == len(Kind)

@@ -126,8 +126,7 @@ class IntensityCorrection(Section):
     gaps: Literal["interpolate", "hold"] = "interpolate"
     """In gaps of the file: interpolate between the two neighbours, or hold the last value."""
     max_gap_hours: Annotated[float, Field(ge=0, le=240)] = 6.0
-    """Maximum duration of such a gap [h]; records in longer ones cannot be corrected. Also how long a value from
-    outside counts."""
+    """Maximum duration of such a gap [h]; records in longer ones cannot be corrected."""
 
     @model_validator(mode="after")
     def _consistent(self) -> IntensityCorrection:

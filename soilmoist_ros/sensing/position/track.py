@@ -36,7 +36,7 @@ class Track:
 
     :param max_positions: minimum number of latest positions to keep; all if ``None``
 
-    >>> track = Track.from_positions([(0.0, Position(52.0, 13.0)), (10.0, Position(52.2, 13.0))])
+    >>> track = Track([Fix(at, Position(52.0 + at / 50, 13.0), FixStatus.FIX) for at in (0.0, 10.0)])
     >>> track.at(5.0, max_gap_s=10.0)
     Position(latitude_deg=52.1, longitude_deg=13.0, altitude_m=nan, horizontal_sd_m=nan)
     """
@@ -54,19 +54,9 @@ class Track:
         fixes = list(fixes)
         for fix in fixes:
             self.heard.add(fix)
-        self._set((fix.stamp_s, fix.position) for fix in fixes if fix.status is not FixStatus.NO_FIX)
-
-    @classmethod
-    def from_positions(cls, positions: Iterable[tuple[float, Position]]) -> Track:
-        """Track from pairs of time [s since 1970 UTC] and position, in any order."""
-        track = cls()
-        track._set(positions)
-        return track
-
-    def _set(self, positions: Iterable[tuple[float, Position]]) -> None:
-        valid = [(stamp_s, place) for stamp_s, place in positions if math.isfinite(stamp_s) and _is_known(place)]
-        for stamp_s, place in sorted(valid, key=lambda entry: entry[0]):
-            self.add(stamp_s, place)
+        placed = [fix for fix in fixes if fix.status is not FixStatus.NO_FIX and _is_known(fix.position)]
+        for fix in sorted((fix for fix in placed if math.isfinite(fix.stamp_s)), key=lambda fix: fix.stamp_s):
+            self.add(fix.stamp_s, fix.position)
 
     def __len__(self) -> int:
         return len(self._stamps)

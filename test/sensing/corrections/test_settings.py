@@ -21,13 +21,6 @@ def test_auto_values_follow_from_the_place() -> None:
         assert parameters.f_pressure(parameters.reference_pressure_hpa) == 1.0
 
 
-def test_an_old_site_file_keeps_its_parameters() -> None:
-    site = Site(location=KANSAS)
-    assert site.corrections_parameters.beta_per_hpa == 0.0077
-    assert site.corrections_parameters.reference_pressure_hpa == 1013.25
-    assert site.corrections_parameters.intensity_scale == 1.0
-
-
 def test_scaling_uses_the_monitor_by_its_code_or_its_place() -> None:
     def scale(monitor: object) -> float:
         intensity = {"reference": 150, "constant": 148, "scaling": "hawdon2014", "monitor": monitor}

@@ -13,7 +13,17 @@ import pytest
 from crnpy import crnpy
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing import Kind, Site, Track, format_header, format_record, load_logger_format, read_log
+from soilmoist_ros.sensing import (
+    Fix,
+    FixStatus,
+    Kind,
+    Site,
+    Track,
+    format_header,
+    format_record,
+    load_logger_format,
+    read_log,
+)
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.logs import calibration_counts, log_doubts, process_logs
 
@@ -39,7 +49,7 @@ def track(*corners):
     """Fixes every 5 s between corners (elapsed time, latitude)."""
     elapsed = np.arange(corners[0][0], corners[-1][0] + 1, 5.0)
     points = zip(elapsed.tolist(), np.interp(elapsed, *zip(*corners, strict=True)).tolist(), strict=True)
-    return Track.from_positions((T0 + stamp, Position(latitude, 10.0)) for stamp, latitude in points)
+    return Track(Fix(T0 + stamp, Position(latitude, 10.0), FixStatus.FIX) for stamp, latitude in points)
 
 
 @pytest.mark.slow
@@ -77,7 +87,7 @@ def test_moving_records_are_placed_at_the_middle_of_their_interval(tmp_path):
 def test_a_separate_track_is_joined_by_gnss_time_where_the_loggers_clock_is_off(tmp_path):
     log = write_log(tmp_path / "a.log", [record(200.0 + 10.0 * k) for k in range(1, 6)])
     moving = track((0, 50.0), (60, 50.006))
-    with pytest.raises(InputError, match="not one of 5 records"):
+    with pytest.raises(InputError, match="they do not overlap"):
         process_logs([log], NO_CORRECTIONS, track=moving)
     late = process_logs([with_clock(log, [200.0] * 5)], NO_CORRECTIONS, track=moving)
     expected = 50.0005 + 0.001 * np.arange(5)
