@@ -13,7 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.pipeline.run import CalibrationInfo
-from soilmoist_ros.reporting import mean_moisture, moisture_series
+from soilmoist_ros.reporting import mean_moisture
+from soilmoist_ros.reporting.moisture_steps import moisture_series
 from soilmoist_ros.reporting.page.irrigation import BY_PLANT, RELATIVE, irrigation
 from soilmoist_ros.sensing import CountRecord, Irrigation
 
