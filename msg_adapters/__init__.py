@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from msg_adapters.places import path_to_places as path_to_places, plan_to_markers as plan_to_markers, plan_to_path as plan_to_path, pose_stamped as pose_stamped, pose_to_message as pose_to_message, transforms_from_message as transforms_from_message
     from msg_adapters.point_cloud import FRAME as FRAME, OtherFrameError as OtherFrameError, require_frame as require_frame, to_seconds as to_seconds, to_time as to_time
     from msg_adapters.soil_map import filter_info as filter_info, mask_to_message as mask_to_message, soil_map_from_message as soil_map_from_message, soil_map_to_message as soil_map_to_message, uncertainty_to_message as uncertainty_to_message
-    from msg_adapters.soilmoist_types import map_summary_to_message as map_summary_to_message, mission_state_to_message as mission_state_to_message, reply_from_message as reply_from_message, reply_to_message as reply_to_message, request_from_message as request_from_message, request_to_message as request_to_message, survey_from_message as survey_from_message, visit_from_message as visit_from_message, visit_to_message as visit_to_message
+    from msg_adapters.soilmoist_types import mission_state_to_message as mission_state_to_message, reply_from_message as reply_from_message, reply_to_message as reply_to_message, request_from_message as request_from_message, request_to_message as request_to_message, survey_from_message as survey_from_message, visit_from_message as visit_from_message, visit_to_message as visit_to_message
     # fmt: on
 
 __getattr__, __dir__, __all__ = open_door(
@@ -28,6 +28,6 @@ __getattr__, __dir__, __all__ = open_door(
         "places": "path_to_places plan_to_markers plan_to_path pose_stamped pose_to_message transforms_from_message",
         "point_cloud": "FRAME OtherFrameError require_frame to_seconds to_time",
         "soil_map": "filter_info mask_to_message soil_map_from_message soil_map_to_message uncertainty_to_message",
-        "soilmoist_types": "map_summary_to_message mission_state_to_message reply_from_message reply_to_message request_from_message request_to_message survey_from_message visit_from_message visit_to_message",
+        "soilmoist_types": "mission_state_to_message reply_from_message reply_to_message request_from_message request_to_message survey_from_message visit_from_message visit_to_message",
     },
 )

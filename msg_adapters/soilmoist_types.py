@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Types of soilmoist_msgs: commands, visits, the map in numbers, and the state of the mission.
+"""Types of soilmoist_msgs: commands, visits, and the state of the mission.
 
 The import fails if that package is not built.
 """
@@ -12,11 +12,8 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Any, Final, TypeVar
 
-import numpy as np
 from geometry_msgs.msg import Point, Point32, Polygon
-from numpy.typing import NDArray
 from soilmoist_msgs.msg import Alarm as AlarmMessage
-from soilmoist_msgs.msg import MapSummary
 from soilmoist_msgs.msg import Mission as MissionMessage
 from soilmoist_msgs.msg import Visit as VisitMessage
 from soilmoist_msgs.srv import Command
@@ -36,7 +33,6 @@ from soilmoist_ros.exploration import (
     status_level,
 )
 from soilmoist_ros.foundation import foreign_text
-from soilmoist_ros.mapping import MapState, SoilMap
 from soilmoist_ros.recording import visit_of, visit_values
 
 Code = TypeVar("Code", bound=Enum)
@@ -131,44 +127,6 @@ def visit_to_message(visit: Visit, robot: str = "", frame_id: str = FRAME) -> Vi
 def visit_from_message(message: VisitMessage, robot: int = 1) -> Visit:
     """Visit of a message; ``robot`` sets the visit's robot number, since the message has only a namespace."""
     return visit_of(message, robot)
-
-
-# ``map_summary``: the map in a few numbers, as a soilmoist_msgs/MapSummary --------------------------------------
-
-
-def map_summary_to_message(state: MapState, soil_map: SoilMap | None, frame_id: str = FRAME) -> MapSummary:
-    """Message of a map in numbers; NaN before the first map."""
-    samples = state.samples
-    message = MapSummary(
-        header=Header(stamp=to_time(state.stamp_s), frame_id=frame_id),
-        records=int(state.records),
-        samples=len(samples),
-        raw_counts=int(samples.counts.sum()),
-        effective_exposure_s=float(samples.exposure_s.sum()),
-    )
-    names = ("mean_rate", "mean_vwc", "rate_sd", "vwc_sd", "normalised_variance", "nugget", "sill", "range_m")
-    values = dict.fromkeys(names, math.nan)
-    if soil_map is not None:
-        variogram = soil_map.variogram
-        message.variogram_model = str(variogram.model)
-        values |= {
-            "mean_rate": _mean(soil_map.rate),
-            "mean_vwc": _mean(soil_map.vwc),
-            "rate_sd": math.sqrt(_mean(soil_map.variance)),
-            "vwc_sd": math.sqrt(_mean(soil_map.vwc_sd**2)),
-            "normalised_variance": _mean(soil_map.variance) / variogram.sill,
-            "nugget": variogram.nugget,
-            "sill": variogram.sill,
-            "range_m": variogram.range_m,
-        }
-    for name, value in values.items():
-        setattr(message, name, float(value))
-    return message
-
-
-def _mean(raster: NDArray[np.float64]) -> float:
-    known = raster[np.isfinite(raster)]
-    return float(known.mean()) if known.size else math.nan
 
 
 # ``mission_state``: the status of the mission as a soilmoist_msgs/Mission, as numbers and codes to plot ---------

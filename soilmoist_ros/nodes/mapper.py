@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -98,7 +98,6 @@ class Mapper(Node):
         self._soil_map = self.create_publisher(PointCloud2, "soil_map", LATCHED)
         self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
-        self._publish_summary = self._summary_publisher()
         self._worker = MapWorker(self._online.compute, self._publish)
         # The planner needs the cell size before the first map.
         self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
@@ -241,17 +240,6 @@ class Mapper(Node):
         self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing, basis)))
         self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))
         self._uncertainty.publish(uncertainty_to_message(grid, soil_map, stamp_s, frame))
-        self._publish_summary(state, soil_map)
-
-    def _summary_publisher(self) -> Callable[[MapState, SoilMap | None], None]:
-        try:
-            kind = interface_class("soilmoist_msgs/msg/MapSummary")
-        except ImportError:
-            return lambda _state, _soil_map: None
-        from msg_adapters import map_summary_to_message
-
-        summaries = self.create_publisher(kind, "map_summary", LATCHED)
-        return lambda state, soil_map: summaries.publish(map_summary_to_message(state, soil_map, self._frame))
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._guard:
