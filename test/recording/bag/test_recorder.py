@@ -222,12 +222,18 @@ def test_numbers_and_times_of_earlier_releases_are_no_losses(tmp_path):
         (RecorderState(recording=True), 10**9, Level.OK, "recording"),
         (RecorderState(), 10**9, Level.WARN, "not recording"),
         (RecorderState(recording=True), 10**6, Level.WARN, "only 1 MB left"),
+        (
+            RecorderState(recording=True, rate_bps=1e6),
+            1_800_000_000,
+            Level.WARN,
+            "the disk will be full in 30 min",
+        ),
         (RecorderState(recording=True, dropped=3), None, Level.WARN, "3 messages lost"),
         (RecorderState(recording=True, problem="disk full"), 0, Level.ERROR, "disk full"),
     ],
 )
 def test_health_tells_the_worst(state, free, level, message):
-    health = recorder_health(state, free, 5e6)
+    health = recorder_health(state, free, 5e6, full_soon_s=3600)
     assert health.level is level
     assert message in health.message
 
