@@ -165,8 +165,6 @@ def test_deaths_of_worker_and_client_change_nothing(tmp_path, slow, started, add
     assert outcome.reused == len(before) < 90
     assert [state.done for state in states if not state.note] == list(range(len(before), 91))
     assert stored(tmp_path / "there") == stored(tmp_path / "here")
-    for name in ("results.csv", "missions.csv"):
-        assert (tmp_path / "there" / name).read_bytes() == (tmp_path / "here" / name).read_bytes()
 
 
 @pytest.mark.process

@@ -19,7 +19,7 @@ from soilmoist_ros.lab.campaign_file import Campaign, missions
 from soilmoist_ros.lab.computing import Failure
 from soilmoist_ros.lab.figures import LOOKS, intervals_charts, strategies_charts
 from soilmoist_ros.lab.mission_store import CampaignRun
-from soilmoist_ros.lab.report import mean_sd_text, render_campaign_report, write_campaign_report
+from soilmoist_ros.lab.report import _differences, mean_sd_text, render_campaign_report, write_campaign_report
 from soilmoist_ros.reporting.page.charts import Line
 from soilmoist_ros.reporting.page.frame import dwell_text, strategy_text
 
@@ -164,6 +164,14 @@ def test_lines_are_told_apart_and_show_the_means_over_the_runs():
     assert "0.2" in [tick.text for tick in error.up]
     names = [name for _, name in next(intervals_charts(wide, case)).names]
     assert names == ["FMI 600 s", "FMI 300 s", "AMI 3 %", "Optimal"]
+
+
+@pytest.mark.slow
+def test_a_difference_is_clear_where_its_interval_leaves_out_zero():
+    apart = data(mse=lambda s: 1 + (s.strategy == "greedy"))
+    (one,) = [row for row in _differences(apart, apart.cases[1]) if row.first == strategy_text("greedy")]
+    assert (one.error.clear, one.distance.clear) == (True, False)
+    assert (one.error.share, one.distance.share) == ("+100 %", "+0 %")
 
 
 def test_texts():

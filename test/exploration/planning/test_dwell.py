@@ -53,6 +53,7 @@ def test_a_rule_of_a_plug_in_must_be_one(monkeypatch):
         ("value:1,1,-1,1", "in range"),
         ("value:1,1,1,1;1,1", "A,B,PRICE,FACTOR"),
         ("value:1,1,1,1;-1,1,1", "in range"),
+        ("value:1,1,1,1;1,0,1", "in range"),
         ("600", "'600' is a number without a rule -> write for example 'fmi:600'"),
         ("fmi", "has no number after 'fmi:'"),
         ("fmi:ten", "'ten' in 'fmi:ten' is not a finite number -> write for example"),
@@ -100,6 +101,7 @@ def test_expected_dwell_counts_raw_neutrons():
     for unknown in (0.0, -1.0, math.nan):
         assert rule.expected_s(unknown) == MAX_DWELL_S
     assert parse_dwell("fmi:600").expected_s(math.nan) == 600
+    assert [parse_dwell("optimal", longest_s).expected_s(4.0) for longest_s in (30.0, 900.0)] == [30.0, 60.0]
 
 
 @given(

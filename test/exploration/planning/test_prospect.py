@@ -60,3 +60,7 @@ def test_the_dwell_of_the_most_valuable_stop_is_its_best():
     other = look.dwell(STOPS[look.reachable[worse]])
     assert 0 <= other.expected_s(4.0) <= MAX_DWELL_S
     assert look.dwell(Stop("elsewhere", 0.0, 0.0)) is None
+    look = prospect()
+    look.staying, others = int(look.reachable[best]), np.delete(all_worth.value, best)
+    assert look.price <= all_worth.value[best]
+    assert look.price == pytest.approx(others.max(), rel=1e-9), "staying needs no trip, and sets no price"

