@@ -190,14 +190,6 @@ class Change:
     drift: Drift | None = None
     jump: Jump | None = None
 
-    def factor(self, time_s: Array) -> Array:
-        """Factor by which the exposures of samples of some times are multiplied, shape (n,)."""
-        return np.ones(len(time_s)) if self.drift is None else self.drift.factor(time_s)
-
-    def uncertain(self, time_s: Array) -> Array:
-        """Independent parts of the uncertainty at some times, as shares of the rate, shape (n, components)."""
-        return np.empty((len(time_s), 0)) if self.drift is None else self.drift.uncertain(time_s)
-
     def rain(self, now_s: float) -> str:
         """Reason why rain is likely at a time [s], and what to do; empty if it is not."""
         return "" if self.jump is None else self.jump.rain(now_s)

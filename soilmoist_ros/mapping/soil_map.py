@@ -357,10 +357,10 @@ def _fit(kriging: PoissonKriging, samples: Samples, changing: Changing | None) -
         kriging.fit(some.xy, some.counts, some.exposure_s, some.spread)
         return samples
     samples, time_s = changing.timed.samples, changing.timed.time_s
-    exposure_s = samples.exposure_s * changing.change.factor(time_s)
+    exposure_s = samples.exposure_s * changing.change.drift.factor(time_s)
     known = kriging.mean_rate  # not that of a local rate: it was kriged from these counts
     mean_rate = known.mean if isinstance(known, LocalRate) else known or noise_rate(samples)
-    uncertain = changing.change.uncertain(time_s) * mean_rate
+    uncertain = changing.change.drift.uncertain(time_s) * mean_rate
     return kriging.fit(samples.xy, samples.counts, exposure_s, samples.spread, uncertain).places
 
 
