@@ -8,7 +8,7 @@ large on grass of 2.5 counts/s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 
 MAX_POOLS = 128  # maximum number of pools of neighbouring samples from which the rate is estimated
 MIN_SHARE = 0.1  # lower limit of the estimate, as a share of the mean rate: kriging may undershoot
-MAX_KNOWN = 2000  # maximum number of places, asked for together, whose rates are kept
 _JITTER = 1e-9
 
 
@@ -38,7 +37,6 @@ class LocalRate:
     least: float
     pools_xy: Array
     coefficients: Array
-    _known: dict[tuple[float, float], float] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, places: Samples, variogram: Variogram) -> LocalRate:
@@ -62,18 +60,8 @@ class LocalRate:
         """Rates at places of shape (n, 2) [m], shape (n,) [counts/s].
 
         The rate at a place does not depend on the other places, bit for bit: a new sample leaves the noise of the
-        others as it was. So the rates of not too many places are kept.
+        others as it was.
         """
-        if len(xy) > MAX_KNOWN:
-            return self._computed(xy)
-        places = [(x_m, y_m) for x_m, y_m in xy.tolist()]
-        new = [number for number, place in enumerate(places) if place not in self._known]
-        if new:
-            rates = self._computed(xy[new]).tolist()
-            self._known.update((places[number], rate) for number, rate in zip(new, rates, strict=True))
-        return np.array([self._known[place] for place in places])
-
-    def _computed(self, xy: Array) -> Array:
         terms = _correlation(self.variogram, xy, self.pools_xy)
         terms *= self.coefficients
         rate: Array = np.maximum(self.mean + terms.sum(axis=1), self.least)
