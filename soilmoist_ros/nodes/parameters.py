@@ -13,7 +13,7 @@ from difflib import get_close_matches
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidNamespaceException
@@ -28,6 +28,63 @@ Some = TypeVar("Some")
 
 _HIGHEST = 1e300
 _MAX_WHOLE = 2**62
+REMOVED: Final = {
+    "agree_fixes": "10 fixes must agree to replace those that they contradict",
+    "also": "set properties",
+    "autostart": "the node starts with its process",
+    "background": "the page shows no photo below the map",
+    "backoff_s": "the wait after the first failure is 2 s",
+    "battery_silent_s": "a battery that was heard is missed after 60 s",
+    "beyond_m": "nodes and edges of the map up to 0.1 m outside the field belong to it",
+    "blacklist_s": "a stop that failed or was skipped is ruled out for 900 s",
+    "cancel_limit_s": "a robot that is not known to stand is asked again to stop after 10 s",
+    "clear_s": "an alarm ends when its cause has been over for 10 s",
+    "counts_bad_s": "the records of 60 s are judged",
+    "datum_service": "remap the service toLL",
+    "delete_oldest": "the recorder deletes nothing",
+    "edge_actions": "the actions of the usual navigations are known, and those that the map describes",
+    "failures_to_pause": "the operator is asked after 5 failures in a row",
+    "feedback_topic": "the feedback of the action is shown",
+    "field_file": "field names the field, or a file with a truth",
+    "file_mb": "a bag is one file",
+    "file_min": "a bag is one file",
+    "first_fixes": "3 fixes must agree on the first place",
+    "flush_period_s": "messages are on the disk within 0.5 s",
+    "foxglove_port": "foxglove_bridge serves the viewer Foxglove (docs/topics.md)",
+    "frame_limit_m": "the places by TF and by fixes may be 2 m apart",
+    "full_soon_h": "the recorder warns an hour before the disk is full",
+    "goal_time_factor": "a trip may take 3 times the expected time, and 60 s more",
+    "goal_time_margin_s": "a trip may take 3 times the expected time, and 60 s more",
+    "intensity_topic": "the incoming neutrons are those of the site file ('intensity' under 'corrections')",
+    "keep_apart_m": "robots keep 2 m apart, or 1 m more than twice robot_radius_m",
+    "keep_days": "the recorder deletes nothing: delete old recordings by hand",
+    "keep_gb": "the recorder deletes nothing, and warns below 500 MB of free space",
+    "keepout_resolution_m": "a cell is 0.2 m, or half of robot_radius_m if that is less; more in fields of 16 ha",
+    "learn_travel": "travel times are learned from the legs driven",
+    "local": "the variance of the rate is alike everywhere (docs/benchmarks.md says what it gained otherwise)",
+    "longest_dwell_s": "the longest time at a stop is 3600 s; fmi:SECONDS sets the time itself",
+    "low_disk_mb": "the recorder warns below 500 MB of free space",
+    "map_wait_s": "the planner waits for the mapper for 20 s",
+    "max_jump_m": "a fix may be 3 m from where the robot can have driven",
+    "max_stamp_age_s": "records stamped up to a day in the past are used",
+    "max_stamp_ahead_s": "records stamped up to an hour in the future are used",
+    "merge_from": "a map has the records of its driver's log, and those that the mapper has received",
+    "moving_m": "a robot that moves by 0.5 m without a goal is stopped again",
+    "navigation_wait_s": "the planner waits for the navigation for 30 s",
+    "other_silent_s": "a robot that was not heard for 30 s is lost",
+    "plan_limit_s": "choosing a stop may take 120 s",
+    "pose_observers": "nodes that record or show poses are known",
+    "queue_mb": "64 MB of messages wait for a slow disk",
+    "retries": "a goal that failed is sent once more",
+    "settle_s": "a robot has arrived at a goal_pose when it stands for 5 s",
+    "silence_limit_s": "a stop without a record for records_old_s is silent",
+    "site_file": "field has the site of a simulation",
+    "standstill_s": "a robot stands when it has not moved for 4 s",
+    "truth_file": "field takes a file with a truth",
+}
+"""Parameters of earlier releases that a file may still set: what holds instead."""
+OF_OTHERS: Final = ("max_stamp_age_s", "max_stamp_ahead_s", "silence_limit_s")
+"""Removed parameters of the planner that mapper or driver still have: only the planner warns of them."""
 _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
 _ROS_KINDS = {bool: "bool", int: "integer", float: "double", str: "string", list: "string_array"}
 NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver", "watchdog")
@@ -119,6 +176,27 @@ class Parameter:
             first, last = int(max(low, -_MAX_WHOLE)), int(min(high, _MAX_WHOLE))
             descriptor.integer_range = [IntegerRange(from_value=first, to_value=last, step=1)]
         return descriptor
+
+
+def current_names(table: Mapping[str, Parameter], given: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Values by present names without removed parameters, and a warning for each of them."""
+    values, warnings = dict(given), []
+    if "failsafes" in table and (single := sorted(name for name in given if name.startswith("failsafe."))):
+        responses = [f"{name.partition('.')[2]}:{values.pop(name)}" for name in single]
+        values["failsafes"] = [*responses, *(given.get("failsafes") or [])]
+        warnings.append(f"failsafe.CAUSE is read in this release only: set failsafes: [{', '.join(responses)}]")
+    of_planner = "strategy" in table
+    if of_planner and (silent := values.pop("on_silence", None)) is not None:
+        if silent in ("pause", "abort"):
+            values["failsafes"] = [f"records_old:{silent}", *(values.get("failsafes") or [])]
+        warnings.append(
+            f"on_silence is read in this release only: set failsafes: [records_old:{silent}], or leave it out"
+        )
+    for name in sorted(given.keys() & REMOVED.keys() - table.keys()):
+        if of_planner or name not in OF_OTHERS:
+            del values[name]
+            warnings.append(f"parameter {name} is not used any more: {REMOVED[name]}")
+    return values, sorted(warnings)
 
 
 def check_values(
@@ -228,7 +306,7 @@ class Parameters:
     def __init__(self, node: Node, table: Sequence[Parameter], arguments: Sequence[str] | None = None) -> None:
         rows = self._rows = {row.name: row for row in table}
         self._node = node
-        given = _given(node, rows)
+        given, warnings = current_names(rows, _given(node, (*rows, *REMOVED, "on_silence")))
         known = {*rows, *filter(node.has_parameter, given)}
         foreign = [name for name in given if name not in known and not name.startswith("qos_overrides.")]
         if foreign:
@@ -240,7 +318,9 @@ class Parameters:
             raise InputError(mistakes)
         if foreign:
             names = listing(sorted(foreign))
-            node.get_logger().warning(f"parameters of /** that this node does not have are ignored: {names}")
+            warnings.append(f"parameters of /** that this node does not have are ignored: {names}")
+        for warning in warnings:
+            node.get_logger().warning(warning)
         for name, value in self._values.items():
             node.declare_parameter(name, value, rows[name].descriptor(), ignore_override=True)
 

@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter as RosParameter
 from soilmoist_ros.exploration import Cause, Response
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameter_tables import table_of
-from soilmoist_ros.nodes.parameters import NODES, Parameter, Parameters
+from soilmoist_ros.nodes.parameters import NODES, OF_OTHERS, REMOVED, Parameter, Parameters
 from soilmoist_ros.nodes.planner_parameters import WATCH_PARAMETERS, failsafe_responses
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -86,9 +86,7 @@ def test_nothing_else_that_is_private_in_ros_is_used():
             r"\b(?!self\b|cls\b)\w+\.(_[A-Za-z]\w*)|getattr\(\w+, \"(_\w+)|import (_\w+)|(rclpy\.impl|\b_rclpy\w*)"
         )
         taken |= {name for found in re.findall(private, text) for name in found} - own
-    assert taken - {""} == {"_parameter_overrides", "_exit", "_fields"}, (
-        "os._exit and namedtuple._fields are public"
-    )
+    assert taken - {""} == {"_parameter_overrides", "_exit"}, "os._exit is public"
 
 
 @pytest.mark.parametrize(
@@ -177,12 +175,25 @@ def test_a_live_parameter_is_set_if_its_value_is_allowed_and_used(ros):
     assert parameters.number("hours") == 4.0, "that of the start"
 
 
-def test_failsafes_are_a_list(ros):
+def test_removed_parameters_are_named_and_ignored(ros, capfd):
+    parameters = Parameters(make(ros, backoff_s=9.0, speed_mps=2.0), TABLE)
+    assert parameters.number("speed_mps") == 2.0
+    assert "parameter backoff_s is not used any more: the wait after the first failure" in capfd.readouterr().err
+    assert {row.name for node in NODES for row in table_of(node)} & set(REMOVED) == {*OF_OTHERS, "autostart"}
+    assert {row.name for row in table_of("planner")} & set(REMOVED) == {"autostart"}
+    Parameters(make(ros, max_stamp_age_s=0.0), (*TABLE, *table_of("planner")))
+    assert "parameter max_stamp_age_s is not used any more" in capfd.readouterr().err
+
+
+def test_failsafes_are_read_as_before_and_as_a_list(ros, capfd):
     table = (*TABLE, *WATCH_PARAMETERS)
-    given = ["off_route:pause", "battery_low: abort"]
-    responses = failsafe_responses(Parameters(make(ros, failsafes=given), table))
+    given = {"failsafe.off_route": "pause", "failsafe.battery_low": "warn", "failsafes": ["battery_low: abort"]}
+    responses = failsafe_responses(Parameters(make(ros, **given), table))
     assert (responses[Cause.OFF_ROUTE], responses[Cause.BATTERY_LOW]) == (Response.PAUSE, Response.ABORT)
     assert responses[Cause.MOVING] is Response.PAUSE
+    assert "set failsafes: [battery_low:warn, off_route:pause]" in capfd.readouterr().err
+    silent = Parameters(make(ros, on_silence="abort"), (*table_of("planner"),))
+    assert failsafe_responses(silent)[Cause.RECORDS_OLD] is Response.ABORT
     for wrong in ("ofroute:pause", "off_route:paus", "off_route"):
         with pytest.raises(InputError, match="write CAUSE:RESPONSE"):
             failsafe_responses(Parameters(make(ros, failsafes=[wrong]), table))
