@@ -28,11 +28,9 @@ from soilmoist_ros.reporting.page.viewer import (
     FIXED_VWC,
     PERCENT,
     colour_limits,
-    grid_data,
+    map_data,
     pack,
     pack_bits,
-    place_data,
-    rounded,
     shown_as,
     thinning,
 )
@@ -167,17 +165,10 @@ def render_season(season: Season) -> str:
 def season_data(season: Season) -> dict[str, Any]:
     """Everything that the map viewer draws, as plain JSON values."""
     grid = season.grid
-    west, east, south, north = (
-        float(edge) for axis in (grid.x_m, grid.y_m) for edge in (axis[0] - grid.cell_m, axis[-1] + grid.cell_m)
-    )
-    return {
-        "view": [round(edge, 2) for edge in (west, east, south, north)],
-        "place": place_data(season.frame, (west, east, south, north)), "rootDepth": 0, "grids": [grid_data(grid)],
-        "layers": list(_layers(season)), "edge": [rounded(np.vstack([grid.polygon, grid.polygon[:1]]))],
-        "noGo": [rounded(np.asarray(ring)) for ring in grid.holes],
-        **{name: [] for name in ("zones", "samples", "robots", "paths", "visits", "quarantined")},
-        "labels": season.labels, "days": [round(float(day), 3) for day in season.days],
-    }  # fmt: skip
+    (west, south), (east, north) = grid.box
+    half = grid.cell_m / 2
+    edges = west - half, east + half, south - half, north + half
+    return map_data(season.frame, edges, [grid], _layers(season), labels=season.labels)
 
 
 def _layers(season: Season) -> Iterator[dict[str, Any]]:

@@ -238,7 +238,7 @@ def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
     assert result.exit_code == 0, result.output
     for line in (
         r" +Standard deviation of the map: .*; forecast at 25 % of the time: ±\S+ % \(\S+ to \S+\)",
-        "decision   below 15 %: .*; 15 % to 20 %: .*; above 20 %: .* of the field",
+        "decision   below 15 %: .*; 15 to 20 %: .*; above 20 %: .* of the field",
         " +Expected in the wrong zone: .* by the simulated truth it is .*",
     ):
         assert len(re.findall(f"^{line}$", result.output, re.MULTILINE)) == 1

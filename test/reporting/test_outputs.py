@@ -110,7 +110,7 @@ def test_zones_of_a_decision_have_one_certainty_with_the_other_zones(mission, tm
     about = json.loads((tmp_path / "summary.json").read_text())
     found, truly = about["decision"], about["truth"]["wrong_zone_share"]
     assert (found["thresholds"], found["unit"], found["outside"]) == ([0.06, 0.2], "m3/m3", [])
-    assert [zone["limits"] for zone in found["zones"]] == ["below 6 %", "6 % to 20 %", "above 20 %"]
+    assert [zone["limits"] for zone in found["zones"]] == ["below 6 %", "6 to 20 %", "above 20 %"]
     with rasterio.open(tmp_path / "map.tif") as raster:
         vwc = raster.read(1)
         dry = np.mean(vwc[np.isfinite(vwc) & (vwc != raster.nodata)] < 0.06)

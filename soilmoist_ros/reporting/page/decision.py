@@ -16,7 +16,7 @@ from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import calibration_of, certainty, class_probability, once_a_run
 from soilmoist_ros.reporting.colours import WATER, hex_ramp
 from soilmoist_ros.reporting.geometry import field_polygon
-from soilmoist_ros.reporting.page.frame import percent
+from soilmoist_ros.reporting.page.frame import percent, ranges
 from soilmoist_ros.reporting.page.irrigation import IrrigationZone
 from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve
 
@@ -86,11 +86,11 @@ def decision(run: MapRun) -> DecisionMap | None:
     number = np.where(np.isfinite(values), index, np.nan)
     probability = class_probability(soil_map.rate, soil_map.rate_sd, number, edges, curve, relative=False)
     inside, size_m2 = np.isfinite(number), float(field_polygon(soil_map.grid).area)
-    zones = []
+    zones, unit = [], "%" if of_moisture else "counts/s"
+    texts = ranges([f"{100 * edge if of_moisture else edge:.3g}" for edge in edges], unit)
     for zone, colour in enumerate(hex_ramp(WATER if of_moisture else f"{WATER}_r", len(edges) + 1)):
         share, sure = float((number[inside] == zone).mean()), certainty(probability[number == zone])
-        text = _range(zone, edges, of_moisture)
-        zones.append(IrrigationZone(f"zone {zone + 1}", text, colour, share * size_m2, share, sure))
+        zones.append(IrrigationZone(f"zone {zone + 1}", texts[zone], colour, share * size_m2, share, sure))
     at = soil_map.rate[inside], soil_map.variance[inside]
     limits = Thresholds.of(edges, curve) if curve is not None else Thresholds(edges, edges, (1.0,) * len(edges))
     wrong, truth, true_curve = None, run.truth_rate, run.mission.soil_map and run.mission.soil_map.curve
@@ -121,14 +121,6 @@ def _band(
     wrong = (np.searchsorted(edges, drawn, side="right") != number[chosen][:, None]).mean(axis=0)
     low, high = np.quantile(wrong, BAND).tolist()
     return low, high
-
-
-def _range(zone: int, edges: tuple[float, ...], of_moisture: bool) -> str:
-    """Range of a zone in words."""
-    texts = [_limit(edge, of_moisture) for edge in edges]
-    if zone == 0:
-        return f"below {texts[0]}"
-    return f"above {texts[-1]}" if zone == len(edges) else f"{texts[zone - 1]} to {texts[zone]}"
 
 
 def _limit(value: float, of_moisture: bool) -> str:

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING, Any
@@ -119,6 +121,12 @@ def part_of_area(part_m2: float, whole_m2: float) -> str:
     if 0 < part_m2 < 0.5 * size * 10**-decimals:
         return f"< {10**-decimals:.{decimals}f} {unit}"
     return f"{thousands(part_m2 / size, decimals)} {unit}" if part_m2 > 0 else f"0 {unit}"
+
+
+def ranges(limits: Sequence[str], unit: str) -> list[str]:
+    """Ranges between rising limits, in words: below the first one, between two, above the last one."""
+    between = [f"{low} to {high} {unit}" for low, high in itertools.pairwise(limits)]
+    return [f"below {limits[0]} {unit}", *between, f"above {limits[-1]} {unit}"]
 
 
 def length(metres: float) -> tuple[str, str]:

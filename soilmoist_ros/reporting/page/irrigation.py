@@ -40,7 +40,7 @@ from soilmoist_ros.reporting.page.field_dose import (
     root_zone,
     to_capacity,
 )
-from soilmoist_ros.reporting.page.frame import part_of_area, percent, thousands, volume
+from soilmoist_ros.reporting.page.frame import part_of_area, percent, ranges, thousands, volume
 from soilmoist_ros.reporting.page.statistics import calibration_sd, is_usable, mean_moisture, unusable_share
 from soilmoist_ros.sensing import UNKNOWN_SENSOR
 
@@ -245,10 +245,8 @@ def _zone(
 def _range_text(run: MapRun, index: int, edges: Array) -> str:
     """Range of a zone: moisture, or rates, which fall towards moist soil."""
     if _of_moisture(run):
-        first, second = (volume(edge) for edge in edges.tolist())
-        return (f"below {first} %", f"{first} to {second} %", f"above {second} %")[index]
-    first, second = (f"{-edge:.2f}" for edge in edges.tolist())
-    return (f"above {first} counts/s", f"{second} to {first} counts/s", f"below {second} counts/s")[index]
+        return ranges([volume(edge) for edge in edges.tolist()], "%")[index]
+    return ranges([f"{-edge:.2f}" for edge in edges[::-1].tolist()], "counts/s")[2 - index]
 
 
 def _water(run: MapRun) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import base64
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -86,35 +86,48 @@ def rounded(xy: Array, digits: int = 1) -> list[list[float]]:
 # Data of the map viewer: rasters with their meaning, and what lies on top of them, all in local metres ----------
 
 
+def map_data(
+    frame: LocalFrame, edges: tuple[float, float, float, float], grids: Sequence[FieldGrid],
+    layers: Iterable[dict[str, Any]], **more: Any,
+) -> dict[str, Any]:  # fmt: skip
+    """What every map of a page needs, as plain JSON values; the first grid has the field's edge and no-go areas.
+
+    :param edges: west, east, south, north of the view [m]
+    :param more: what lies on top of the layers
+    """
+    return {
+        "view": [round(edge, 2) for edge in edges], "place": place_data(frame, edges), "rootDepth": 0,
+        "grids": list(map(grid_data, grids)), "layers": list(layers), "edge": list(map(rounded, rings(grids[0]))),
+        "noGo": list(map(rounded, grids[0].holes)),
+        **{name: [] for name in ("zones", "samples", "robots", "paths", "visits", "quarantined")}, **more,
+    }  # fmt: skip
+
+
 def viewer_data(run: MapRun, found: IrrigationAdvice) -> dict[str, Any]:
     """Everything that the page's script draws, as plain JSON values."""
-    edges, one = view(run), run.soil_map.samples
+    one = run.soil_map.samples
     samples = np.column_stack([one.xy, one.counts, one.exposure_s])
     robots = len(run.tracks_xy)
-    return {
-        "view": [round(edge, 2) for edge in edges], "place": place_data(run.frame, edges),
-        "rootDepth": run.irrigation.root_depth_mm if has_level(run) else 0,
-        "grids": [grid_data(one.soil_map.grid) for one in run.properties], "layers": list(_layers(run, found)),
-        "zones": _legend(found.zones),
-        "edge": [rounded(ring) for ring in rings(run.soil_map.grid)],
-        "noGo": [rounded(hole) for hole in run.soil_map.grid.holes],
-        "samples": [[round(x, 1), round(y, 1), int(z), round(t, 2)] for x, y, z, t in _thinned(samples).tolist()],
-        "robots": [
+    return map_data(
+        run.frame, view(run), [one.soil_map.grid for one in run.properties], _layers(run, found),
+        rootDepth=run.irrigation.root_depth_mm if has_level(run) else 0, zones=_legend(found.zones),
+        samples=[[round(x, 1), round(y, 1), int(z), round(t, 2)] for x, y, z, t in _thinned(samples).tolist()],
+        robots=[
             {"name": f"robot {number + 1} {name}", "colour": colour}
             for number, (name, colour) in zip(range(robots), itertools.cycle(ROBOTS.items()), strict=False)
             if robots > 1
         ],
-        "paths": [rounded(_thinned(track)) for track in run.tracks_xy if len(track) > 1],
-        "visits": [
+        paths=[rounded(_thinned(track)) for track in run.tracks_xy if len(track) > 1],
+        visits=[
             [round(v.x_m, 1), round(v.y_m, 1), plain(v.name), round(v.dwell_s, 1), v.raw_counts, v.robot]
             for v in (run.mission.visits if run.mission else ())
         ],
-        "quarantined": [
+        quarantined=[
             [round(record.x_m, 1), round(record.y_m, 1), record.quarantine.replace("_", " ")]
             for record in run.quarantined
             if math.isfinite(record.x_m)
         ],
-    }  # fmt: skip
+    )  # fmt: skip
 
 
 def _legend(zones: Sequence[IrrigationZone]) -> list[dict[str, str]]:
