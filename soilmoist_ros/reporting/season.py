@@ -265,7 +265,7 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
         curve, time_zone = site.curve, site.time_zone or time_zone
         illustrative = site.calibration is not None and site.calibration.illustrative
         method = "cores" if site.calibration is None else site.calibration.method
-    from shapely import get_parts
+    from shapely import get_parts, union_all
 
     given_m = settings.cell_m
     if settings.field:
@@ -276,10 +276,12 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
         raise InputError("does not say where its datum lies", "give the field file with --field", home)
     else:
         name, frame = about.get("field") or "the field", LocalFrame(datum["latitude_deg"], datum["longitude_deg"])
-        parts = get_parts(field_shapes(open_run(home), frame)[0]).tolist()
-        rings = [[np.asarray(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)] for part in parts]
-        holes = [hole for _, *of_part in rings for hole in of_part]
-        make = partial(FieldGrid.from_polygon, [outline for outline, *_ in rings], holes=holes)
+        boundary, no_go, _ = field_shapes(open_run(home), frame)
+        # No-go areas may part the field; as written, their borders meet to a centimetre.
+        filled = union_all([boundary, *no_go]).buffer(0.05, join_style="mitre").buffer(-0.05, join_style="mitre")
+        whole = max(get_parts(filled).tolist(), key=lambda part: float(part.area))
+        outline, *holes = (np.asarray(part.exterior.coords)[:-1] for part in (whole, *no_go))
+        make = partial(FieldGrid.from_polygon, outline, holes=holes)
         grid = _sized(make, given_m, make(given_m or float(about.get("cell_m") or 1.0)))
     names = [str(one.get("name", "")) for one in about.get("properties") or ()]
     return SeasonField(
