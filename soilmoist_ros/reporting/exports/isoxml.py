@@ -168,6 +168,8 @@ def _zones(plan: Plan, settings: ExportSettings) -> dict[int, list[DoseZone]]:
 
 def _header(source: RunSource, plan: Plan, settings: ExportSettings) -> ET.Element:
     """The task without its zones, and what it refers to. Some terminals list tasks by customer and farm only."""
+    from shapely import get_parts
+
     about, unit = source.run.summary, settings.rate_unit
     root = ET.Element("ISO11783_TaskData", {
         "VersionMajor": str(settings.isoxml_version), "VersionMinor": "3",
@@ -181,7 +183,7 @@ def _header(source: RunSource, plan: Plan, settings: ExportSettings) -> ET.Eleme
     field = ET.SubElement(root, "PFD", _attributes(
         A="PFD1", C=name, D=round(source.boundary.area), E="CTR1", F="FRM1",
     ))  # fmt: skip
-    parts = _parts(_in_degrees(source, [source.boundary])[0])
+    parts = get_parts(_in_degrees(source, [source.boundary])).tolist()
     # Version 3 has one polygon of a field, with all its borders; version 4 has one for each part.
     for group in [parts] if settings.isoxml_version == 3 else [[part] for part in parts]:
         _polygon(field, 1, group)
@@ -285,10 +287,6 @@ def _in_degrees(source: RunSource, shapes: list[BaseGeometry]) -> NDArray[Any]:
     if bounds[0] < -180 or bounds[2] > 180:
         raise InputError("ISOXML has no fields across the antimeridian", "export --to dose instead")
     return there
-
-
-def _parts(shape: BaseGeometry) -> list[BaseGeometry]:
-    return list(getattr(shape, "geoms", [shape]))
 
 
 def _text(value: str) -> str:

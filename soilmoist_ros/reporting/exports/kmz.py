@@ -15,7 +15,6 @@ from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import ExportedProperty, ExportSettings, RunSource
 from soilmoist_ros.reporting.page.frame import render_page
 
-DATE_TIME = "%Y-%m-%dT%H:%M:%SZ"
 LONG_SIDE_PX = 1024
 COLOURS = 255
 
@@ -38,7 +37,7 @@ def _write_kmz(source: RunSource, one: ExportedProperty, path: Path) -> Path:
     text = render_page(
         "map.kml.j2", title=f"{source.title}{label}: {one.quantity.title.lower()}{guessed}",
         about=_in_words(source, one),
-        survey=source.survey and [time.strftime(DATE_TIME) for time in source.survey], overlay=one.title, box=box,
+        survey=source.survey and [f"{time:%Y-%m-%dT%H:%M:%SZ}" for time in source.survey], overlay=one.title, box=box,
         field=source.title,
         parts=[
             [" ".join(f"{x:.7f},{y:.7f}" for x, y, *_ in ring.coords) for ring in (part.exterior, *part.interiors)]

@@ -32,8 +32,7 @@ MAX_UNUSABLE = 0.25
 """Largest share of impossible or undefined moisture in the area at which zones and advice rest on the moisture."""
 MAX_SAMPLES = 1000
 MAX_CELLS, MAX_PAIRED_CELLS = 1500, 500
-INTERVAL_SD = 1.96
-"""Half width of a 95 % interval, in standard deviations."""
+INTERVAL_SD = 1.96  # half width of a 95 % interval
 
 
 class BandStatistics(NamedTuple):
