@@ -37,8 +37,8 @@ def _write_kmz(source: RunSource, one: ExportedProperty, path: Path) -> Path:
     text = render_page(
         "map.kml.j2", title=f"{source.title}{label}: {one.quantity.title.lower()}{guessed}",
         about=_in_words(source, one),
-        survey=source.survey and [f"{time:%Y-%m-%dT%H:%M:%SZ}" for time in source.survey], overlay=one.title, box=box,
-        field=source.title,
+        survey=source.survey and [f"{time:%Y-%m-%dT%H:%M:%SZ}" for time in source.survey],
+        overlay=one.title, box=box, field=source.title,
         parts=[
             [" ".join(f"{x:.7f},{y:.7f}" for x, y, *_ in ring.coords) for ring in (part.exterior, *part.interiors)]
             for part in getattr(shape, "geoms", [shape])
