@@ -62,11 +62,16 @@ class Watched:
             self.feed.give(Planned(0.0, action.plan_id, Choice(EAST, "far away")))
 
 
-def test_an_event_from_within_an_action_waits_for_the_others():
+def started(x_m=0.0):
+    """A mission that has started, with the robot at a place."""
     watched = Watched()
-    watched.feed.fix(PlaceFix(1.0, 0.0, 0.0))
-    answer = watched.feed.command(Command(2.0, Verb.START))
-    assert answer.accepted
+    watched.feed.fix(PlaceFix(1.0, x_m, 0.0))
+    assert watched.feed.command(Command(2.0, Verb.START)).accepted
+    return watched
+
+
+def test_an_event_from_within_an_action_waits_for_the_others():
+    watched = started()
     assert watched.shown[-1] is Phase.TRAVELLING, "the status shown last is the newest"
 
 
@@ -88,9 +93,7 @@ def test_the_age_of_a_place_is_that_of_its_own_source():
 
 
 def test_success_is_handed_on_with_the_robots_own_position():
-    watched = Watched()
-    watched.feed.fix(PlaceFix(1.0, 0.0, 0.0))
-    watched.feed.command(Command(2.0, Verb.START))
+    watched = started()
     goal_id = watched.mission.state.goal.goal_id
     watched.feed.ended(3.0, Ended(goal_id, Outcome.SUCCEEDED, ""))
     assert "30.0 m away" in watched.mission.state.reason
@@ -118,9 +121,7 @@ def test_records_and_fixes_without_a_place_are_only_counted():
 
 
 def test_a_message_of_any_size_is_one_sync_and_one_status():
-    watched = Watched()
-    watched.feed.fix(PlaceFix(1.0, 0.0, 0.0))
-    watched.feed.command(Command(2.0, Verb.START))
+    watched = started()
     watched.feed.ended(3.0, Ended(watched.mission.state.goal.goal_id, Outcome.FAILED, "blocked"))
     watched.feed.fix(PlaceFix(100.0, 1.0, 2.0))
     watched.secured.clear()
@@ -135,9 +136,7 @@ def test_a_message_of_any_size_is_one_sync_and_one_status():
 
 
 def test_an_event_is_on_the_disk_before_what_it_sets_off_is_carried_out():
-    watched = Watched()
-    watched.feed.fix(PlaceFix(1.0, 30.0, 0.0))
-    watched.feed.command(Command(2.0, Verb.START))
+    watched = started(30.0)
     watched.feed.ended(3.0, Ended(watched.mission.state.goal.goal_id, Outcome.SUCCEEDED, ""))
     assert watched.mission.state.phase is Phase.COUNTING
     watched.secured.clear()

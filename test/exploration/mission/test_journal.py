@@ -15,18 +15,19 @@ from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_di
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.records import CountRecord
 
+RECORD = CountRecord(2.0, 1.0, 2.0, 0.0, 40, 10.0, 9.5)
+
 
 class Pages:
     """A journal in memory; a full one takes nothing."""
 
     def __init__(self):
-        self.state, self.events, self.kinds, self.full = None, [], [], False
+        self.state, self.events, self.full = None, [], False
         self.syncs = self.snapshots = 0
 
     def append(self, kind, payload, *, durable=True):
         if self.full:
             raise OSError(28, "No space left on device")
-        self.kinds.append(kind)
         self.events.append(json.loads(json.dumps(payload)))
         return len(self.events)
 
@@ -73,23 +74,22 @@ def test_the_same_mission_from_events_and_from_a_snapshot():
 
 def test_the_records_of_the_interrupted_mission_and_no_others():
     mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
-    record = CountRecord(2.0, 1.0, 2.0, 0.0, 40, 10.0, 9.5)
     every, pages = [], Pages()
     journal = MissionJournal(pages)
     for event in [
-        RecordArrived(1.0, record),
+        RecordArrived(1.0, RECORD),
         Moved(1.5, 0.0, 0.0),
         Command(2.0, Verb.START),
-        RecordArrived(3.0, record),
+        RecordArrived(3.0, RECORD),
         Command(4.0, Verb.ABORT),
-        RecordArrived(5.0, record),
+        RecordArrived(5.0, RECORD),
         Command(6.0, Verb.START),
-        RecordArrived(7.0, record),
-        RecordArrived(8.0, record),
+        RecordArrived(7.0, RECORD),
+        RecordArrived(8.0, RECORD),
     ]:
         journal.note(mission, event)
         if isinstance(event, RecordArrived):
-            journal.note_record("salt", event.now_s, replace(record, raw_counts=7))
+            journal.note_record("salt", event.now_s, replace(RECORD, raw_counts=7))
         every += pages.events
         pages.events = []
         mission.step(event)
@@ -100,7 +100,7 @@ def test_the_records_of_the_interrupted_mission_and_no_others():
         found = [r.stamp_s for r in interrupted_records(pages.state, every)]
         assert found == [2.0] * {3.0: 1, 7.0: 1, 8.0: 2}.get(event.now_s, 0)
         assert interrupted_records(None, every) == interrupted_records(pages.state, every), "a damaged snapshot"
-    assert interrupted_records(pages.state, every)[1] == record
+    assert interrupted_records(pages.state, every)[1] == RECORD
     assert interrupted_records(pages.state, every, "clay") == []
     assert interrupted_records(None, []) == []
 
@@ -110,8 +110,7 @@ def test_the_records_of_a_further_property_do_not_touch_the_mission():
     pages = Pages()
     journal = MissionJournal(pages)
     journal.keep(mission)
-    record = CountRecord(2.0, 1.0, 2.0, 0.0, 40, 10.0, 9.5)
-    journal.note_record("salt", mission.state.now_s + 50.0, record)
+    journal.note_record("salt", mission.state.now_s + 50.0, RECORD)
     found = interrupted_mission(mission.rules, pages.state, pages.events)
     assert found.state == mission.state
 
@@ -120,9 +119,8 @@ def test_the_disk_is_synced_once_for_all_that_was_noted_and_not_for_places():
     mission, _ = travelling()
     pages = Pages()
     journal = MissionJournal(pages)
-    record = CountRecord(2.0, 1.0, 2.0, 0.0, 40, 10.0, 9.5)
     for number in range(50):
-        journal.note(mission, RecordArrived(20.0 + number, replace(record, stamp_s=20.0 + number)))
+        journal.note(mission, RecordArrived(20.0 + number, replace(RECORD, stamp_s=20.0 + number)))
     journal.secure()
     journal.secure()
     journal.note(mission, Moved(80.0, 0.0, 0.0))

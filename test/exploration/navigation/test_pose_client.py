@@ -35,6 +35,14 @@ def drive(client, places, start_s=0.0):
     ]
 
 
+def going():
+    """A client whose robot drives to the goal, 2 m from where it began."""
+    client = make()
+    client.go(1, TO_GOAL)
+    drive(client, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
+    return client
+
+
 def test_arrives_when_it_has_stood_there():
     client = make()
     assert client.go(1, TO_GOAL) == (SendPose(10.0, 0.0, 0.0),)
@@ -82,9 +90,7 @@ def test_way_points_one_after_the_other_facing_along_the_way():
 
 
 def test_cancelling_stays_where_the_robot_is_and_ends_when_it_stands():
-    client = make()
-    client.go(1, TO_GOAL)
-    drive(client, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
+    client = going()
     assert client.cancel(1) == (SendPose(2.0, 0.0, 0.0),)
     assert client.cancel(1) == (), "it has just been asked"
     assert drive(client, [(2.5, 0.0), (3.0, 0.0)], 3.0) == []
@@ -92,17 +98,13 @@ def test_cancelling_stays_where_the_robot_is_and_ends_when_it_stands():
 
 
 def test_a_robot_that_drives_on_is_stopped_again_where_it_is_then():
-    client = make()
-    client.go(1, TO_GOAL)
-    drive(client, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
+    client = going()
     client.cancel(1)
     assert drive(client, [(2.0 + x, 0.0) for x in range(1, 5)], 3.0) == [SendPose(6.0, 0.0, 0.0)]
 
 
 def test_without_a_plausible_place_nothing_is_published_until_there_is_one():
-    client = make()
-    client.go(1, TO_GOAL)
-    drive(client, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
+    client = going()
     drive(client, [FAR] * 20, 3.0)
     assert client.cancel(1) == ()
     assert "do not agree on a place" in client.caution
@@ -178,9 +180,7 @@ def test_what_somebody_else_drives_gets_no_pose(cancels, requests):
 
 
 def test_somebody_elses_pose_is_left_alone_until_the_robot_stands():
-    client = make()
-    client.go(1, TO_GOAL)
-    drive(client, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
+    client = going()
     assert [end.outcome for end in client.heard_other()] == [Outcome.SUPERSEDED]
     assert client.cancel(2) == (Ended(2, Outcome.CANCELED, "cancelled; another client drives the robot"),)
     assert [end.outcome for end in client.go(3, TO_GOAL)] == [Outcome.SUPERSEDED]
