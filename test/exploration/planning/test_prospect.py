@@ -60,7 +60,13 @@ def test_the_dwell_of_the_most_valuable_stop_is_its_best():
     other = look.dwell(STOPS[look.reachable[worse]])
     assert 0 <= other.expected_s(4.0) <= MAX_DWELL_S
     assert look.dwell(Stop("elsewhere", 0.0, 0.0)) is None
-    look = prospect()
-    look.staying, others = int(look.reachable[best]), np.delete(all_worth.value, best)
-    assert look.price <= all_worth.value[best]
-    assert look.price == pytest.approx(others.max(), rel=1e-9), "staying needs no trip, and sets no price"
+
+
+def test_staying_needs_no_trip_and_sets_no_price():
+    travel_s = TRAVEL.travel_s(PLACE, STOPS)
+    travel_s[110] = 0.0
+    look = prospect(travel_s=travel_s)
+    look.staying, look.min_dwell_s = 110, 10.0
+    value = look.worth().value
+    assert value.argmax() == 110
+    assert look.price == np.delete(value, 110).max()
