@@ -134,7 +134,7 @@ def _forecast(one: Forecast | None) -> dict[str, Any] | None:
     if one is None:
         return None
     end = [one.times_s[-1], one.sd_end, *one.band_end] if one.times_s else None
-    wrong = [one.wrong, one.wrong_end]
+    wrong = [one.wrong, *(one.wrong_ends or (None,))]
     return {
         "sd": one.sd,
         "moisture": one.moisture,

@@ -81,6 +81,7 @@ def test_a_decision_is_not_made_by_thresholds_that_the_field_does_not_have():
     assert not told(90.0).is_decided
     assert told(90.0).text.endswith("; 90 counts/s is outside what the field has")
     assert replace(told(4.0, 90.0), wrong=0.0).is_decided
+    assert replace(FORECAST, wrong=0.12, wrong_end=0.06).wrong_text.endswith(" 6.0 % (5.0 to 7.2) at the end")
     assert forecast_from_text(forecast_to_text(told(90.0))).divides is False
 
 
@@ -193,8 +194,7 @@ def test_counts_spread_evenly_lower_it_as_kriging_says(monkeypatch):
     monkeypatch.setattr(forecaster, "LEARNING", 0.0)
     of, left_s = mapped(), 1800.0
     kriging = of.field_map.kriging
-    rate, variance = kriging.predict(CELLS)
-    covariance = kriging.covariance(CELLS)
+    (rate, variance), covariance = kriging.predict(CELLS), kriging.covariance(CELLS)
     noise = np.diag(len(CELLS) * rate / left_s)
     left = covariance - covariance @ np.linalg.solve(covariance + noise, covariance)
     nugget = variance - np.diag(covariance)
