@@ -143,6 +143,11 @@ class PropertyComparison:
     message: str
     difference: float = math.nan
 
+    @property
+    def is_rounding(self) -> bool:
+        """True if the maps differ at most by rounding, as on another processor."""
+        return self.difference < _ROUNDING
+
 
 def read_published_map(topics: RunTopics) -> PublishedMap | None:
     """The last map in a bag, ``None`` if there is none; raises ``InputError`` if it cannot be read."""

@@ -148,12 +148,10 @@ def read_live(data: bytes) -> None:
 def read_bag(path: Path) -> None:
     bag_info(path)
     try:
-        reader = BagReader(path)
-        for message in reader.messages():
-            try:
-                reader.decode(message)
-            except SoilmoistError:
-                continue
+        with BagReader(path) as reader:
+            for message in reader.messages():
+                with suppress(SoilmoistError):
+                    reader.decode(message)
     finally:
         recover_bag(path, path.parent / "recovered")
 
