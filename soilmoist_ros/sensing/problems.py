@@ -38,6 +38,7 @@ class Kind(enum.StrEnum):
     WRONG_FIELDS = "wrong_fields", "wrong number of fields", Severity.WARNING
     BAD_TIME = "bad_time", "no valid time", Severity.WARNING
     LOCAL_TIME = "local_time", "local time that occurs twice or never", Severity.NOTE
+    FOREIGN_TEXT = "foreign_text", "foreign text before a record", Severity.WARNING
     NOT_A_NUMBER = "not_a_number", "not a number", Severity.WARNING
     NEGATIVE_COUNT = "negative_count", "negative count", Severity.WARNING
     NOT_WHOLE = "not_whole", "count that is not whole", Severity.WARNING

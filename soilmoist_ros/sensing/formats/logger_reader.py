@@ -21,9 +21,16 @@ from soilmoist_ros.sensing.formats.log_layout import (
     LogHeader,
     MissingColumnsError,
     build_layout,
+    split_fields,
 )
 from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude
-from soilmoist_ros.sensing.formats.log_values import decode_line, read_number, strip_checksum, to_seconds
+from soilmoist_ros.sensing.formats.log_values import (
+    decode_line,
+    read_number,
+    read_time,
+    strip_checksum,
+    to_seconds,
+)
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.notation import (
     HEADER_LINES,
@@ -31,6 +38,7 @@ from soilmoist_ros.sensing.formats.notation import (
     matching_formats,
     separated_as,
     settle,
+    stamp_text,
 )
 from soilmoist_ros.sensing.lines import MAX_LINE, read_lines
 from soilmoist_ros.sensing.problems import Finding, Kind, LostRecordError, Problem, Severity
@@ -216,8 +224,27 @@ class RecordParser:
             return body
         if mark and line.lstrip().startswith(mark) and b"*" not in line:
             return b""
+        # Devices on the way insert text: the checksum proves the record or header at the end of the line.
+        for start in range(1, len(line)):
+            if not (line[start : start + 1].isdigit() or (mark and line.startswith(mark, start))):
+                continue
+            body = strip_checksum(line[start:])
+            if body is None or not ((mark and body.startswith(mark)) or self._has_record(body)):
+                continue
+            message = f"the text {line[:start].decode('ascii', 'backslashreplace')[:60]!r} stands before it"
+            remedy = "switch off the heartbeat or banner of the serial server"
+            self._report(Finding(Kind.FOREIGN_TEXT, message, remedy))
+            return body
         kind = Kind.CHECKSUM if complete else Kind.TRUNCATED
         raise LostRecordError(kind, "the checksum is absent or wrong", "", "check the connection to the logger")
+
+    def _has_record(self, body: bytes) -> bool:
+        """True if a text has the fields of a record and begins with its time."""
+        layout = self.layout
+        fields = None if layout is None else layout.fit(split_fields(decode_line(body), self.format.delimiter))
+        if layout is None or fields is None:
+            return False
+        return read_time(stamp_text(fields, layout), self.format.time.used_formats) is not None
 
     def _use_new_header(self) -> None:
         if not self._header.is_new:

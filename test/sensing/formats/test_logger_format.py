@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation import InputError, config_folder
-from soilmoist_ros.sensing import FORMAT_NAME, TUBES, Kind, LoggerRecord, format_record
+from soilmoist_ros.sensing import FORMAT_NAME, TUBES, Kind, LoggerRecord, format_header, format_record
 from soilmoist_ros.sensing.formats.logger_format import LOGGERS, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser, detect_format, read_log
 
@@ -151,3 +151,19 @@ def test_one_changed_byte_is_always_found(place, change) -> None:
     assert parser.feed(bytes(line)) is None
     # If the first byte becomes #, the line is a remark and is not reported.
     assert [problem.kind for problem in parser.problems] == [Kind.CHECKSUM] or line.startswith(b"#")
+
+
+@pytest.mark.parametrize("text", [b"www.usr.cn", b"\xff\x00hello\x07", b"12", b"#hb;", b"2024-05-01T10:00:00Z,"])
+def test_text_of_a_serial_server_before_a_record_costs_no_record(text) -> None:
+    parser = RecordParser(FORMAT)
+    record = parser.feed(text + format_record(RECORD).encode())
+    assert record is not None
+    assert record.tube_counts == RECORD.tube_counts
+    (problem,) = parser.problems
+    assert (problem.kind, problem.lost) == (Kind.FOREIGN_TEXT, False)
+    assert repr(text.decode("ascii", "backslashreplace")) in problem.mistake.message
+    assert "heartbeat" in problem.mistake.remedy
+    header = format_header(serial="A7").splitlines()
+    for line in header:
+        parser.feed(text + line.encode())
+    assert parser.serial == "A7"

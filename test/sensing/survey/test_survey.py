@@ -50,3 +50,15 @@ def test_own_positions_from_before_the_clock_was_set_back_are_not_used(back_s):
         survey.take_record(record(10.0 * number + ahead_s, position=place, record_number=number), 10.0 * number)
         x_m += [one.x_m for one in survey.take_ready(10.0 * number + 5.0)]
     assert np.abs(np.array(x_m) - (10.0 * np.arange(1, 121) - 5.0)).max() < 10.0
+
+
+def test_a_record_of_a_logger_whose_clock_is_behind_waits_for_its_fix():
+    survey = Survey(UNCORRECTED, FRAME, tubes=12, fix_wait_s=30.0)
+    for second in range(50):
+        survey.take_fix(fix(float(second)))
+    survey.take_record(record(30.0, clock_ahead_s=-40.0), 0.0)
+    assert survey.take_ready(0.0) == []
+    for second in range(50, 80):
+        survey.take_fix(fix(float(second)))
+    (found,) = survey.take_ready(0.0)
+    assert found.x_m == pytest.approx(65.0, abs=1e-6)
