@@ -136,14 +136,15 @@ def bag(path, types, topics, packed=True, **how):
         return path
     with path.open("wb") as file:
         writer = McapWriter(file, **how)
-        writer.start("ros2")
+        writer.start({"ros1.mcap": "ros1", "plain.mcap": ""}.get(path.name, "ros2"))
         made = {}
         for topic, time_s, message in messages:
             kind = message.__msgtype__
             if topic not in made:
-                text, _ = types.store.generate_msgdef(kind, ros_version=2)
-                schema = writer.register_schema(kind, "ros2msg", text.encode())
-                made[topic] = writer.register_channel(topic, "cdr", schema)
+                text, _ = types.store.generate_msgdef(kind, ros_version=types.ros)
+                name = kind.replace("/msg/", "/") if types.ros == 1 else kind
+                schema = writer.register_schema(name, f"ros{types.ros}msg", text.encode())
+                made[topic] = writer.register_channel(topic, "ros1" if types.ros == 1 else "cdr", schema)
             ns = round(time_s * 1e9)
             writer.add_message(made[topic], ns, types.data(message), ns)
         writer.finish()
@@ -162,7 +163,7 @@ KINDS = {
 NO_INDEX = {"use_chunking": False, "index_types": IndexType.NONE, "use_statistics": False}
 FILES = {
     "a.mcap": (2, {}), "lz4.mcap": (2, {"compression": CompressionType.LZ4}), "noindex.mcap": (2, NO_INDEX),
-    "a.bag": (1, {}), "folder": (2, {}),
+    "ros1.mcap": (1, {}), "plain.mcap": (2, {}), "a.bag": (1, {}), "folder": (2, {}),
 }  # fmt: skip
 
 

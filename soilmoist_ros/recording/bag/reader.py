@@ -61,7 +61,7 @@ class BagReader:
             except Exception as error:  # a stranger's file: rosbags does not check everything
                 raise _damaged(path, error) from None
             self._stack = stack.pop_all()
-        self.of_ros1 = any(isinstance(reader, rosbag1.Reader) for reader in readers)
+        self.of_ros1 = any(isinstance(one, rosbag1.Reader) or getattr(one, "of_ros1", False) for one in readers)
         """True if the messages have the format of ROS 1, not CDR."""
         self.topics: dict[str, str] = {}
         """Names of topics, and their types."""

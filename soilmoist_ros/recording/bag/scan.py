@@ -208,6 +208,16 @@ class McapScan:
         return self._topics.get(number)
 
 
+def profile_of(path: Path) -> str:
+    """Profile in the header of an MCAP file: ``ros2``, ``ros1``, or empty; ``ros2`` of a damaged one."""
+    with path.open("rb") as file:
+        head = file.read(len(_MAGIC) + _RECORD.size + 4 + 64)
+    begin = len(_MAGIC) + _RECORD.size + 4
+    size = int.from_bytes(head[begin - 4 : begin], "little")
+    damaged = not head.startswith(_MAGIC) or head[len(_MAGIC) : len(_MAGIC) + 1] != bytes([Opcode.HEADER])
+    return "ros2" if damaged or size > 64 else head[begin : begin + size].decode("utf-8", "replace")
+
+
 def _plausible(data: _Bytes, opcode: int, at: int, end: int) -> bool:
     """True if a record is followed by another one, or the end: a wrong length would skip what follows."""
     if opcode not in _KNOWN or end > data.size:

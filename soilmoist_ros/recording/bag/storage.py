@@ -7,19 +7,26 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
+from operator import attrgetter
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import zstandard
 from rosbags import rosbag1, rosbag2
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+    TopicInfo,
+)
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.metadata import BagMessage, Extent
+from soilmoist_ros.recording.bag.metadata import BagMessage, Extent, Topic
+from soilmoist_ros.recording.bag.scan import McapScan, profile_of
 
 METADATA: Final = "metadata.yaml"
-BagFileReader = rosbag1.Reader | rosbag2.Reader
-"""Reader of one file."""
 _RECOVER: Final = "soilmoist bag recover"
 _REINDEX: Final = "rosbag fix or rosbag reindex (ROS 1)"
 _REMEDIES: Final = {
@@ -44,6 +51,51 @@ def unpacked(path: Path, stack: ExitStack) -> Path:
     return target
 
 
+class OtherProfile:
+    """MCAP file whose messages are those of ROS, but whose profile is not ``ros2``: of ROS 1, or of a tool without
+    profiles. rosbags refuses it, so it is read from its beginning to its end; as a reader of rosbags.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self._scan = path, McapScan(path)
+        counts, times, topics = Counter[str](), list[int](), dict[str, Topic]()
+        for message in self._scan.messages():
+            counts[message.topic.name] += 1
+            topics[message.topic.name] = message.topic
+            times.append(message.log_ns)
+        if found := self._scan.findings():
+            raise ValueError("; ".join(found))
+        self.of_ros1 = any(topic.definition.encoding == "ros1msg" for topic in topics.values())
+        self.message_count, self.start_time = len(times), min(times, default=0)
+        self.end_time = max(times, default=-1) + 1
+        self.connections: list[Connection] = []
+        for name, topic in topics.items():
+            about, number = topic.definition, len(self.connections)
+            form = MessageDefinitionFormat.IDL if about.encoding == "ros2idl" else MessageDefinitionFormat.MSG
+            text, ext = MessageDefinition(form, about.text), ConnectionExtRosbag2("", [])
+            kind = _full_type(about.type_name)
+            self.connections.append(Connection(number, name, kind, text, "", counts[name], ext, self))
+        self.topics = {
+            one.topic: TopicInfo(one.msgtype, one.msgdef, one.msgcount, [one]) for one in self.connections
+        }
+
+    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        """Messages of connections in the order of time, each with its time of receipt [ns]."""
+        wanted = {one.topic: one for one in connections}
+        found = sorted(self._scan.messages(wanted.keys()), key=attrgetter("log_ns"))
+        return ((wanted[one.topic.name], one.log_ns, one.data) for one in found)
+
+
+BagFileReader = rosbag1.Reader | rosbag2.Reader | OtherProfile
+"""Reader of one file."""
+
+
+def _full_type(name: str) -> str:
+    """Name of a type as in ROS 2; ROS 1 has no ``msg`` in it."""
+    package, _, kind = name.partition("/")
+    return name if "/" in kind or not kind else f"{package}/msg/{kind}"
+
+
 def open_file(path: Path, stack: ExitStack) -> BagFileReader:
     """A file of a bag, by its kind; the stack closes it. Raises what rosbags raises for a damaged file."""
     path = unpacked(path, stack)
@@ -51,6 +103,8 @@ def open_file(path: Path, stack: ExitStack) -> BagFileReader:
         _require_whole_database(path)
     if path.suffix == ".bag":
         return stack.enter_context(rosbag1.Reader(path))
+    if path.suffix == ".mcap" and profile_of(path) != "ros2":
+        return OtherProfile(path)
     return stack.enter_context(rosbag2.Reader(path))
 
 
