@@ -15,6 +15,7 @@ from soilmoist_ros.reporting import SeasonSettings, make_season
 from soilmoist_ros.reporting import season as module
 from soilmoist_ros.reporting.season_outputs import render_season, summary
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
+from soilmoist_ros.simulation import surrogate_field
 
 pytestmark = pytest.mark.slow  # the season that all use takes long to make
 
@@ -33,6 +34,8 @@ def test_surveys_are_in_order_of_time_with_their_means_and_changes(season):
         assert now.change.mean_vwc.value == pytest.approx(now.mean_vwc.value - before.mean_vwc.value, abs=0.01)
     assert season.curve is not None
     assert season.simulated
+    field = surrogate_field("synthetic-low").field.grid(6.0)
+    np.testing.assert_allclose(np.ptp(season.grid.polygon, axis=0), np.ptp(field.polygon, axis=0), atol=0.2)
 
 
 def test_very_many_samples_are_mapped_with_the_surveys_nearest_in_time(runs, season, monkeypatch):
