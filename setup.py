@@ -85,8 +85,6 @@ setup(
         "campaign": ["pandas>=2.2", "pyarrow>=14", "distributed>=2024.1", "jinja2>=3.1", "pyvrp>=0.14,<0.15"],
         # The operator's page.
         "console": ["aiohttp>=3.9", "segno>=1.5"],
-        # Results of the Python API as tables: to_dataframe.
-        "frames": ["pandas>=2.2"],
         # `colcon test` starts pytest for packages with an extra of this name.
         "test": [*TEST],
         # Tests, checks, packaging, and what the benchmarks compare with.

@@ -85,7 +85,7 @@ def map_health(field_map: FieldMap, worker: MapWorker, now_s: float) -> Health:
         fit, variogram = soil_map.fit, soil_map.variogram
         values |= {
             "model": variogram.model,
-            "fitted by": fit.method + ("" if fit.converged else f" (did not converge: {fit.message})"),
+            "fitted by": fit.method + ("" if fit.converged else " (did not converge)"),
             "nugget [(counts/s)^2]": f"{variogram.nugget:.3g}",
             "range [m]": f"{variogram.range_m:.3g}",
             "anisotropy": f"{variogram.anisotropy:.3g} along {variogram.angle_deg:.3g} deg",

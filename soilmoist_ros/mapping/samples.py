@@ -12,15 +12,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import floats, optional_module
-
-if TYPE_CHECKING:
-    import pandas
+from soilmoist_ros.foundation import floats
 
 Array = NDArray[np.float64]
 
@@ -129,28 +125,10 @@ class Samples:
         """Samples with these numbers, in their order."""
         return Samples(*(getattr(self, name)[numbers] for name in _COLUMNS))
 
-    def to_dataframe(self) -> pandas.DataFrame:
-        """One row a sample: x_m, y_m, raw_counts, effective_exposure_s, rate_cps, rate_sd_cps; needs pandas."""
-        columns = {
-            "x_m": self.xy[:, 0],
-            "y_m": self.xy[:, 1],
-            "raw_counts": self.counts,
-            "effective_exposure_s": self.exposure_s,
-            "rate_cps": self.rate_cps,
-            "rate_sd_cps": self.rate_sd_cps,
-        }
-        frame: pandas.DataFrame = optional_module("pandas").DataFrame(columns)
-        return frame
-
     @property
     def rate_cps(self) -> Array:
         """Count rate of each sample [counts/s]."""
         return self.counts / self.exposure_s
-
-    @property
-    def rate_sd_cps(self) -> Array:
-        """Poisson standard error of each rate, ``sqrt(counts) / exposure`` [counts/s]; 0 for no counts."""
-        return np.sqrt(self.counts) / self.exposure_s
 
     @property
     def mean_rate_cps(self) -> float:

@@ -14,12 +14,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import optional_module
 from soilmoist_ros.mapping.drift import NO_CHANGE, Change, Changing
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
@@ -29,9 +28,6 @@ from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing import MoistureCurve, SoilLimits, soil_limits
-
-if TYPE_CHECKING:
-    import pandas
 
 Array = NDArray[np.float64]
 
@@ -279,13 +275,6 @@ class SoilMap:
         """What the map is made of if its samples are very many, in words; empty if it is made of all of them."""
         count = len(self.samples)
         return f"of {count} samples in {len(self.kriging.places)} pools" if count > MAX_EXACT_SAMPLES else ""
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """The cells inside the field, one row each: x_m, y_m and the bands; needs pandas."""
-        x_m, y_m = self.grid.cells.T
-        bands = {name: band[self.grid.mask] for name, band in self.bands._asdict().items()}
-        frame: pandas.DataFrame = optional_module("pandas").DataFrame({"x_m": x_m, "y_m": y_m, **bands})
-        return frame
 
     def evaluate(self, xy: ArrayLike) -> Bands:
         """The bands at any points, inside the field or not."""

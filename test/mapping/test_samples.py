@@ -67,15 +67,6 @@ def test_impossible_spreads_are_refused(spread):
         Samples([[0, 0], [1, 0]], [1, 2], [10, 10], spread)
 
 
-def test_samples_as_a_table():
-    pytest.importorskip("pandas")
-    samples = Samples([(0, 0), (100, 50)], [300, 0], [100.0, 50.0])
-    table = samples.to_dataframe()
-    assert list(table) == ["x_m", "y_m", "raw_counts", "effective_exposure_s", "rate_cps", "rate_sd_cps"]
-    np.testing.assert_array_equal(table["rate_cps"], [3.0, 0.0])
-    assert repr(samples) == "Samples(2 of 150 s and 300 counts in all)"
-
-
 @pytest.mark.parametrize(
     ("masked", "message"), [(0, "xy must be finite"), (1, "counts must be whole"), (2, "exposure_s must be > 0")]
 )

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The soil map: what it is made from, its bands of moisture within the limits of the soil, and their coverage."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Samples, SoilMap, Variogram, make_soil_map
 from soilmoist_ros.mapping.soil_map import make_bands, moisture_terms, possible_moisture
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, soil_limits
@@ -64,19 +62,6 @@ def test_cells_too_wet_for_the_curve_are_counted():
     assert soil_map.beyond_limits[FIELD.mask][low].all()
     assert not soil_map.beyond_limits[~FIELD.mask].any()
     assert not make_soil_map(survey(), FIELD, MODEL).beyond_limits.any()
-
-
-@pytest.mark.slow
-def test_cells_as_a_table(monkeypatch):
-    pytest.importorskip("pandas")
-    soil_map = make_soil_map(survey(), FIELD, MODEL, CURVE)
-    table = soil_map.to_dataframe()
-    assert list(table) == ["x_m", "y_m", "rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95"]
-    np.testing.assert_array_equal(table[["x_m", "y_m"]], FIELD.cells)
-    np.testing.assert_array_equal(table["vwc"], soil_map.vwc[FIELD.mask])
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(InputError, match=r"pandas is not installed -> pip install 'soilmoist_ros\[frames\]'"):
-        soil_map.to_dataframe()
 
 
 positive = st.floats(0.01, 20.0)

@@ -135,7 +135,7 @@ def test_no_model_is_sent_too():
 def good(**changes):
     nothing = np.empty(0)
     variogram = Variogram("matern32", 0.1, 20.0, 1.0)
-    fit = VariogramFit(variogram, "reml", 4.0, 3, -1.0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), True, "", *4 * [nothing])
+    fit = VariogramFit(variogram, "reml", 4.0, 3, -1.0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), True, *4 * [nothing])
     return json.dumps({**json.loads(model_to_message(Model(fit, 1.0, 2.0)).data), **changes})
 
 

@@ -148,7 +148,7 @@ class World:
         nothing = np.empty(0)
         fit = VariogramFit(
             Variogram("matern32", 0.0, 10.0, 0.5), "reml", samples.mean_rate_cps, len(samples), 0.0, None,
-            (0.0, 0.0, 0.0), True, "", nothing, nothing, nothing, nothing,
+            (0.0, 0.0, 0.0), True, nothing, nothing, nothing, nothing,
         )  # fmt: skip
         self.samples.publish(samples_to_message(samples, self.now_s))
         self.model.publish(model_to_message(Model(fit, self.now_s, 2.0)))

@@ -55,7 +55,6 @@ class VariogramFit:
     log_sd: tuple[float, float, float] | None
     prior_share: tuple[float, float, float]
     converged: bool
-    message: str
     lag_m: Array
     gamma: Array
     weight: Array
@@ -156,7 +155,7 @@ def estimate_variogram(
     extent_m = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
     estimate = maximise_reml(surveys, model, extent_m, anisotropy, None if like is None else like.mode, farm)
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
-    found = estimate.log_likelihood, estimate.log_sd, estimate.prior_share, estimate.converged, estimate.message
+    found = estimate.log_likelihood, estimate.log_sd, estimate.prior_share, estimate.converged
     return VariogramFit(
         estimate.variogram, "reml", places.mean_rate_cps, len(places), *found, *classes, local_rate,
         other_fields=estimate.other_fields,
@@ -203,6 +202,5 @@ def _fit_soft_l1(places: Samples, model: ModelName, classes: _Classes) -> Variog
         None,
         (0.0, 0.0, 0.0),
         True,
-        "converged",
         *classes,
     )

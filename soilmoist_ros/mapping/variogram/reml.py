@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 Expansion = tuple[float, Array, Array]
 _MIN_CURVATURE = 0.1
 _ROUNDING = 1e-11
+_MAX_STEPS = 100
 _FIRST_DAMPING, _MIN_DAMPING, _MAX_DAMPING = 1e-3, 1e-6, 1e8
 ONE_BLOCK_PLACES = 1000  # maximum number of places for the full likelihood
 BLOCK_PLACES = 500  # maximum number of places in a block of the composite likelihood
@@ -61,9 +62,7 @@ class Minimum(NamedTuple):
     converged: bool  # whether the next step would be negligible
 
 
-def minimise(
-    expand: Callable[[Array], Expansion], start: Array, bound: float, tolerance: float, max_steps: int = 100
-) -> Minimum:
+def minimise(expand: Callable[[Array], Expansion], start: Array, bound: float, tolerance: float) -> Minimum:
     """Descend from a start to a minimum.
 
     ``expand`` may return an approximate Hessian. Symmetric secant updates learn the missing part from the
@@ -82,7 +81,7 @@ def minimise(
     value, gradient, hessian = expand(at)
     learned = np.zeros_like(hessian)
     damping = _FIRST_DAMPING
-    for _ in range(max_steps):
+    for _ in range(_MAX_STEPS):
         free = np.flatnonzero(_free(at, gradient, bound))
         steepest = np.abs(gradient[free]).max(initial=0.0)
         curvature, axes = np.linalg.eigh((hessian + learned)[free[:, None], free])
@@ -260,12 +259,10 @@ class RemlEstimate:
     """
 
     variogram: Variogram  # variogram to krige with; structured variance and nugget are posterior means
-    mode: Variogram  # posterior mode
     log_likelihood: float  # restricted log-likelihood at the mode, without the prior
     log_sd: tuple[float, float, float]
     prior_share: tuple[float, float, float]
-    converged: bool  # whether the optimiser reports convergence
-    message: str  # message of the optimiser
+    converged: bool  # whether the optimiser came to rest
     other_fields: str = ""  # verdict of the counts on surveys of other fields; empty without any
 
 
@@ -437,12 +434,10 @@ def maximise_reml(
     mean = np.exp(0.5 * prior.log_sd**2 * covariance)  # of a log-normal variable, in units of its median
     return RemlEstimate(
         Variogram(model, nugget * mean[2], range_m, structured * mean[0] + nugget * mean[2], *best.direction),
-        Variogram(model, nugget, range_m, structured + nugget, *best.direction),
         float(0.5 * best.u @ best.u - best.cost),
         _three(prior.log_sd * np.sqrt(covariance)),
         _three(np.clip(covariance, 0, 1)),
         best.converged,
-        "converged" if best.converged else "the optimiser did not come to rest",
         others,
     )
 

@@ -424,7 +424,7 @@ def _on_model(run: MapRun) -> Iterator[Note]:
             "the field. Use the mean of the field, and count longer for a map.",
         )
     if fit is not None and not fit.converged:
-        yield Note(NoteCode.NOT_CONVERGED, f"The fit of the variogram did not converge: {fit.message}.")
+        yield Note(NoteCode.NOT_CONVERGED, "The fit of the variogram did not converge.")
 
 
 def _on_change(soil_map: SoilMap) -> Note:

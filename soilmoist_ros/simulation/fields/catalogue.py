@@ -206,4 +206,4 @@ def _extrapolated(
     def grid() -> RateGrid:
         return kriged_grid(xy, rate, variogram, *extent.axes())
 
-    return SurrogateField(name, field.name, field, lambda places: grid()(places), curve, hours, xy, rate)
+    return SurrogateField(name, field.name, field, lambda places: grid()(places), curve, hours)

@@ -41,8 +41,6 @@ class SurrogateField:
     truth: Callable[[Array], Array]
     curve: MoistureCurve | None = None  # calibration that links moisture and rate, ``None`` without a calibration
     hours: float = 2.0  # usual mission time [h]
-    points_xy: Array | None = None  # positions of the points for a truth from points [m], shape (k, 2)
-    points_rate: Array | None = None  # rates at the points [counts/s], shape (k,)
     variogram: Variogram | None = None  # that of the rate, if it is a random field
 
     @property
@@ -62,15 +60,6 @@ class SurrogateField:
         """
         return self.truth(np.atleast_2d(np.asarray(xy_m, float)))
 
-    def vwc_at(self, xy_m: ArrayLike) -> Array:
-        """True volumetric water content [m^3/m^3] at positions of shape (n, 2) [m], shape (n,).
-
-        :raises ValueError: if the field has no calibration curve
-        """
-        if self.curve is None:
-            raise ValueError(f"the field {self.name!r} has no calibration curve, hence no soil moisture")
-        return self.curve.vwc(self.rate_at(xy_m))
-
 
 def write_field_file(field: SurrogateField, path: Path) -> None:
     """Write the field file of a surrogate field, without its truth.
@@ -80,7 +69,7 @@ def write_field_file(field: SurrogateField, path: Path) -> None:
     _write(path, _yaml(_outline(field)))
 
 
-def simulated_site(field: SurrogateField, footprint_m: float = 0.0, irrigation: Irrigation | None = None) -> Site:
+def simulated_site(field: SurrogateField, irrigation: Irrigation | None = None) -> Site:
     """Site of a surrogate field as a user would know it: soil, and N0 of one day of soil cores with its ±.
 
     The error of N0 is a draw that depends on the name of the field alone: one sensor, calibrated once. The counts
@@ -88,17 +77,15 @@ def simulated_site(field: SurrogateField, footprint_m: float = 0.0, irrigation: 
 
     :param irrigation: irrigation keys instead of :data:`IRRIGATION`
     """
-    return Site.model_validate(_site(field, footprint_m, irrigation))
+    return Site.model_validate(_site(field, irrigation))
 
 
-def write_site_file(
-    field: SurrogateField, path: Path, footprint_m: float = 0.0, irrigation: Irrigation | None = None
-) -> None:
+def write_site_file(field: SurrogateField, path: Path, irrigation: Irrigation | None = None) -> None:
     """Write the site file of :func:`simulated_site`; without a curve the field has no soil and no calibration.
 
     :raises InputError: if it cannot be written
     """
-    _write(path, _yaml(_site(field, footprint_m, irrigation)))
+    _write(path, _yaml(_site(field, irrigation)))
 
 
 def _outline(field: SurrogateField) -> dict[str, Any]:
@@ -116,11 +103,9 @@ def _outline(field: SurrogateField) -> dict[str, Any]:
     return content | {key: value for key, value in more.items() if value}
 
 
-def _site(field: SurrogateField, footprint_m: float, irrigation: Irrigation | None) -> dict[str, Any]:
-    about: dict[str, Any] = {"name": "simulated sensor"}
-    if footprint_m > 0:
-        about["footprint_radius_m"] = footprint_m
-    about["corrections"] = {"humidity": {"method": "linear"}}  # as the simulated weather acts on the counts
+def _site(field: SurrogateField, irrigation: Irrigation | None) -> dict[str, Any]:
+    corrections = {"humidity": {"method": "linear"}}  # as the simulated weather acts on the counts
+    about: dict[str, Any] = {"name": "simulated sensor", "corrections": corrections}
     known = _calibration(field)
     if known:
         true = known["calibration"]["n0_cps"]

@@ -140,7 +140,6 @@ def load_surrogate(path: Path, rng: np.random.Generator | None = None) -> Surrog
     except InputError as error:
         raise InputError([Mistake(error.mistakes[0].message, "", path, 0, "cell_m")]) from None
     extent, curve = GridExtent.of(field.polygon, grid.cell_m), section.curve
-    xy = rate = None
     truth: Truth
     if section.points is not None:
         file = path.parent / section.points
@@ -173,7 +172,7 @@ def load_surrogate(path: Path, rng: np.random.Generator | None = None) -> Surrog
             return _rate(function(xy), quantity, curve, path)
 
     variogram = section.rate_variogram
-    return SurrogateField(path.stem, field.name, field, truth, curve, section.hours, xy, rate, variogram)
+    return SurrogateField(path.stem, field.name, field, truth, curve, section.hours, variogram)
 
 
 def has_truth(path: Path) -> bool:

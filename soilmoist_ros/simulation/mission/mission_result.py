@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import Forecast, MissionStatus, Stop, Visit, hundredths
-from soilmoist_ros.foundation import optional_module
 from soilmoist_ros.mapping import Samples, SoilMap, possible_moisture
 from soilmoist_ros.sensing import MoistureCurve
 
@@ -220,13 +219,6 @@ class MissionResult:
     def columns(self) -> dict[str, NDArray[Any]]:
         """The series as columns, see :func:`series_columns`."""
         return series_columns(self.series, [mapped.name for mapped in self.properties])
-
-    def to_dataframe(self) -> Any:
-        """The series as a :class:`pandas.DataFrame`.
-
-        :raises InputError: if pandas is not installed
-        """
-        return optional_module("pandas").DataFrame(self.columns)
 
     def __repr__(self) -> str:
         end_h = self.series[-1].time_s / 3600 if self.series else 0.0

@@ -76,7 +76,7 @@ def earlier_series(
         own_mean = mean * (1 + MEAN_SD * float(rng.standard_normal()))
         deviation = sum(share * one for share, one in zip(lower[back], drawn, strict=False))
         rate = RateGrid(x_m, y_m, np.maximum(own_mean + deviation, FLOOR * mean))
-        was = replace(field, truth=rate, points_xy=None, points_rate=None)
+        was = replace(field, truth=rate)
         days = back * settings.survey_days
         records = _lattice_records(was, rng, settings.footprint_m, -days * DAY_S)
         surveys.append(SimulatedSurvey(f"{days:g} days before", was, records))

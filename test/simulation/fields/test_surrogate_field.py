@@ -74,10 +74,8 @@ def test_the_site_file_has_the_corrections_and_the_irrigation_keys_of_the_user(f
     write_site_file(field, tmp_path / "site.yaml")
     site = load_site(tmp_path / "site.yaml")
     assert site.humidity_method == "linear"  # as the simulated weather acts
-    assert site.known_footprint_m == 0
     own = Irrigation(texture="sand", root_depth_mm=500)
-    write_site_file(field, tmp_path / "site.yaml", footprint_m=8.0, irrigation=own)
-    assert load_site(tmp_path / "site.yaml").known_footprint_m == 8
+    write_site_file(field, tmp_path / "site.yaml", irrigation=own)
     assert load_site(tmp_path / "site.yaml").irrigation == own
 
 
