@@ -107,6 +107,8 @@ def command(
 
 def _print_summary(run: MapRun) -> None:
     """Print what was mapped, and what the report leads with."""
+    import numpy as np
+
     from soilmoist_ros.foundation import coordinates_text
     from soilmoist_ros.reporting import at_one_place, facts, has_no_level, irrigation
 
@@ -124,8 +126,11 @@ def _print_summary(run: MapRun) -> None:
         say(f"N0         {origin.n0_cps:.4g} counts/s +- {error}, {origin.source}")
     if run.soil_map.curve is None:
         say(f"moisture   not mapped: {NO_MOISTURE}")
-    for fact in facts(run):
-        say(f"           {f'{fact.value} {fact.unit}':<28} {fact.meaning}")
+    else:
+        rate, sd = np.nanmean(run.soil_map.rate), np.nanmean(run.soil_map.rate_sd)
+        say(f"rate       mean {rate:.4f} counts/s, standard deviation {sd:.4f}")
+    for number, fact in enumerate(facts(run)):
+        say(f"{'' if number else 'result':<10} {f'{fact.value} {fact.unit}':<28} {fact.meaning}")
     if has_no_level(run):
         say(f"level      {irrigation(run).level}")
     if not at_one_place(run):
