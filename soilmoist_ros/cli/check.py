@@ -10,7 +10,8 @@ from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from types import SimpleNamespace as Options
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -44,32 +45,29 @@ Value = TypeVar("Value")
 @click.option("--run", type=FILE, help="Folder of a run with a certificate, which is made again.")
 @position_options
 @answering
-def command(
-    logger: tuple[str, ...],
-    site: tuple[str, ...],
-    field: tuple[str, ...],
-    graphs: tuple[Path, ...],
-    home: str,
-    robot_radius_m: float,
-    logs: tuple[Path, ...],
-    nmea: tuple[Path, ...],
-    run: Path | None,
-    logger_topic: str,
-    fix_topic: str,
-    gnss_shift_s: float,
-) -> None:
+def command(**given: Any) -> None:
     """Check configuration files and report every mistake in them.
 
     Says what each file means: area and place of a field, moisture range of a calibration, dates, tubes and first
     records of a log. Files that are given together are compared.
     """
-    of_logs = {"nmea": nmea, "logger-topic": logger_topic, "fix-topic": fix_topic, "gnss-shift": gnss_shift_s}
+    options = Options(**given)
+    logger, site, field, logs = options.logger, options.site, options.field, options.logs
+    of_logs = {
+        "nmea": "nmea",
+        "logger_topic": "logger-topic",
+        "fix_topic": "fix-topic",
+        "gnss_shift_s": "gnss-shift",
+    }
     for wrong, text in (
-        (not (logger or site or field or logs or run), "give one of --logger, --site, --field, --log, --run"),
+        (
+            not (logger or site or field or logs or options.run),
+            "give one of --logger, --site, --field, --log, --run",
+        ),
         (logs and (len(site) > 1 or len(logger) > 1), "give one --site and one --logger at most with --log"),
-        (graphs and len(field) != 1, "give one --field with --graph"),
-        (home and not graphs, "--home requires --graph"),
-        *((given and not logs, f"--{option} requires --log") for option, given in of_logs.items()),
+        (options.graphs and len(field) != 1, "give one --field with --graph"),
+        (options.home and not options.graphs, "--home requires --graph"),
+        *((given[name] and not logs, f"--{option} requires --log") for name, option in of_logs.items()),
     ):
         if wrong:
             raise click.UsageError(text)
@@ -77,15 +75,14 @@ def command(
     for name in logger:
         _checked(name, partial(_logger, name), mistakes)
     sites = [_checked(name, partial(_site, name), mistakes) for name in site]
-    fields = [_checked(name, partial(_field, name, robot_radius_m), mistakes) for name in field]
+    fields = [_checked(name, partial(_field, name, options.robot_radius_m), mistakes) for name in field]
     for place in (one for one in fields if one is not None):
-        for graph in graphs:
-            _checked(graph.name, partial(_graph, place, graph, robot_radius_m, home), mistakes)
-    if run is not None:
-        _checked(str(run), partial(_certificate, run), mistakes)
+        for graph in options.graphs:
+            _checked(graph.name, partial(_graph, place, graph, options.robot_radius_m, options.home), mistakes)
+    if options.run is not None:
+        _checked(str(options.run), partial(_certificate, options.run), mistakes)
     if not mistakes and len(sites) < 2 and (logger or site or field or logs):
-        pairs, topics = list(zip(field, fields, strict=True)), (logger_topic, fix_topic)
-        _compare(next(iter(sites), None), pairs, logger, logs, nmea, topics, gnss_shift_s, mistakes)
+        _compare(next(iter(sites), None), list(zip(field, fields, strict=True)), options, mistakes)
     if mistakes:
         raise InputError(mistakes)
 
@@ -162,14 +159,7 @@ def _certificate(folder: Path) -> tuple[None, Iterable[FileFinding]]:
 
 
 def _compare(
-    site: Site | None,
-    fields: Sequence[tuple[str, Field | None]],
-    logger: Sequence[str],
-    logs: Sequence[Path],
-    nmea: Sequence[Path],
-    topics: tuple[str, str],
-    gnss_shift_s: float,
-    mistakes: list[Mistake],
+    site: Site | None, fields: Sequence[tuple[str, Field | None]], options: Options, mistakes: list[Mistake]
 ) -> None:
     """Check logs, and compare files that are given together."""
     import numpy as np
@@ -191,18 +181,18 @@ def _compare(
     from soilmoist_ros.sensing import Site
 
     places, source = np.empty((0, 2)), PositionSource("'location' in the site file")
-    if logs:
-        chosen = site or Site()
+    if logs := options.logs:
+        chosen, nmea = site or Site(), options.nmea
 
         def check() -> tuple[None, list[FileFinding]]:
             nonlocal places, source
             skipped: list[Mistake] = []
-            found = read_logs(logs, next(iter(logger), None), chosen, topic=topics[0], skipped=skipped)
+            logger = next(iter(options.logger), None)
+            found = read_logs(logs, logger, chosen, topic=options.logger_topic, skipped=skipped)
             if skipped:
                 warn(f"warning: {skipped_text(skipped)}")
-            track, faults = read_track(
-                nmea, [] if nmea else [one.path for one in found], topics[1], log_times(found), gnss_shift_s
-            )
+            others = [] if nmea else [one.path for one in found]
+            track, faults = read_track(nmea, others, options.fix_topic, log_times(found), options.gnss_shift_s)
             places, source = log_positions(found, track, chosen), position_source(found, nmea, chosen, None)
             notes = position_findings(found, track, faults, chosen)
             findings = log_findings(found, places, site, time.time(), track, reading_of(found))

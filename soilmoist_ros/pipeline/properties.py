@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration import Visit, property_weights
 from soilmoist_ros.foundation import IllConditionedError, InputError, LocalFrame, finite_number, resource
-from soilmoist_ros.mapping import Field, FieldMap, MapState, PositionSource, load_field, require_near
+from soilmoist_ros.mapping import Field, MapState, PositionSource, load_field, require_near
 from soilmoist_ros.pipeline.bag_lines import CLOUD, STATUS, TEXT, RunTopics
 from soilmoist_ros.pipeline.field_survey import FieldSurvey
 from soilmoist_ros.recording import BagReader, points, read_parameters
@@ -173,51 +173,6 @@ def _last_cloud(topics: RunTopics, named: str, stamp_s: float | None = None) -> 
     return last
 
 
-def compare(
-    field_map: FieldMap, states: Sequence[MapState], last: PublishedMap | None, several: bool = False
-) -> PropertyComparison:
-    """Compare the replayed map of the records up to the last one of the published map with that map."""
-    if last is None or last.stamp_s == 0:
-        why = "the bag has no map" if last is None else "the robot's last map is empty"
-        return PropertyComparison(None, f"not compared: {why}")
-    # Records of several robots may have the same stamp; the counts say how many of these are in the map.
-    alike = [
-        state
-        for state in states
-        if state.stamp_s == last.stamp_s and last.raw_counts in (None, float(state.samples.counts.sum()))
-    ]
-    if not alike:
-        why = "it was reset, or began before or went on after the recording"
-        message = f"not compared: the robot's last map is of other records than the bag: {why}"
-        return PropertyComparison(None, message)
-    soil_map, cells = field_map.compute(alike[-1]), last.cells
-    differs = "differs from the robot's last one: "
-    bands, shape = cells.dtype.names or (), field_map.grid.shape
-    if not set(_OF_RATE) <= set(bands):
-        return PropertyComparison(False, f"{differs}that lacks bands")
-    if shape != cells.shape:
-        sizes = f"it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}"
-        return PropertyComparison(False, f"{differs}{sizes}")
-    largest = 0.0
-    for name in (*_OF_RATE, *_OF_MOISTURE) if set(_OF_MOISTURE) <= set(bands) else _OF_RATE:
-        there = cells[name]
-        here = np.full(shape, np.nan) if soil_map is None else np.asarray(getattr(soil_map, name))
-        here = here.astype(there.dtype)
-        known = ~np.isnan(there)
-        if not np.array_equal(np.isnan(here), ~known):
-            return PropertyComparison(False, f"{differs}other cells have a {name}")
-        error = np.abs(here[known].astype(float) - there[known]).max(initial=0.0)
-        largest = max(largest, float(error) / max(float(np.abs(there[known]).max(initial=0.0)), 1e-30))
-    if largest == 0:
-        return PropertyComparison(True, "equals the robot's last one, bit for bit", 0.0)
-    why = ""
-    if largest < _ROUNDING:
-        why = ": rounding, as on another processor or with more threads"
-    elif several:
-        why = ": records of several robots reach mapper and recorder in different orders"
-    return PropertyComparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}", largest)
-
-
 @dataclass(frozen=True)
 class PropertyTopic:
     """Topics of a property in a bag."""
@@ -309,8 +264,50 @@ class ReplayedProperty:
         return None if self.truth is None else self.survey.map.grid.to_raster(self.true_rate)
 
     def compared(self, several: bool = False) -> PropertyComparison:
-        """Comparison with the map that the mapper published."""
-        return compare(self.survey.map, self.states, self.published, several)
+        """Comparison of the map of the records up to the last one of the published map with that map.
+
+        :param several: whether records of several robots are in it
+        """
+        last, field_map = self.published, self.survey.map
+        if last is None or last.stamp_s == 0:
+            why = "the bag has no map" if last is None else "the robot's last map is empty"
+            return PropertyComparison(None, f"not compared: {why}")
+        # Records of several robots may have the same stamp; the counts say how many of these are in the map.
+        alike = [
+            state
+            for state in self.states
+            if state.stamp_s == last.stamp_s and last.raw_counts in (None, float(state.samples.counts.sum()))
+        ]
+        if not alike:
+            why = "it was reset, or began before or went on after the recording"
+            message = f"not compared: the robot's last map is of other records than the bag: {why}"
+            return PropertyComparison(None, message)
+        soil_map, cells = field_map.compute(alike[-1]), last.cells
+        differs = "differs from the robot's last one: "
+        bands, shape = cells.dtype.names or (), field_map.grid.shape
+        if not set(_OF_RATE) <= set(bands):
+            return PropertyComparison(False, f"{differs}that lacks bands")
+        if shape != cells.shape:
+            sizes = f"it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}"
+            return PropertyComparison(False, f"{differs}{sizes}")
+        largest = 0.0
+        for name in (*_OF_RATE, *_OF_MOISTURE) if set(_OF_MOISTURE) <= set(bands) else _OF_RATE:
+            there = cells[name]
+            here = np.full(shape, np.nan) if soil_map is None else np.asarray(getattr(soil_map, name))
+            here = here.astype(there.dtype)
+            known = ~np.isnan(there)
+            if not np.array_equal(np.isnan(here), ~known):
+                return PropertyComparison(False, f"{differs}other cells have a {name}")
+            error = np.abs(here[known].astype(float) - there[known]).max(initial=0.0)
+            largest = max(largest, float(error) / max(float(np.abs(there[known]).max(initial=0.0)), 1e-30))
+        if largest == 0:
+            return PropertyComparison(True, "equals the robot's last one, bit for bit", 0.0)
+        why = ""
+        if largest < _ROUNDING:
+            why = ": rounding, as on another processor or with more threads"
+        elif several:
+            why = ": records of several robots reach mapper and recorder in different orders"
+        return PropertyComparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}", largest)
 
     def errors_at(self, stamp_s: float) -> MapErrors:
         """Errors of the map of all records up to a time, see :func:`map_errors`; NaN without map or truth."""

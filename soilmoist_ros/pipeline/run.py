@@ -102,9 +102,6 @@ class InputFile:
     role: str = "logger data"
 
 
-"""Name of the correction by a stationary sensor."""
-
-
 @dataclass(frozen=True)
 class CorrectionRow:
     """An applied correction: formula in plain text, parameters by name with unit, range over the records."""
@@ -283,9 +280,6 @@ class MapRun(SurveyTimes):
     :param name: name of the property for files: letters, digits and _
     :param label: name of the property for readers
     :param others: maps of the other properties of this run; they have no mission and no others
-    :param uncertain_vwc_sd: standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
-    :param uncertain_rate_share: standard deviation of the rate from which a place counts as uncertain, as a
-        share of the rate [-]
     :param change: change since the latest of the earlier surveys
     :param quarantined: records left out of the map, each with its reason, in order of time
     :param time_zone: name of the field's time zone, for local times next to UTC; empty for UTC alone
@@ -316,8 +310,6 @@ class MapRun(SurveyTimes):
     name: str = ""
     label: str = ""
     others: Sequence[MapRun] = ()
-    uncertain_vwc_sd: float = 0.03
-    uncertain_rate_share: float = 0.05
     quarantined: Sequence[CountRecord] = ()
     irrigation: Irrigation = field(default_factory=Irrigation)
     time_zone: str = ""

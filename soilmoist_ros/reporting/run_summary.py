@@ -185,10 +185,10 @@ def _map(run: MapRun) -> dict[str, Any]:
         "resolution_m": statistics.resolution_m(soil_map, run.footprint_radius_m or 0.0),
         "explained_share": statistics.explained_share(soil_map),
         "undefined_vwc_share": statistics.undefined_share(soil_map),
-        "uncertain_share": statistics.uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share),
-        "uncertain_above": {"vwc_sd": run.uncertain_vwc_sd}
+        "uncertain_share": statistics.uncertain_share(soil_map),
+        "uncertain_above": {"vwc_sd": statistics.UNCERTAIN_VWC_SD}
         if run.calibrated
-        else {"rate_sd_per_rate": run.uncertain_rate_share},
+        else {"rate_sd_per_rate": statistics.UNCERTAIN_RATE_SHARE},
     }
 
 

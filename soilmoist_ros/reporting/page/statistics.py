@@ -32,6 +32,8 @@ MAX_UNUSABLE = 0.25
 """Largest share of impossible or undefined moisture in the area at which zones and advice rest on the moisture."""
 MAX_SAMPLES = 1000
 MAX_CELLS, MAX_PAIRED_CELLS = 1500, 500
+UNCERTAIN_VWC_SD = 0.03  # standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
+UNCERTAIN_RATE_SHARE = 0.05  # the same of the rate, as a share of it [-]
 INTERVAL_SD = 1.96  # half width of a 95 % interval
 
 
@@ -98,15 +100,12 @@ def resolution_m(soil_map: SoilMap, footprint_radius_m: float) -> float:
     return max(soil_map.grid.cell_m, min(resolved_m, soil_map.grid.extent_m), seen_m)
 
 
-def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> float:
-    """Share of the field's cells whose standard deviation is above a limit or undefined [0..1].
-
-    :param vwc_sd: limit for VWC [m^3/m^3], used with a calibration
-    """
+def uncertain_share(soil_map: SoilMap) -> float:
+    """Share of the field's cells whose standard deviation is above its limit or undefined [0..1]."""
     mask = soil_map.grid.mask
     if soil_map.curve is not None:
-        return float(np.mean(~(soil_map.vwc_sd[mask] <= vwc_sd)))
-    return float(np.mean(~(soil_map.rate_sd[mask] <= rate_share * soil_map.rate[mask])))
+        return float(np.mean(~(soil_map.vwc_sd[mask] <= UNCERTAIN_VWC_SD)))
+    return float(np.mean(~(soil_map.rate_sd[mask] <= UNCERTAIN_RATE_SHARE * soil_map.rate[mask])))
 
 
 def implausible_shares(soil_map: SoilMap) -> tuple[float, float]:

@@ -85,8 +85,8 @@ def facts(run: MapRun) -> list[Fact]:
     spread = band_statistics(soil_map.vwc_sd if moist else soil_map.rate_sd)
     mid = band_statistics(soil_map.vwc if moist else soil_map.rate)
     low, high = text(mid.p05), text(mid.p95)
-    limit = f"{volume(run.uncertain_vwc_sd)} {unit}" if moist else percent(run.uncertain_rate_share)
-    unsure = statistics.uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share)
+    limit = f"{volume(statistics.UNCERTAIN_VWC_SD)} {unit}" if moist else percent(statistics.UNCERTAIN_RATE_SHARE)
+    unsure = statistics.uncertain_share(soil_map)
     order = "driest to wettest" if moist else "wettest to driest"
     return [
         _fact_of_mean(run),
