@@ -79,3 +79,21 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if ROOT / "test" / "nodes" in item.path.parents:
             item.add_marker(pytest.mark.process)
+
+
+@pytest.fixture
+def install_plug_ins(tmp_path, monkeypatch):
+    """Puts a package with entry points of a group where Python finds it."""
+
+    def install(group: str, package: str, code: str, **points: str) -> None:
+        folder = tmp_path / package
+        metadata = folder / f"{package}-1.0.dist-info"
+        metadata.mkdir(parents=True)
+        (folder / f"{package}.py").write_text(code)
+        (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+        lines = [f"[{group}]", *(f"{name} = {package}:{value}" for name, value in points.items())]
+        (metadata / "entry_points.txt").write_text("\n".join(lines) + "\n")
+        monkeypatch.syspath_prepend(str(folder))
+        monkeypatch.delitem(sys.modules, package, raising=False)
+
+    return install

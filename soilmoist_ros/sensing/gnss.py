@@ -166,11 +166,6 @@ def covariance_of_ellipse(major_m: float, minor_m: float, orientation_deg: float
     return (east, mixed, 0.0), (mixed, north, 0.0), (0.0, 0.0, up_m**2)
 
 
-def diagonal_covariance(east_m: float, north_m: float, up_m: float) -> Covariance:
-    """Covariance of uncorrelated errors with these standard deviations [m^2]."""
-    return (east_m**2, 0.0, 0.0), (0.0, north_m**2, 0.0), (0.0, 0.0, up_m**2)
-
-
 def fix_from_message(message: Any, received_s: float = NAN) -> Fix:
     """Fix of a sensor_msgs/NavSatFix or a gps_msgs/GPSFix, decoded by ROS or by rosbags.
 

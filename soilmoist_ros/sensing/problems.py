@@ -153,8 +153,8 @@ class Finding:
     bad: bool = False
     column: str = ""
 
-    def at(self, path: Path | None, line: int, lost: bool = False) -> Problem:
-        """Problem of the record in a line."""
+    def at(self, path: Path | None = None, line: int = 0, lost: bool = False) -> Problem:
+        """Problem of the record in a line, or of a whole log."""
         mistake = Mistake(self.message, self.remedy, path, line, self.column)
         return Problem(self.kind, mistake, lost, quarantined=self.bad and not lost)
 

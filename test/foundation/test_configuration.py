@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation import InputError, did_you_mean, parse_yaml, read_limited, read_quickly, read_yaml
-from soilmoist_ros.foundation.plain_values import foreign_text, shown_path, shown_text
+from soilmoist_ros.foundation.plain_values import foreign_text, shown_text
 from soilmoist_ros.foundation.sections import Section, load_model
 
 LAUGHS = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -162,14 +162,6 @@ def test_a_date_without_quotes_is_a_text(tmp_path):
 
 
 # Plain values ----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("path", "shown"),
-    [("logs/may.csv", "logs/may.csv"), ("/data/My logs/may.csv", "may.csv"), (r"C:\logs\may.csv", "may.csv")],
-)
-def test_a_path_for_others_has_no_folders_of_this_computer(path, shown):
-    assert shown_path(path) == shown
 
 
 def test_a_message_loses_folders_but_no_topics_units_or_addresses(tmp_path):

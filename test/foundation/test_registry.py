@@ -8,6 +8,7 @@ import logging
 import re
 import sys
 from collections.abc import Callable
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -35,20 +36,8 @@ def shapes() -> Registry[int]:
 
 
 @pytest.fixture
-def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
-    """Puts a package with entry points where Python finds it."""
-
-    def write(package: str, code: str, **points: str) -> None:
-        folder = tmp_path / package
-        metadata = folder / f"{package}-1.0.dist-info"
-        metadata.mkdir(parents=True)
-        (folder / f"{package}.py").write_text(code)
-        (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-        lines = [f"[{GROUP}]", *(f"{name} = {package}:{value}" for name, value in points.items())]
-        (metadata / "entry_points.txt").write_text("\n".join(lines) + "\n")
-        monkeypatch.syspath_prepend(str(folder))
-
-    return write
+def install(install_plug_ins: Install) -> Install:
+    return partial(install_plug_ins, GROUP)
 
 
 def test_built_in_names_are_found_without_a_look_at_installed_packages(

@@ -23,7 +23,7 @@ from msg_adapters.environment import (
     weather_to_messages,
 )
 from soilmoist_ros.foundation import Health, Level, foreign_text
-from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, diagonal_covariance, fix_from_message
+from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, covariance_of_ellipse, fix_from_message
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 
 NAN = math.nan
@@ -39,7 +39,7 @@ sds = numbers(1e-3, 1e3)
 
 @st.composite
 def fixes(draw):
-    covariance = diagonal_covariance(draw(sds), draw(sds), draw(sds))
+    covariance = covariance_of_ellipse(draw(sds), draw(sds), 0.0, draw(sds))
     sd = math.sqrt((covariance[0][0] + covariance[1][1]) / 2)
     latitude_deg = draw(numbers(-90, 90).filter(bool))  # 0, 0 is no place
     place = Position(latitude_deg, draw(numbers(-180, 180)), draw(numbers(-400, 9000)), sd)

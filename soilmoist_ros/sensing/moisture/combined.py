@@ -17,8 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from soilmoist_ros.foundation import InputError, LocalFrame, listing
-from soilmoist_ros.sensing.corrections.settings import Location
+from soilmoist_ros.foundation import InputError, distance_and_bearing, listing
 from soilmoist_ros.sensing.moisture.general import DAY_SD, GENERAL_SD
 from soilmoist_ros.sensing.moisture.site import Calibration, N0Estimate, Site, UncertaintyPart
 
@@ -119,7 +118,8 @@ def earlier_source(
     there, place = before.location, here.location
     if there is None or place is None:
         raise InputError("it is not known whether it is the same site", "give both site files a location", path)
-    if _distance_m(there, place) > SAME_SITE_M:
+    ends = [(one.latitude_deg, one.longitude_deg) for one in (there, place)]
+    if distance_and_bearing(ends[0], ends[1])[0] > SAME_SITE_M:
         factor = scale()
         return N0Source("earlier", n0 * factor, math.hypot(sd / n0, GENERAL_SD, GENERAL_SD), GENERAL_SD)
     if days and found.date and set(days) & set(found.date.split(", ")):
@@ -172,9 +172,3 @@ def combined_calibration(
 def difference_sd(one: N0Source, other: N0Source) -> float:
     """Difference of two independent sources, in its standard deviations."""
     return abs(math.log(one.n0_cps / other.n0_cps)) / math.hypot(one.sd, other.sd)
-
-
-def _distance_m(one: Location, other: Location) -> float:
-    there = LocalFrame(one.latitude_deg, one.longitude_deg).to_local(other.latitude_deg, other.longitude_deg)
-    distance = math.hypot(*there[0])
-    return math.inf if math.isnan(distance) else distance

@@ -134,12 +134,17 @@ class MoistureCurve(ABC):
 
     @property
     @abstractmethod
+    def lowest(self) -> float:
+        """Rate at or below which VWC is undefined, in units of N0 [-]."""
+
+    @property
     def lowest_rate_cps(self) -> float:
         """Rate at or below which VWC is undefined [counts/s]."""
+        return self.n0_cps * self.lowest
 
-    @abstractmethod
     def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
         """Mask of rates [counts/s] that have a soil moisture: above :attr:`lowest_rate_cps`."""
+        return floats(rate_cps) / self.n0_cps > self.lowest
 
     @abstractmethod
     def vwc(self, rate_cps: ArrayLike) -> Array:
@@ -182,14 +187,7 @@ class CalibrationCurve(MoistureCurve):
 
     name = "desilets"
 
-    @property
-    def lowest_rate_cps(self) -> float:
-        """Rate at which the curve diverges, ``A1 * N0`` [counts/s]."""
-        return A1 * self.n0_cps
-
-    def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
-        """Mask of rates [counts/s] that have a soil moisture: above ``A1 * N0``."""
-        return floats(rate_cps) / self.n0_cps > A1
+    lowest = A1  # where the curve diverges
 
     def vwc(self, rate_cps: ArrayLike) -> Array:
         """Volumetric water content of corrected rates."""
@@ -283,13 +281,9 @@ class UniversalCurve(MoistureCurve):
             raise ValueError(f"parameter_set must be one of {', '.join(PARAMETER_SETS)}")
 
     @property
-    def lowest_rate_cps(self) -> float:
-        """Rate over endless water [counts/s]."""
-        return self.n0_cps * self._set.p2 * self._amplitude
-
-    def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
-        """Mask of rates [counts/s] that have a soil moisture: above the rate over endless water."""
-        return floats(rate_cps) > self.lowest_rate_cps
+    def lowest(self) -> float:
+        """Rate over endless water, in units of N0 [-]."""
+        return self._set.p2 * self._amplitude
 
     def vwc(self, rate_cps: ArrayLike) -> Array:
         """Volumetric water content of corrected rates."""
@@ -371,8 +365,8 @@ class UniversalCurve(MoistureCurve):
         that starts at the root of the hyperbola approaches the root from one side and cannot leave the range.
         """
         relative = np.where(self.valid(rate_cps), floats(rate_cps) / self.n0_cps, np.nan)
-        p1, end = self._set.p1, self._set.p2 * self._amplitude
-        water = np.asarray(p1 * (self._amplitude - relative) / (relative - end))
+        p1 = self._set.p1
+        water = np.asarray(p1 * (self._amplitude - relative) / (relative - self.lowest))
         for _ in range(_MAX_STEPS):
             value, slope = self._response(water, 1)
             step = np.asarray((relative - value) / slope)

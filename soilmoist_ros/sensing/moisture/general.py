@@ -255,16 +255,15 @@ def general_calibration(site: Site, air: SurveyAir) -> tuple[Calibration, Soil] 
     sensitivity, scale = sensitivity_of(site), _scaling(site, air)
     if sensitivity is None or scale is None or why_no_soil(site):
         return None
-    share = sensitivity.sd / sensitivity.value
+    share, (changing, of_changing) = sensitivity.sd / sensitivity.value, _changing(site, air)
     parts = [
         _part("general N0", GENERAL_N0_CPS, "counts/s", GENERAL_SD * GENERAL_N0_CPS, "literature", GENERAL_SD),
         _part("sensitivity", sensitivity.value, "of the reference", sensitivity.sd, sensitivity.origin, share,
               sensitivity.sd_origin),
-        *scale.parts, *_changing_parts(site, air),
+        *scale.parts, *of_changing,
     ]  # fmt: skip
     soil, of_soil = soil_of(site)
-    factor = scale.factor * _humidity(site) * _intensity(site, air)[0] * _plants(site)
-    n0_cps = GENERAL_N0_CPS * sensitivity.value * factor
+    n0_cps = GENERAL_N0_CPS * sensitivity.value * scale.factor * changing
     total = math.hypot(*(part.share for part in parts if not math.isnan(part.share)))
     snow = "; snow is not accounted for" if air.temperature_degc < COLD_DEGC else ""
     note = (
@@ -372,31 +371,38 @@ def _scaling(site: Site, air: SurveyAir) -> _Scaling | None:
     return _Scaling(factor, rigidity, pressure, parts)
 
 
-def _changing_parts(site: Site, air: SurveyAir) -> Iterator[UncertaintyPart]:
-    """Parts of what changes in time: intensity, humidity, plants and road."""
-    level, intensity_sd = _intensity(site, air)
-    known = site.corrections.intensity is not None and _of_jungfraujoch(site)
-    yield _part(
-        "intensity", level, "of that of N0", level * intensity_sd, "measured" if known else "default range",
-        intensity_sd,
-    )  # fmt: skip
-    corrected, coefficient = site.corrections.humidity is not None, Corrections.humidity_coefficient_m3g
-    yield _part(
-        "humidity", air.humidity_gm3 if corrected else HUMIDITY_GM3, "g/m3",
-        0.3 if corrected else HUMIDITY_SD_GM3, "measured" if corrected else "default range",
-        coefficient * (0.3 if corrected else HUMIDITY_SD_GM3), "assumed" if corrected else None,
-    )  # fmt: skip
-    biomass, biomass_sd, origin = biomass_of(site)
-    sd_origin: SdOrigin | None = "assumed" if origin == "given" else None
-    yield _part("biomass", biomass, "kg/m2", biomass_sd, origin, DRY_BIOMASS_SHARE_M2KG * biomass_sd, sd_origin)
-    if site.corrections.road is not None:
-        sd = abs(site.corrections.f_road - 1) / 3  # the road's moisture and width are rough
-        yield _part("road", site.corrections.f_road, "factor", sd, "given", sd, "assumed")
+def _changing(site: Site, air: SurveyAir) -> tuple[float, list[UncertaintyPart]]:
+    """Rate at the intensity, humidity and plants of a site's references in units of that of N0, and the parts of
+    all that changes in time.
+    """
+    settings, coefficient = site.corrections, Corrections.humidity_coefficient_m3g
+    origin: Origin = "default range"
+    level, sd = INTENSITY, INTENSITY_SD
+    intensity = settings.intensity
+    if intensity is not None and intensity.monitor is not None and intensity.monitor.name == "JUNG":
+        scale = site.corrections_parameters.intensity_scale
+        level, sd, origin = 1 + scale * (intensity.reference / JUNG_CPS - 1), JUNG_SD, "measured"
+    parts = [_part("intensity", level, "of that of N0", level * sd, origin, sd)]
+    if settings.humidity is None:
+        corrected_to_gm3, sd = HUMIDITY_GM3, HUMIDITY_SD_GM3
+        parts.append(_part("humidity", HUMIDITY_GM3, "g/m3", sd, "default range", coefficient * sd))
+    else:
+        corrected_to_gm3, sd = site.reference_humidity_gm3, 0.3
+        parts.append(_part("humidity", air.humidity_gm3, "g/m3", sd, "measured", coefficient * sd, "assumed"))
+    biomass, sd, origin = _biomass(site)
+    assumed: SdOrigin | None = "assumed" if origin == "given" else None
+    parts.append(_part("biomass", biomass, "kg/m2", sd, origin, DRY_BIOMASS_SHARE_M2KG * sd, assumed))
+    if settings.road is not None:
+        sd = abs(settings.f_road - 1) / 3  # the road's moisture and width are rough
+        parts.append(_part("road", settings.f_road, "factor", sd, "given", sd, "assumed"))
     if air.temperature_degc < COLD_DEGC:
-        yield _part("snow", math.nan, "mm", 0.0, "default range")
+        parts.append(_part("snow", math.nan, "mm", 0.0, "default range"))
+    # Counts that are corrected for plants are those of bare soil.
+    plants = 1.0 if settings.biomass is not None else 1 - DRY_BIOMASS_SHARE_M2KG * biomass
+    return level * plants / (1 + coefficient * corrected_to_gm3), parts
 
 
-def biomass_of(site: Site) -> tuple[float, float, Origin]:
+def _biomass(site: Site) -> tuple[float, float, Origin]:
     """Biomass above the ground [kg/m^2], its standard deviation, and where it is from; dry but where the site file
     gives a water equivalent.
     """
@@ -407,32 +413,3 @@ def biomass_of(site: Site) -> tuple[float, float, Origin]:
         return BIOMASS_KGM2, BIOMASS_SD_KGM2, "default range"
     full, (share, share_sd) = CROPS[site.vegetation.crop], STAGES[site.vegetation.stage]
     return full * share, max(full * share_sd, 0.05), "default range"
-
-
-def _plants(site: Site) -> float:
-    """Share of the counts that plants leave; 1 where the counts are corrected for them."""
-    if site.corrections.biomass is not None:
-        return 1.0
-    return 1 - DRY_BIOMASS_SHARE_M2KG * biomass_of(site)[0]
-
-
-def _humidity(site: Site) -> float:
-    """Rate at the humidity to which a site corrects, in units of that in dry air."""
-    corrected = site.corrections.humidity is not None
-    return 1 / (
-        1 + Corrections.humidity_coefficient_m3g * (site.reference_humidity_gm3 if corrected else HUMIDITY_GM3)
-    )
-
-
-def _of_jungfraujoch(site: Site) -> bool:
-    monitor = None if site.corrections.intensity is None else site.corrections.intensity.monitor
-    return monitor is not None and monitor.name == "JUNG"
-
-
-def _intensity(site: Site, air: SurveyAir) -> tuple[float, float]:
-    """Intensity to which a site corrects, in units of that of N0, and its relative standard deviation."""
-    settings = site.corrections.intensity
-    if settings is None or not _of_jungfraujoch(site):
-        return INTENSITY, INTENSITY_SD
-    scale = site.corrections_parameters.intensity_scale
-    return 1 + scale * (settings.reference / JUNG_CPS - 1), JUNG_SD

@@ -190,17 +190,16 @@ class Calibration(Section):
         """Curve from the rate to the moisture of a soil; the humidity is that to which rates are corrected
         [g/m^3].
         """
-        common = (
-            self.n0_cps, soil.bulk_density_gcm3, soil.lattice_water, soil.organic_water, self.n0_sd_cps or 0.0,
-            soil.bulk_density_sd_gcm3 or 0.0,
-        )  # fmt: skip
-        known = {
+        values = {
+            "n0_cps": self.n0_cps, "bulk_density_gcm3": soil.bulk_density_gcm3,
+            "lattice_water": soil.lattice_water, "organic_water": soil.organic_water,
+            "n0_sd_cps": self.n0_sd_cps or 0.0, "bulk_density_sd_gcm3": soil.bulk_density_sd_gcm3 or 0.0,
             "bound_water_sd": soil.bound_water_sd or 0.0, "n0_per_bound_water": self.n0_per_bound_water,
             "n0_per_density": self.n0_per_density,
         }  # fmt: skip
-        if self.curve == "universal":
-            return UniversalCurve(*common, reference_humidity_gm3, self.parameter_set, **known)
-        return CalibrationCurve(*common, **known)
+        if self.curve == "desilets":
+            return CalibrationCurve(**values)
+        return UniversalCurve(**values, humidity_gm3=reference_humidity_gm3, parameter_set=self.parameter_set)
 
 
 class Vegetation(Section):
@@ -293,12 +292,9 @@ class Irrigation(Section):
         if self.efficiency < MIN_EFFICIENCY:
             what = f"'efficiency' {self.efficiency:g} is below {MIN_EFFICIENCY:g}: most of the water would be lost"
             raise ValueError(f"{what}; give the share that reaches the root zone, such as 0.8")
-        if self.steps_mm > self.max_dose_mm:
-            raise ValueError(f"'steps_mm' {self.steps_mm:g} is larger than 'max_dose_mm' {self.max_dose_mm:g}")
-        if self.min_dose_mm > self.max_dose_mm:
-            raise ValueError(
-                f"'min_dose_mm' {self.min_dose_mm:g} is larger than 'max_dose_mm' {self.max_dose_mm:g}"
-            )
+        for name, dose_mm in (("steps_mm", self.steps_mm), ("min_dose_mm", self.min_dose_mm)):
+            if dose_mm > self.max_dose_mm:
+                raise ValueError(f"'{name}' {dose_mm:g} is larger than 'max_dose_mm' {self.max_dose_mm:g}")
         if self.target is not None and self.target_share != 1:
             raise ValueError("give 'target' or 'target_share', not both")
         if self.target is not None and self.field_capacity is not None and self.target > self.field_capacity:

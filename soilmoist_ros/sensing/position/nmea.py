@@ -30,7 +30,6 @@ from soilmoist_ros.sensing.gnss import (
     FixStatus,
     NoPlace,
     covariance_of_ellipse,
-    diagonal_covariance,
     horizontal_sd,
     is_place,
 )
@@ -296,11 +295,11 @@ def _covariance(epoch: _Epoch, quality: int, hdop: float) -> tuple[Covariance, C
     if 0 < major < MAX_SD_M and 0 < minor < MAX_SD_M and not math.isnan(orientation):
         return covariance_of_ellipse(major, minor, orientation, up_sd), CovarianceKind.KNOWN
     if 0 < east < MAX_SD_M and 0 < north < MAX_SD_M:
-        return diagonal_covariance(east, north, up_sd), CovarianceKind.DIAGONAL_KNOWN
+        return covariance_of_ellipse(north, east, 0.0, up_sd), CovarianceKind.DIAGONAL_KNOWN
     sd = horizontal_sd(quality, hdop)
     if math.isnan(sd):
         return UNKNOWN_COVARIANCE, CovarianceKind.UNKNOWN
-    return diagonal_covariance(sd, sd, VERTICAL_PER_HORIZONTAL * sd), CovarianceKind.APPROXIMATED
+    return covariance_of_ellipse(sd, sd, 0.0, VERTICAL_PER_HORIZONTAL * sd), CovarianceKind.APPROXIMATED
 
 
 def _values(message: pynmea2.NMEASentence, fields: Mapping[str, str]) -> Values:

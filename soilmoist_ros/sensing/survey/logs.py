@@ -118,7 +118,7 @@ def process_logs(
         survey.take_record(record, path=path)
         found += survey.take_ready()
     whole = [*survey.checks.totals.findings, *unlikely_weather(records)]
-    problems += [Problem(finding.kind, Mistake(finding.message, finding.remedy)) for finding in whole]
+    problems += [finding.at() for finding in whole]
     good = tuple(record for record in found if not record.quarantine)
     quarantined = tuple(record for record in found if record.quarantine)
     if not good or survey.frame is None or survey.tube_share is None:
@@ -382,7 +382,7 @@ def log_doubts(logs: Sequence[LogFile]) -> Iterator[Problem]:
         *_units(stamps, live_s),
         *_tubes(logs),
     ):
-        yield Problem(found.kind, Mistake(found.message, found.remedy, logs[0].path))
+        yield found.at(logs[0].path)
 
 
 def _rates(records: Sequence[LoggerRecord], log: LogFile) -> Iterator[Finding]:

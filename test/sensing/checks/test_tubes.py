@@ -125,12 +125,9 @@ def simulate(rng, shares, rates, missing=0.0):
     return records
 
 
-def test_all_present_gives_the_sum_and_exactly_the_live_time() -> None:
+def test_all_tubes_have_exactly_the_live_time_and_a_missing_one_takes_its_share_of_the_exposure() -> None:
     shares = np.array([0.1, 0.2, 0.3, 0.4]) / sum([0.1, 0.2, 0.3, 0.4])
     assert combine_tubes(record([1, 2, 3, 4], 59.9), shares) == (10, 59.9)
-
-
-def test_a_missing_tube_takes_its_share_of_the_exposure() -> None:
     assert combine_tubes(record([4, NAN], (10.0, NAN)), [0.25, 0.75]) == (4, 2.5)
 
 

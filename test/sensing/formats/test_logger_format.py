@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import math
-import sys
 
 import pytest
 from hypothesis import given, settings
@@ -23,25 +22,13 @@ record_period: {default_s: 60}
 
 
 @pytest.fixture
-def plug_ins(tmp_path, monkeypatch):
+def plug_ins(install_plug_ins, monkeypatch, tmp_path):
     """An installed package with two formats as paths, one as a function, and one without a file."""
-    metadata = tmp_path / "my_loggers-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: my_loggers\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(
-        "[soilmoist_ros.loggers]\n"
-        + "".join(f"my_{name} = my_loggers:{name}\n" for name in ("text", "path", "function", "nothing"))
-    )
-    (tmp_path / "mine.yaml").write_text(MINIMAL.replace('"c{tube}"', "my_counts").replace("[t]", "[my_time]"))
-    (tmp_path / "my_loggers.py").write_text(
-        "from pathlib import Path\n"
-        "path = Path(__file__).with_name('mine.yaml')\n"
-        "text = str(path)\n"
-        "nothing = text + '.gone'\n"
-        "def function(): return path\n"
-    )
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.delitem(sys.modules, "my_loggers", raising=False)
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(MINIMAL.replace('"c{tube}"', "my_counts").replace("[t]", "[my_time]"))
+    code = f"from pathlib import Path\ntext = {str(mine)!r}\npath = Path(text)\nnothing = text + '.gone'\n"
+    names = {f"my_{name}": name for name in ("text", "path", "function", "nothing")}
+    install_plug_ins("soilmoist_ros.loggers", "my_loggers", code + "def function(): return path\n", **names)
     LOGGERS.refresh()
     yield
     monkeypatch.undo()

@@ -23,12 +23,8 @@ LINE = [fix(0.0, 52.0, 13.0, 30.0, 0.02), fix(10.0, 52.2, 13.1, 40.0, 0.05)]
 
 
 def test_linear_between_two_fixes() -> None:
-    position = Track(LINE).at(2.5, 10.0)
-    assert position is not None
-    assert position.latitude_deg == pytest.approx(52.05)
-    assert position.longitude_deg == pytest.approx(13.025)
-    assert position.altitude_m == pytest.approx(32.5)
-    assert position.horizontal_sd_m == 0.05
+    wanted = Position(*map(pytest.approx, (52.05, 13.025, 32.5)), 0.05)
+    assert Track(LINE).at(2.5, 10.0) == wanted
 
 
 def test_across_180_degrees() -> None:

@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation import InputError, Level, LocalFrame
-from soilmoist_ros.sensing import PHONE, LogHeader, PhoneReceiver, Site, format_record, load_site
+from soilmoist_ros.sensing import PHONE, LogHeader, PhoneReceiver, Site, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace
 from soilmoist_ros.sensing.records import LoggerRecord, Position, utc_text
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings, fix_health, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream
-from virtual_survey import write_survey
 
 LIMIT_S = 20.0
 FORMAT = "thorvald_crs"
@@ -40,29 +39,6 @@ def until(driver, done):
         assert time.monotonic() < deadline, driver.health(0.0)
         batches.append(driver.step(0.0))
     return batches
-
-
-def records(batches):
-    return [record for batch in batches for record in batch.records]
-
-
-def test_logger_and_receiver_are_read_together(tmp_path):
-    field = write_survey(tmp_path, 3, spacing_m=40.0, dwell_s=60.0)
-    log = (tmp_path / "survey.log").read_bytes().splitlines()
-    number = sum(not text.startswith(b"#") for text in log)
-    with socket.create_server(("127.0.0.1", 0)) as logger, socket.create_server(("127.0.0.1", 0)) as receiver:
-        uris = ["tcp://{}:{}".format(*server.getsockname()) for server in (logger, receiver)]
-        settings = DriverSettings(uris[0], FORMAT, uris[1], fix_wait_s=60.0)
-        driver = Driver(settings, load_site(tmp_path / "site.yaml"), field.frame)
-        with started(driver), receiver.accept()[0] as fixes, logger.accept()[0] as counts:
-            for client, name in ((fixes, "survey.nmea"), (counts, "survey.log")):
-                threading.Thread(target=client.sendall, args=[(tmp_path / name).read_bytes()]).start()
-            batches = until(driver, lambda batches: len(records(batches)) == number)
-            assert {part.name: part.level for part in driver.health(0.0)}["logger link"] is Level.OK
-    assert [text for batch in batches for text in batch.logger_lines] == log
-    assert sum(len(batch.readings) for batch in batches) == number
-    assert sum(len(batch.fixes) for batch in batches) > 9 * number
-    assert not [one for one in records(batches) if math.isnan(one.x_m)]
 
 
 def test_it_is_woken_when_lines_arrive_and_not_for_every_line(tmp_path):
@@ -142,10 +118,10 @@ def counted(number):
     return tuple(np.random.default_rng(number).poisson(5.0, 12).astype(float))
 
 
-def count(survey, number, late_s=0.0):
-    record = LoggerRecord(T0 + 10 * number, counted(number), (10.0,) * 12, record_number=number)
+def count(survey, number, counts=None):
+    record = LoggerRecord(T0 + 10 * number, counts or counted(number), (10.0,) * 12, record_number=number)
     survey.take_logger_line(format_record(record).encode(), 0.0)
-    survey.compare_clocks(record.stamp_s, record.stamp_s + late_s)
+    survey.compare_clocks(record.stamp_s, record.stamp_s)
 
 
 @pytest.mark.parametrize(("stored_s", "date"), [(T0 - 86400, " of 2026-05-27 20:26 UTC"), (NAN, "")])
@@ -206,9 +182,7 @@ def test_quarantined_records_and_masked_tubes_are_named(survey):
 
 
 def take(survey, number, counts):
-    record = LoggerRecord(T0 + 10 * number, counts, (10.0,) * 12, record_number=number)
-    survey.take_logger_line(format_record(record).encode(), 0.0)
-    survey.compare_clocks(record.stamp_s, record.stamp_s)
+    count(survey, number, counts)
     survey.take_ready(math.inf)
 
 

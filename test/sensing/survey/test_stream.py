@@ -162,17 +162,8 @@ def test_no_record_is_lost_and_their_order_remains_whatever_comes_when(data):
 
 # No record -------------------------------------------------------------------------------------------------------
 
-BEGIN = 1.78e9
 HEADER = [text.encode() for text in format_header("CRS-0007").splitlines()]
 ROVER = b"//RecordNum, Date Time(UTC), P1_mb, T1_C, RH1, N1Cts, N1ET(sec), LatDec, LongDec"
-
-
-def sent(number, **values):
-    weather = {"pressure_hpa": 1000.0, "temperature_degc": 20.0, "relative_humidity": 0.5}
-    record = LoggerRecord(
-        BEGIN + 10 * number, (5.0,) * 12, (10.0,) * 12, record_number=number, **(weather | values)
-    )
-    return format_record(record).encode()
 
 
 def health(lines):
@@ -180,10 +171,10 @@ def health(lines):
     for one in lines:
         stream.take_logger_line(one, 0.0)
     stream.take_ready(1e9)
-    return records_health(stream, BEGIN + 20.0, 400, 2 * NO_RECORD_S)
+    return records_health(stream, T0 + 20.0, 400, 2 * NO_RECORD_S)
 
 
-WRONG_SUM = [sent(number)[:-2] + b"00" for number in range(5)]
+WRONG_SUM = [line(record(number))[:-2] + b"00" for number in range(5)]
 
 
 @pytest.mark.parametrize(
@@ -193,9 +184,9 @@ WRONG_SUM = [sent(number)[:-2] + b"00" for number in range(5)]
         ([b"\xf8\x80\x07\x98\xfe" * 9] * 4, "baud rate"),
         ([], "no line has an end: compare the baud rate"),
         (HEADER, "only lines of a header"),
-        ([text.encode() for text in sentences_without_fix(BEGIN)] * 3, "exchange logger_uri and gnss_uri"),
+        ([text.encode() for text in sentences_without_fix(T0)] * 3, "exchange logger_uri and gnss_uri"),
         ([ROVER, b"1,2024/05/01 10:00:00,1000,20,50,400,60,39.1,-97.5"], "look like hydroinnova_rover"),
-        ([*HEADER, sent(1, pressure_hpa=float("nan"))], "cannot be corrected"),
+        ([*HEADER, line(record(1, pressure_hpa=NAN))], "cannot be corrected"),
     ],
 )
 def test_a_logger_without_one_valid_record_is_an_error_with_a_remedy(lines, said):
@@ -207,12 +198,12 @@ def test_a_logger_without_one_valid_record_is_an_error_with_a_remedy(lines, said
 
 def test_a_logger_that_falls_silent_after_bad_lines_says_what_was_wrong_with_them():
     stream = SensorStream(Site(), LocalFrame(50.0, 10.0), "thorvald_crs")
-    for one in [*HEADER, sent(1)]:
+    for one in [*HEADER, line(record(1))]:
         stream.take_logger_line(one, 0.0)
     stream.take_ready(1e9)
     for one in WRONG_SUM:
         stream.take_logger_line(one, 0.0)
-    part = records_health(stream, BEGIN + 70.0)
+    part = records_health(stream, T0 + 70.0)
     assert part.level is Level.ERROR
     assert part.message.startswith("no record for 60 s: wrong checksum (5) in 5 lines;")
 
