@@ -6,16 +6,15 @@ from __future__ import annotations
 
 import re
 import stat
-from functools import cache, partial
+from collections.abc import Iterable
+from functools import cache
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from typing import Any, Final, Literal
 
 from ruamel.yaml import YAML
-from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError
-from ruamel.yaml.events import AliasEvent
 
 from soilmoist_ros.foundation.errors import InputError, Mistake, did_you_mean
 
@@ -133,8 +132,9 @@ def parse_yaml(
     if len(text) > max_bytes:
         raise InputError(f"is larger than {max_bytes / 1e6:g} MB of YAML", "give a smaller file", path)
     yaml = YAML(typ=kind)
-    yaml.Composer = partial(_LimitedComposer, max_values=max_values)  # type: ignore[assignment]
+    yaml.composer.warn_double_anchors = False
     try:
+        _require_limits(YAML(typ=kind).parse(StringIO(text)), max_values)
         return yaml.load(StringIO(text))
     except _TooLargeError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 0
@@ -176,28 +176,9 @@ def read_quickly(text: str, max_values: int) -> Any:
                 raise yaml.YAMLError
             return super().construct_mapping(node, deep)
 
-    def is_harmless() -> bool:
-        """True if it keeps the limits. The parser recurses: a deep text would end the process."""
-        values, sizes, begun = 0, dict[str, int](), list[tuple[str | None, int]]()
-        for event in yaml.parse(text, parser):
-            if isinstance(event, yaml.CollectionEndEvent):
-                anchor, before = begun.pop()
-                if anchor:
-                    sizes[anchor] = values - before
-            elif isinstance(event, yaml.AliasEvent):
-                values += sizes.get(event.anchor, max_values) + 1  # inside itself it would have no end
-            elif isinstance(event, yaml.NodeEvent):
-                if isinstance(event, yaml.CollectionStartEvent):
-                    begun.append((event.anchor, values))
-                elif event.anchor:
-                    sizes[event.anchor] = 1
-                values += 1
-            if values > max_values or len(begun) > _MAX_YAML_DEPTH:
-                return False
-        return True
-
     try:
-        return yaml.load(text, Loader) if is_harmless() else None
+        _require_limits(yaml.parse(text, parser), max_values)
+        return yaml.load(text, Loader)
     except Exception:  # the parser has many for damaged text
         return None
 
@@ -206,32 +187,29 @@ class _TooLargeError(MarkedYAMLError):
     """A YAML text is beyond a limit."""
 
 
-class _LimitedComposer(Composer):
-    """Counts values, so that a few lines of aliases of aliases do not become billions of values."""
+def _require_limits(events: Iterable[Any], max_values: int) -> None:
+    """Count the values of a text by its events, which ruamel.yaml and PyYAML name alike.
 
-    def __init__(self, loader: Any = None, max_values: int = _MAX_YAML_VALUES) -> None:
-        super().__init__(loader)
-        self._max_values = max_values
-        self.warn_double_anchors = False
-        self._values = 0
-        self._sizes: dict[str | None, int] = {}
+    A few lines of aliases of aliases could become billions of values, and a deep text would end the process, since
+    what follows recurses.
 
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        event = self.parser.peek_event()
-        before = self._values
-        alias = isinstance(event, AliasEvent)
-        if alias and event.anchor in self.anchors:  # inside itself it has no size yet, and would have no end
-            self._values += self._sizes.get(event.anchor, self._max_values)
-        self._values += 1
-        for number, limit, what in (
-            (self._values, self._max_values, "values"),
-            (self.depth, _MAX_YAML_DEPTH, "levels"),
-        ):
+    :raises _TooLargeError: if the text is beyond a limit
+    """
+    values, sizes, begun = 0, dict[str | None, int](), list[tuple[str | None, int]]()
+    for event in events:
+        kind = type(event).__name__
+        if kind in ("SequenceEndEvent", "MappingEndEvent"):
+            anchor, before = begun.pop()
+            sizes[anchor] = values - before
+        elif kind in ("SequenceStartEvent", "MappingStartEvent"):
+            begun.append((event.anchor, values))
+            sizes[event.anchor] = max_values  # inside itself it would have no end
+            values += 1
+        elif kind == "ScalarEvent":
+            sizes[event.anchor] = 1
+            values += 1
+        elif kind == "AliasEvent":
+            values += sizes.get(event.anchor, 0) + 1
+        for number, limit, what in ((values, max_values, "values"), (len(begun), _MAX_YAML_DEPTH, "levels")):
             if number > limit:
                 raise _TooLargeError(problem=f"more than {limit} {what}", problem_mark=event.start_mark)
-        if not alias:
-            self._sizes.pop(event.anchor, None)
-        node = super().compose_node(parent, index)
-        if not alias:
-            self._sizes[event.anchor] = self._values - before
-        return node

@@ -286,7 +286,7 @@ def test_positions_of_a_type_that_cannot_be_read_are_named(tmp_path):
 def test_a_date_that_rolled_over_is_named_and_corrected_only_on_demand(tmp_path, log):
     nmea = tmp_path / "old.nmea"
     nmea.write_text("\n".join(f"{gga(n)}\n{rmc(n, '280906')}" for n in range(SECONDS)))
-    code, said = run("check", "--log", log, "--nmea", nmea)
+    code, said = run("map", log, "--nmea", nmea, "--out", tmp_path / "no")
     assert (code, "exactly 1024 weeks earlier: the receiver's date has rolled over" in said) == (2, True)
     options = ("--gnss-shift", "1024w", "--from", "2026-05-14T11:00:30+02:00", "--to", "2026-05-14T09:01:30")
     code, said = run("map", log, "--track", nmea, "--out", tmp_path / "yes", *options)
