@@ -164,14 +164,14 @@ def mission_state_to_message(
         queue=list(status.queue),
         ruled_out=list(status.blacklisted),
         ruled_out_areas=[Polygon(points=[_corner(*corner) for corner in area]) for area in status.ruled_out],
-        strategy=status.strategy,
+        strategy=status.changes.strategy or "",
         map_sd=float(forecast.sd if forecast else math.nan),
         map_sd_at_end=float(forecast.sd_end if forecast else math.nan),
         map_sd_is_vwc=bool(forecast and forecast.moisture),
         forecast=forecast.text if forecast else "",
-        field=status.field,
-        earlier=choice_to_message(status.earlier),
-        covariates=choice_to_message(status.covariates),
+        field=status.changes.field or "",
+        earlier=choice_to_message(status.changes.earlier),
+        covariates=choice_to_message(status.changes.covariates),
         **_numbers(status),
     )
 

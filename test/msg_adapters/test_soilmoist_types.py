@@ -28,7 +28,7 @@ from msg_adapters.soilmoist_types import (
     visit_from_message,
     visit_to_message,
 )
-from soilmoist_ros.exploration import OperatorRequest, Reply, ReplyCode, Stop, Visit, VisitEnd
+from soilmoist_ros.exploration import Changes, OperatorRequest, Reply, ReplyCode, Stop, Visit, VisitEnd
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response, Verb
 from soilmoist_ros.foundation.plain_values import foreign_text
 
@@ -119,7 +119,7 @@ def test_codes_and_numbers():
         phase=Phase.PAUSED, needs_operator=True, emergency=True, stop_requests=2, raw_counts=np.int64(3),
         dwell_s=np.float32(1.5), ended=MissionEnd.FAILSAFE, target=Stop("n7", 1.0, -2.0), estimated_end_s=7e8,
         alarms=(Alarm(5.0, "battery", Response.RETURN, "17 % left"),), queue=("n8",), blacklisted=("n9",),
-        ruled_out=(((0.0, 0.0), (4.0, 0.0), (0.0, 3.0)),), earlier=(), covariates=("soil.tif",),
+        ruled_out=(((0.0, 0.0), (4.0, 0.0), (0.0, 3.0)),), changes=Changes(earlier=(), covariates=("soil.tif",)),
     )  # fmt: skip
     assert (message.phase, message.ended) == (Mission.PHASE_PAUSED, Mission.END_FAILSAFE)
     assert (message.level, message.stop_confirmed, message.emergency_stop) == (2, False, True)

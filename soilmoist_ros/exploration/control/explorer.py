@@ -7,7 +7,6 @@ The settings of a mission on a real field make its explorer.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache, reduce
@@ -23,7 +22,7 @@ from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.decision import EXPLORING, Thresholds
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
-from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster, prior_forecast
+from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Aim, AimedMap, Property, slope2, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
@@ -41,7 +40,6 @@ from soilmoist_ros.mapping import (
     Samples,
     SoilMap,
     TimedSamples,
-    VariogramFit,
     coincident,
 )
 from soilmoist_ros.sensing import MoistureCurve
@@ -102,8 +100,7 @@ class Explorer:
         self._considered = self._few_stops()
         self.use_rules(rules)
         self._forecasts = forecasts
-        few = spread_cells(self.grid.mask, FORECAST_CELLS)[self.grid.mask]
-        self._forecaster = Forecaster(self._map_xy[few], self.grid.extent_m, nominal_rate_cps)
+        self._forecaster = forecaster(self.grid, nominal_rate_cps)
 
     def go_on_from(self, earlier: Explorer, same_strategy: bool) -> None:
         """Take the place of an explorer whose settings were changed; its random stream goes on.
@@ -486,29 +483,17 @@ def nominal_rate_cps(calibration: MoistureCurve | None) -> float:
     return 4.0 if calibration is None else float(calibration.rate_cps(0.15))
 
 
+@lru_cache(maxsize=4)
 def first_forecast(
     grid: FieldGrid, settings: ExplorerSettings, budget_s: float, aim: Aim | None = None
 ) -> Forecast:
     """The forecast before a mission of this time [s] and aim starts."""
-    expected = _expected_fit(grid, settings.knowledge)
-    rate_cps = nominal_rate_cps(settings.calibration) if expected is None else expected.mean_rate
-    slope = None if settings.curve is None else math.sqrt(float(settings.curve.weight([rate_cps])[0]))
-    return _first_forecast(grid, rate_cps, budget_s, slope, expected, aim)
+    rate_cps = nominal_rate_cps(settings.calibration)
+    unmapped = Property(FieldMap(grid, knowledge=settings.knowledge), curve=settings.curve)
+    return forecaster(grid, rate_cps).before(unmapped, budget_s, aim)
 
 
-@lru_cache(maxsize=4)
-def _first_forecast(
-    grid: FieldGrid,
-    rate_cps: float,
-    budget_s: float,
-    slope: float | None,
-    expected: VariogramFit | None,
-    aim: Aim | None,
-) -> Forecast:
-    cells_xy = grid.cells[spread_cells(grid.mask, FORECAST_CELLS)[grid.mask]]
-    return prior_forecast(cells_xy, grid.extent_m, rate_cps, budget_s, slope, expected, aim)
-
-
-@lru_cache(maxsize=2)
-def _expected_fit(grid: FieldGrid, knowledge: Knowledge) -> VariogramFit | None:
-    return FieldMap(grid, knowledge=knowledge).expected_fit
+def forecaster(grid: FieldGrid, nominal_rate_cps: float) -> Forecaster:
+    """The forecaster of a mission on a grid; the rate is that to expect before there is a map [counts/s]."""
+    few = spread_cells(grid.mask, FORECAST_CELLS)[grid.mask]
+    return Forecaster(grid.cells[few], grid.extent_m, nominal_rate_cps)

@@ -32,9 +32,10 @@ from soilmoist_ros.exploration.control.operator_request import (
     ReplyCode,
     RequestError,
     Requests,
+    refused,
 )
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanningQueue, PlanningThread, PropertyMap, Terms
-from soilmoist_ros.exploration.control.team import SHUT_IN, Passing, Team, pending_measurement, taken
+from soilmoist_ros.exploration.control.team import SHUT_IN, Team, pending_measurement, taken
 from soilmoist_ros.exploration.control.watching import Watching
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.fence import Fence
@@ -138,7 +139,7 @@ class MissionControl:
         frames: RobotFrames | None = None,
     ) -> None:
         self.watch, self.team = watch or Watch(), team or Team()
-        self._watching, self._passing = Watching(self.watch), Passing(self.team)
+        self._watching = Watching(self.watch)
         settings = self._settings = setup.settings
         self._open_survey, self._home = setup.open_survey, setup.home
         self._outputs = outputs
@@ -291,7 +292,7 @@ class MissionControl:
         """
         if changes is None or not changes.of_survey or self.under_way:  # the mission refuses it then
             return lambda: None
-        try:
+        with refused(ReplyCode.BAD_SETTING):
             if self._open_survey is None:
                 raise InputError("the field cannot be chosen here", "start the planner with it")
             before = self._mission.state.changes or Changes()
@@ -300,9 +301,6 @@ class MissionControl:
                 remedy = f"keep the datum {self._current.field.frame}, or start all nodes with the field"
                 raise InputError(f"the datum of {field.name!r} is {field.frame}", remedy)
             use_field = self._current.opened(field, self._feed.place)
-        except InputError as error:
-            first = error.mistakes[0]
-            raise RequestError(ReplyCode.BAD_SETTING, first.message, first.remedy) from None
 
         def use() -> None:
             self._settings = settings
@@ -557,7 +555,7 @@ class MissionControl:
             waits = Cause.OTHER_ROBOT in self.watch.on
             near = self.team.fault(self._feed.place, doing.driving, waits, now_s)
             rules, place = self._mission.current_rules, self._feed.place
-            if not near and self._passing.is_shut_in(self._access, place, rules, self.under_way, now_s):
+            if not near and self.team.is_shut_in(self._access, place, rules, self.under_way, now_s):
                 near = SHUT_IN
             self.watch.report(Cause.OTHER_ROBOT, near)
             for event in self.watch.check(now_s, doing):
@@ -569,7 +567,7 @@ class MissionControl:
             event = replace(answer, now_s=self._clock.now_s())
             if isinstance(event, events.Planned):
                 self._choice = event.choice
-                if event.choice is None and self._passing.waits(event.now_s):
+                if event.choice is None and self.team.waits(event.now_s):
                     event = events.PlanFailed(event.now_s, event.plan_id, SHUT_IN)
             self._feed.give(event)
 
@@ -594,12 +592,12 @@ class MissionControl:
         if missing:
             status = replace(status, reason=f"waiting for {', '.join(missing)}", hindered=True)
         elif status.phase is Phase.IDLE and self.dangers:
-            refused = f"waiting for start, which is refused: {self.dangers}"
-            status = replace(status, reason=refused, hindered=True)
+            why = f"waiting for start, which is refused: {self.dangers}"
+            status = replace(status, reason=why, hindered=True)
         if status.phase in (Phase.PAUSED, Phase.CANCELLING) and self._interrupted:
             why = "resume or abort" if self._mission.state.interrupted else status.reason
             status = replace(status, reason=f"{self._interrupted}; {why}", needs_operator=True)
-        if call := self._passing.call(self._clock.now_s()):
+        if call := self.team.call(self._clock.now_s()):
             status = replace(status, reason=call, needs_operator=True)
         if status.phase is Phase.IDLE and self._access is not None:
             rules, changes = self._mission.current_rules, self._mission.state.changes
@@ -725,7 +723,7 @@ class MissionControl:
         try:
             if self._access is None or place is None:
                 raise InputError("where the robot is, or may go, is not known")
-            way = self._passing.way(self._access, place, goal.stop)
+            way = self.team.way(self._access, place, goal.stop)
         except InputError as refusal:
             if place is None or not self._mission.rules.by_person:
                 failed = events.GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True)
@@ -781,7 +779,7 @@ class MissionControl:
             _log.warning(fault)
         rules, state = self._mission.current_rules, self._mission.state
         settings = changed_settings(self._settings, state.changes)
-        if not_free := self._passing.plan(access, job.place, rules, job.request):
+        if not_free := self.team.plan(access, job.place, rules, job.request):
             blacklisted = (*job.request.blacklisted, *sorted(not_free))
             job = replace(job, request=replace(job.request, blacklisted=blacklisted))
         self._planning.submit(job, Terms(state.started_s, access, settings, rules))

@@ -87,7 +87,7 @@ class RequestError(InputError):
 
 
 @contextmanager
-def _refused(code: ReplyCode) -> Iterator[None]:
+def refused(code: ReplyCode) -> Iterator[None]:
     """Errors of the input become those of a request."""
     try:
         yield
@@ -191,7 +191,7 @@ class Requests:
         if not text.strip():
             return None
         longest_s = self.rules.dwell.longest_s
-        with _refused(ReplyCode.BAD_DWELL):
+        with refused(ReplyCode.BAD_DWELL):
             rule = parse_dwell(text if ":" in text or text.isalpha() else f"fmi:{text}", longest_s)
         if not (type(rule) is FixedInterval and 1.0 <= rule.interval_s <= longest_s):
             remedy = f"give 1 .. {longest_s:g} seconds, such as 120"
@@ -205,7 +205,7 @@ class Requests:
         if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
             message = f"the polygon has {len(corners)} different corners, or one is not a number"
             raise RequestError(ReplyCode.BAD_POLYGON, message, "give three corners or more in metres")
-        with _refused(ReplyCode.BAD_POLYGON):
+        with refused(ReplyCode.BAD_POLYGON):
             require_no_go(np.array(corners), "the polygon", self.field.polygon, self.field.frame)
         area = shapely.Polygon(corners)
         if self.access is not None and not shapely.intersects_xy(area, stops_xy(self.access.stops)).any():
@@ -228,10 +228,10 @@ class Requests:
     def _changes(self, request: OperatorRequest) -> Changes:
         rule, strategy = None, request.strategy
         if request.dwell:
-            with _refused(ReplyCode.BAD_DWELL):
+            with refused(ReplyCode.BAD_DWELL):
                 rule = str(parse_dwell(request.dwell, self.rules.dwell.longest_s))
         if strategy:
-            with _refused(ReplyCode.BAD_SETTING):
+            with refused(ReplyCode.BAD_SETTING):
                 make_strategy(strategy, self.settings.preset)
         for name, end in (
             ("hours", ""),
@@ -281,5 +281,5 @@ class Requests:
         if not home and (request.place or request.geographic_place):
             place = self._place(request)
             home = min(self._known_access().stops, key=lambda stop: math.dist(place, stop.xy)).name
-        with _refused(ReplyCode.UNKNOWN_STOP):
+        with refused(ReplyCode.UNKNOWN_STOP):
             return self._known_access().with_home(home, self.state.position).stop(home) if home else None

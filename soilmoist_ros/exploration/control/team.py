@@ -161,7 +161,7 @@ class OtherRobot:
 
 
 class Team:
-    """Other robots of a field: their places, the lost ones, and the distance that the robot keeps from them.
+    """Other robots of a field: their places, the lost ones, and the ways that keep a distance from them.
 
     A robot that is silent for ``lost_s`` is lost. What it was about to count is released once it would have
     counted it. Its last place and its last stop stay taken until it is heard or an operator releases them: a dead
@@ -177,6 +177,11 @@ class Team:
         self._farthest_m: dict[tuple[str, int], float] = {}
         self._was: tuple[Place, float] | None = None
         self._velocity: Place = (0.0, 0.0)
+        self._cut_off = False  # whether a robot stood in the way to stops when the last one was chosen
+        self._planned_for: RequestPlan | None = None
+        self._shut_in: RequestPlan | None = None  # waits until a robot is out of the way
+        self._looked_s = -math.inf
+        self._since_s = math.inf  # since when it is shut in
 
     def robot(self, name: str) -> OtherRobot:
         """The robot of this name."""
@@ -304,38 +309,21 @@ class Team:
                 )
         return Health("others", level, "; ".join(faults)) if faults else None
 
-
-def _velocity(before: Place | None, before_s: float, place: Place | None, now_s: float) -> Place:
-    """Velocity between two places [m/s]; 0 if one is missing, or they are too far apart in time."""
-    if before is None or place is None or not SOON_S <= now_s - before_s <= 5.0:
-        return 0.0, 0.0
-    return (place[0] - before[0]) / (now_s - before_s), (place[1] - before[1]) / (now_s - before_s)
-
-
-class Passing:
-    """Ways of a robot past robots of its team that stand."""
-
-    def __init__(self, team: Team) -> None:
-        self._team = team
-        self._cut_off = False  # whether a robot stood in the way to stops when the last one was chosen
-        self._planned_for: RequestPlan | None = None
-        self._shut_in: RequestPlan | None = None  # waits until a robot is out of the way
-        self._looked_s = -math.inf
-        self._since_s = math.inf  # since when it is shut in
+    # Ways past robots that stand ------------------------------------------------------------------------------
 
     def way(self, access: FieldAccess, place: Place, stop: Stop) -> Way:
         """Way to a stop, past the robots that stand.
 
         :raises InputError: if there is none
         """
-        if near := self._team.near(stop.xy):
+        if near := self.near(stop.xy):
             raise InputError(f"{stop.name} is not free: {near}", "choose another stop")
-        way, apart_m = access.way(place, stop), self._team.apart_m
-        close = {name: at for name, at in self._team.standing() if way.passes_m(at) < apart_m + PAST_M}
+        way, apart_m = access.way(place, stop), self.apart_m
+        close = {name: at for name, at in self.standing() if way.passes_m(at) < apart_m + PAST_M}
         if not (apart_m and close):
             return way
         try:
-            return access.around(place, [at for _, at in self._team.standing()], apart_m).way(place, stop)
+            return access.around(place, [at for _, at in self.standing()], apart_m).way(place, stop)
         except InputError as refusal:
             names, remedy = " and ".join(close), "choose another stop"
             if (away_m := min(math.dist(place, at) for at in close.values())) < apart_m + PAST_M:
@@ -376,14 +364,14 @@ class Passing:
         """Request to an operator for a robot that is shut in for long; empty otherwise."""
         if now_s - self._since_s < SHUT_IN_S:
             return ""
-        return f"{SHUT_IN}: drive one of them to another stop, {self._team.apart_m + PAST_M:g} m from the others"
+        return f"{SHUT_IN}: drive one of them to another stop, {self.apart_m + PAST_M:g} m from the others"
 
     def _not_free(self, access: FieldAccess, place: Place, rules: MissionRules, request: RequestPlan) -> set[str]:
-        apart_m, standing = self._team.apart_m, [at for _, at in self._team.standing()]
+        apart_m, standing = self.apart_m, [at for _, at in self.standing()]
         if not (apart_m and standing):
             self._cut_off = False
             return set()
-        near = {stop.name for stop in access.stops if self._team.near(stop.xy)}
+        near = {stop.name for stop in access.stops if self.near(stop.xy)}
         cut_off: set[str] = set()
         if access.on_graph:
             try:
@@ -398,6 +386,13 @@ class Passing:
             cut_off = {stop.name for stop in access.stops} - reached - near
         self._cut_off = _any_fits(access, place, rules, request, cut_off)
         return (near | cut_off) - {request.staying}
+
+
+def _velocity(before: Place | None, before_s: float, place: Place | None, now_s: float) -> Place:
+    """Velocity between two places [m/s]; 0 if one is missing, or they are too far apart in time."""
+    if before is None or place is None or not SOON_S <= now_s - before_s <= 5.0:
+        return 0.0, 0.0
+    return (place[0] - before[0]) / (now_s - before_s), (place[1] - before[1]) / (now_s - before_s)
 
 
 def _any_fits(

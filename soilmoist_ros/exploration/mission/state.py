@@ -255,7 +255,6 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
     returning = state.goal if state.phase is Phase.RETURNING else None
     stop = state.target.stop if state.target else None
     end_s = returning.deadline_s if returning else now_s + left_s
-    changes = state.changes or Changes()
     requests = state.goal.requests if state.goal else 0
     return MissionStatus(
         now_s=now_s,
@@ -281,10 +280,7 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         emergency=bool(state.emergency),
         stop_requests=requests,
         queue=tuple(queued.stop.name for queued in state.queue),
-        strategy=changes.strategy or "",
-        field=changes.field or "",
-        earlier=changes.earlier,
-        covariates=changes.covariates,
+        changes=state.changes or Changes(),
         clock_offset_s=state.stamp_offset_s,
         ruled_out=state.ruled_out,
         forecast=state.forecast,

@@ -278,10 +278,7 @@ class MissionStatus:
     emergency: bool = False  # whether an emergency stop is pressed
     stop_requests: int = 0  # number of requests to stop while the robot is not yet known to stand still
     queue: tuple[str, ...] = ()  # names of the stops that an operator has asked for
-    strategy: str = ""  # strategy that chooses stops, if an operator has changed it
-    field: str = ""  # field file, if an operator has chosen another than that of the start
-    earlier: tuple[str, ...] | None = None  # earlier runs, if an operator has chosen them
-    covariates: tuple[str, ...] | None = None  # covariates, if an operator has chosen them
+    changes: Changes = Changes()  # settings that an operator has changed
     clock_offset_s: float = 0.0  # step of the clock that stamps the records, since the start [s]
     ruled_out: Polygons = ()  # areas in which no stop is chosen
     forecast: Forecast | None = None  # the last forecast of the map's standard deviation

@@ -293,10 +293,7 @@ class Forecaster:
         every_s = max(MIN_EVERY_S, (used_s + left_s) / MAX_FORECASTS)
         self._due_s = used_s + (every_s if aim is None else MIN_EVERY_S)
         if of.field_map.soil_map is None:
-            expected = of.field_map.expected_fit
-            rate_cps = self._nominal_rate_cps if expected is None else expected.mean_rate
-            slope = None if of.curve is None else math.sqrt(float(of.curve.weight([rate_cps])[0]))
-            return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope, expected, aim)
+            return self.before(of, left_s, aim)
         counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
         share = min(max(counted_s / used_s, _MIN_SHARE), robots) if used_s > 0 else 1.0
         if early := used_s < EXPLORING * (used_s + left_s):
@@ -307,6 +304,13 @@ class Forecaster:
             end = (reaching.now,) * 3  # the end was less certain by 8 percentage points than forecast so early
             found = replace(found, reaching=replace(reaching, end=end, times_s=()))
         return found
+
+    def before(self, of: Property, left_s: float, aim: Aim | None = None) -> Forecast:
+        """The forecast for a time left for measuring [s], before there is a map."""
+        expected = of.field_map.expected_fit
+        rate_cps = self._nominal_rate_cps if expected is None else expected.mean_rate
+        slope = None if of.curve is None else math.sqrt(float(of.curve.weight([rate_cps])[0]))
+        return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope, expected, aim)
 
     def achieved(self, of: Property, aim: Aim | None = None) -> Forecast | None:
         """Standard deviation of the map now, ``None`` without a map."""

@@ -199,25 +199,16 @@ class TravelGraph:
             return slower
         to = np.flatnonzero(np.isfinite(lengths) & (last != start))
         last[to] = before[to]
-        keys, limits = self._edge_limits
-        limit = limits[np.searchsorted(keys, last[to] * len(last) + to)]
-        slower[to] = np.hypot(*(self.xy[to] - self.xy[last[to]]).T) * np.maximum(speed_mps / limit - 1, 0.0)
+        edges = np.hstack([self.xy[last[to]], self.xy[to]])
+        limit = np.array([self._limits[*ends] for ends in edges.round(6).tolist()])
+        slower[to] = np.hypot(*(edges[:, 2:] - edges[:, :2]).T) * np.maximum(speed_mps / limit - 1, 0.0)
         while (last[last] != last).any():  # each has the sum from there on; twice as far in each turn
             slower, last = slower + slower[last], last[last]
         return slower
 
     @cached_property
-    def _edge_limits(self) -> tuple[Indices, Array]:
-        """Edges as ``start * n + end``, sorted, and their speeds; the highest of parallel edges [m/s]."""
-        assert self.limit_mps is not None
-        keys = self.edges[:, 0] * len(self.names) + self.edges[:, 1]
-        order = np.lexsort([-self.limit_mps, keys])
-        found, first = np.unique(keys[order], return_index=True)
-        return found, self.limit_mps[order][first]
-
-    @cached_property
     def _limits(self) -> dict[tuple[float, ...], float]:
-        """Speeds of edges with a limit by the places of their ends; the highest one of parallel edges."""
+        """Highest speed on each edge by the places of its ends, the highest of parallel edges [m/s]."""
         assert self.limit_mps is not None
         ends, found = self.xy[self.edges].reshape(-1, 4).round(6).tolist(), dict[tuple[float, ...], float]()
         for place, limit in zip(map(tuple, ends), self.limit_mps.tolist(), strict=True):

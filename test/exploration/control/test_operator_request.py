@@ -270,7 +270,7 @@ def test_a_field_and_earlier_runs_are_chosen_between_missions():
     assert ask(around, "change", earlier=("one", "two")).accepted
     assert len(around.control._access.stops) == stops / 2
     assert around.control._settings.seed == 2
-    assert (around.status.field, around.status.earlier, around.status.covariates) == ("half", ("one", "two"), None)
+    assert around.status.changes.of_survey == {"field": "half", "earlier": ("one", "two")}
     assert ask(around, "start").accepted
     around.planned()
     assert around.goals[-1][1].x_m < 10.0
@@ -279,7 +279,7 @@ def test_a_field_and_earlier_runs_are_chosen_between_missions():
         assert reply.code is ReplyCode.REFUSED
         assert "a mission is under way" in reply.message
     assert ask(around, "change", hours=1.0).accepted
-    assert around.status.field == "half"
+    assert around.status.changes.field == "half"
     assert ask(Around(), "change", field="half").code is ReplyCode.BAD_SETTING, "where no field can be opened"
 
 

@@ -478,7 +478,7 @@ def test_settings_change_while_it_runs():
     changes = Changes(budget_s=9000.0, dwell="fmi:20", home=HOME, strategy="greedy")
     assert ask(driver, "change", changes=changes).answer.accepted
     status = driver.mission.status
-    assert (status.time_left_s, status.strategy) == (9000.0 - status.time_used_s, "greedy")
+    assert (status.time_left_s, status.changes.strategy) == (9000.0 - status.time_used_s, "greedy")
     driver.record()
     assert driver.phase is Phase.PLANNING, "the new dwell counts at this stop already"
     driver.plan(None)
