@@ -154,12 +154,17 @@ def test_other_sites_get_nothing(served):
     assert served.robots.asked == []
 
 
-def test_a_token_becomes_a_cookie(served):
+@pytest.mark.parametrize("public", ["", "https://robot.example/"])
+def test_a_token_becomes_a_cookie(served, public):
+    """Also behind a proxy with TLS, whose visitors all come from this machine."""
+
     class Stay(urllib.request.HTTPRedirectHandler):
         def redirect_request(self, *_):
             return None
 
-    token = served.server._access.token
+    access = served.server._access = Access(public=public)
+    assert served.post("/stop", {})[0] == (403 if public else 200)
+    token = access.token
     opener = urllib.request.build_opener(Stay)
     with pytest.raises(urllib.error.HTTPError) as found:
         opener.open(f"http://127.0.0.1:{served.port}/?token={token}", timeout=LIMIT_S)
@@ -168,6 +173,7 @@ def test_a_token_becomes_a_cookie(served):
     cookie = found.value.headers["Set-Cookie"]
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
+    assert ("Secure" in cookie) is bool(public)
     status, answer = served.post("/stop", {}, Cookie=cookie.split(";")[0], **{"X-Forwarded-For": "10.0.0.9"})
     assert (status, answer["acknowledged"]) == (200, True)
 

@@ -135,17 +135,6 @@ def test_an_address_that_is_none_is_refused(public):
 # Who has the controls (controls.py) -----------------------------------------------------------------------------
 
 
-def test_one_page_has_the_controls_and_another_may_take_over():
-    controls = Controls(lambda: 0.0)
-    assert controls.who == ""
-    assert controls.take("a", "Ada")
-    assert not controls.take("b", "Bo")
-    assert (controls.who, controls.holds("a"), controls.holds("b")) == ("Ada", True, False)
-    assert controls.take("b", "Bo", over=True)
-    assert (controls.who, controls.holds("a"), controls.holds("b")) == ("Bo", False, True)
-    assert not controls.take("", "nobody", over=True)
-
-
 def test_the_controls_of_a_page_that_is_gone_are_free_after_a_while():
     now = [0.0]
     controls = Controls(lambda: now[0])

@@ -8,7 +8,7 @@ import math
 import time
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -109,23 +109,17 @@ def scenario_of(spans: Iterable[Span], navigator: str = "goto_node") -> dict[str
     return {"title": "chaos", "navigation": navigation, "sensor": sensor, "logger": logger, "gnss": gnss}
 
 
-@dataclass
-class Acts:
-    """What people did, in its order: the time [s], and what stopped the robot; nothing for a resume."""
-
-    done: list[tuple[float, str]] = field(default_factory=list)
-
-
 class Disturber:
     """Puts the faults of the robot's computer and of people into effect as simulated time passes.
 
     :param nodes: the nodes
     :param spans: all faults; those of the world are in the scenario
-    :param seed: of places that people ask for
+    :param budget_s: time of a mission [s]
     """
 
     def __init__(self, nodes: RealNodes, spans: Sequence[Span], budget_s: float) -> None:
-        self.acts = Acts()
+        self.acts: list[tuple[float, str]] = []
+        """What people did, in its order: the time [s], and what stopped the robot; nothing for a resume."""
         self.log: list[str] = []
         self._nodes, self._operator, self._budget_s = nodes, nodes.operator, budget_s
         self._todo = sorted((span for span in spans if span.fault not in OF_THE_WORLD), key=lambda one: one.at_s)
@@ -197,7 +191,7 @@ class Disturber:
                 self._battery = False
             case Fault.EMERGENCY:
                 self._operator.press(True)
-                self.acts.done.append((self._operator.now_s, "an emergency stop"))
+                self.acts.append((self._operator.now_s, "an emergency stop"))
                 after(lambda: self._operator.press(False))
                 self._at(span.end_s + 8.0, self._resume)
             case Fault.RETURN:
@@ -239,7 +233,7 @@ class Disturber:
         reply = self._operator.ask(OperatorRequest(verb))
         self._note(f"{verb}: {'no answer' if reply is None else reply.message}")
         if reply is None or reply.accepted:  # the answer may be lost, or late
-            self.acts.done.append((asked_s, ""))
+            self.acts.append((asked_s, ""))
         return reply is not None and reply.accepted
 
     def _go_on(self) -> None:
@@ -252,17 +246,19 @@ class Disturber:
         reply = self._operator.ask(OperatorRequest(verb))
         self._note(f"{verb}: {'no answer' if reply is None else reply.message}")
         if reply is not None and reply.accepted and verb is not Verb.SKIP:
-            self.acts.done.append((self._operator.now_s, verb))
+            self.acts.append((self._operator.now_s, verb))
 
 
-def judged(nodes: RealNodes, spans: Sequence[Span], acts: Acts, budget_s: float) -> list[Violation]:
+def judged(
+    nodes: RealNodes, spans: Sequence[Span], acts: Sequence[tuple[float, str]], budget_s: float
+) -> list[Violation]:
     """Let the judge of the rehearsals see all that was heard and witnessed, in the order of time.
 
     Messages take their time: a state counts if it lasts from before to after.
 
     :param nodes: nodes that have ended
     :param spans: faults of the run
-    :param acts: what people did
+    :param acts: what people did, see :class:`Disturber`
     :param budget_s: time of a mission [s]
     """
     heard, late_s = nodes.operator.heard, max(3.0, LATE_S * nodes.settings.time_factor)
@@ -278,9 +274,9 @@ def judged(nodes: RealNodes, spans: Sequence[Span], acts: Acts, budget_s: float)
         status = timeline.at(at_s)
         if status is not None:
             events.append((at_s, 3, partial(judge.drove, at_s, before, [place], status, not disobedient)))
-    for number, (at_s, what) in enumerate(acts.done):  # what is done at one time keeps its order
+    for number, (at_s, what) in enumerate(acts):  # what is done at one time keeps its order
         if what:  # goals that were on their way come later
-            resumed_s = next((then_s for then_s, other in acts.done[number:] if not other), math.inf)
+            resumed_s = next((then_s for then_s, other in acts[number:] if not other), math.inf)
             events.append((min(at_s + late_s, resumed_s), 1, partial(judge.stopped, at_s, what)))
         else:
             events.append((at_s, 1, partial(judge.resumes, at_s, lambda: True)))

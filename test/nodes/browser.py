@@ -7,7 +7,6 @@ from __future__ import annotations
 import contextlib
 import shutil
 import socket
-import ssl
 import threading
 import time
 from collections.abc import Iterator
@@ -15,10 +14,7 @@ from typing import Any
 
 import pytest
 
-FLAGS = (
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--host-resolver-rules=MAP *.example 127.0.0.1",
-)  # fmt: skip
+FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking")
 SLIDE_S = 180.0
 """Longest time for a slide [s]; on a busy machine a try takes seconds, and the page is drawn anew meanwhile."""
 UNDER_FINGER = """([x, y]) => {
@@ -62,11 +58,10 @@ class Link:
     """A link to a server on this machine that can be lost and found again. Use as a context manager.
 
     :param port: port of the server
-    :param tls: encrypts the link, as a proxy does
     """
 
-    def __init__(self, port: int, tls: ssl.SSLContext | None = None) -> None:
-        self._target, self._tls = port, tls
+    def __init__(self, port: int) -> None:
+        self._target = port
         self._server = socket.create_server(("127.0.0.1", 0))
         self.port = self._server.getsockname()[1]
         self.is_lost = self._ended = False
@@ -96,8 +91,6 @@ class Link:
         while True:
             try:
                 near, _ = self._server.accept()
-                if self._tls is not None:
-                    near = self._tls.wrap_socket(near, server_side=True)
                 far = socket.create_connection(("127.0.0.1", self._target))
             except OSError:
                 if self._ended:

@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 
@@ -79,20 +78,6 @@ def test_the_installation_is_complete_without_ros(workspace, sourced, tmp_path):
     )  # fmt: skip
     verdicts = [line for line in checked.stdout.splitlines() if not line.startswith(" ")]
     assert verdicts == ["ok: finapp", "ok: example"], checked.stderr
-
-
-def test_colcon_runs_the_tests(workspace):
-    copy = workspace / "src" / "soilmoist_ros" / "test" / "foundation"
-    shutil.copytree(ROOT / "test" / "foundation", copy, ignore=shutil.ignore_patterns("__pycache__"))
-    command = [sys.executable, "-m", "colcon", "--log-base", "log", "test", "--return-code-on-test-failure"]
-    tested = subprocess.run(
-        [*command, "--pytest-args", "test/foundation", "-m", "not slow and not process", "-k", "geodesy"],
-        cwd=workspace, capture_output=True, text=True,
-    )  # fmt: skip
-    assert tested.returncode == 0, tested.stdout + tested.stderr
-    suite = ElementTree.parse(workspace / "build" / "soilmoist_ros" / "pytest.xml").getroot()[0]
-    assert int(suite.attrib["tests"]) > 5
-    assert suite.attrib["failures"] == suite.attrib["errors"] == "0"
 
 
 def test_every_node_starts_from_there_and_refuses_bad_input(ros, executables, sourced):

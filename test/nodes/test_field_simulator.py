@@ -164,29 +164,6 @@ def far_node(field):
     return name, field.graph.xy[-1]
 
 
-def test_several_robots_have_namespaces_and_one_clock(ros, field):
-    closest = [ros.collect(String, f"robot_{number}/closest_node", LATCHED) for number in (1, 2)]
-    simulated = field(robots=2, listen=False)
-    assert set(simulated.ports) == {
-        f"robot_{number}/{device}" for number in (1, 2) for device in ("logger", "gnss")
-    }
-    assert len({address["port"] for address in simulated.ports.values()}) == 4
-    parsers = {
-        name: RecordParser(FORMAT_NAME) if name.endswith("logger") else NmeaParser() for name in simulated.ports
-    }
-    *first, last = parsers
-    simulated.listeners = [simulated.listen_to(name, parsers[name]) for name in first]
-    ros.wait_for(lambda: len(simulated.clock) > 20)
-    assert simulated.now_s == 0, "one receiver is missing"
-    simulated.listeners.append(simulated.listen_to(last, parsers[last]))
-    ros.wait_for(lambda: all(closest) and simulated.now_s > 30, message="time and both robots")
-    found = [listener.found for listener in simulated.listeners if isinstance(listener.parser, RecordParser)]
-    ros.wait_for(lambda: min(map(len, found)) >= 3, message="records of both")
-    stamps = [[record.stamp_s for record in its[:3]] for its in found]
-    assert stamps[0] == stamps[1]
-    assert found[0][0].tube_counts != found[1][0].tube_counts
-
-
 def test_time_devices_and_properties_belong_together(ros, field):
     simulated = field(listen=False, properties=["rough"])
     simulated.listen()

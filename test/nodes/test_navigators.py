@@ -106,16 +106,14 @@ def world(ros):
 
 @pytest.fixture
 def drive(ros, world):
-    drivers, tracks = [], {}
+    """Starts navigators of a class, by default one of nodes."""
+    drivers = []
 
-    def start():
+    def start(navigator=GotoNodeNavigator, name="topological_navigation", kind=GotoNode, there_m=2.0):
         def make(node, report):
-            client = GoalClient(2.0)
-            track = tracks[report] = RobotTrack(SPEED_MPS, 2.0)
-            return GotoNodeNavigator(node, "topological_navigation", GotoNode, client, track, 2.0, report)
+            return navigator(node, name, kind, GoalClient(2.0), RobotTrack(SPEED_MPS, 2.0), there_m, report)
 
         drivers.append(Driver(ros, world, make))
-        drivers[-1].track = tracks[drivers[-1].report]
         return drivers[-1]
 
     yield start
@@ -178,18 +176,6 @@ def test_cancelling_stops_the_robot_whatever_is_answered_and_a_second_goal_waits
     assert navigation.ends == ["canceled", "canceled", "canceled", "succeeded"]
 
 
-def test_goals_of_a_process_before_are_cancelled(ros, world, navigation, drive):
-    world.rate = 5.0
-    before = drive()
-    before.go(1, FAR, WAY)
-    ros.wait_for(lambda: world.goal is not None)
-    before.stop()
-    after = drive()
-    after.cancel(1)
-    assert after.end_of(1).outcome is Outcome.CANCELED
-    ros.wait_for(lambda: navigation.ends == ["canceled"])
-
-
 def test_the_server_may_come_late_die_in_mid_goal_and_come_back(ros, world, drive):
     world.rate = 5.0
     driver = drive()
@@ -218,38 +204,6 @@ def test_no_goal_goes_to_two_navigations_of_one_name(ros, world, navigation, dri
         assert not second.goals
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED
     assert len(navigation.goals) == 1
-
-
-@pytest.fixture
-def other(ros, navigation):
-    """Sends goals as another client, such as an operator's panel."""
-    client = ActionClient(ros.node, GotoNode, "topological_navigation")
-    ros.wait_for(client.server_is_ready)
-
-    def send(stop):
-        goals = len(navigation.goals)
-        client.send_goal_async(GotoNode.Goal(target=stop.name))
-        ros.wait_for(lambda: len(navigation.goals) > goals)
-
-    yield send
-    client.destroy()
-
-
-def test_no_goal_is_sent_and_none_cancelled_while_another_client_drives(ros, world, navigation, drive, other):
-    world.rate = 1.0
-    other(FAR)
-    driver = drive()
-    driver.cancel(1)
-    assert driver.end_of(1).outcome is Outcome.CANCELED, "none of an earlier life is left"
-    ros.wait_for(lambda: driver.navigator.other_client)
-    driver.go(2, OTHER, WAY)
-    asked_s = world.now_s
-    ros.wait_for(lambda: world.now_s > asked_s + 2.0)
-    assert navigation.ends == []
-    world.rate = 30.0
-    assert driver.end_of(2).outcome is Outcome.SUCCEEDED
-    assert (navigation.goals, navigation.ends) == ([FAR.name, OTHER.name], ["succeeded", "succeeded"])
-    assert not driver.navigator.other_client
 
 
 def test_another_action_of_the_same_navigation_drives_the_robot_too(ros, world, navigation, drive):
@@ -293,26 +247,8 @@ def nav2(ros, world):
         yield navigation
 
 
-@pytest.fixture
-def drive_poses(ros, world):
-    drivers = []
-
-    def start():
-        def make(node, report):
-            client, track = GoalClient(2.0), RobotTrack(SPEED_MPS, 2.0)
-            name = "navigate_to_pose"
-            return NavigateToPoseNavigator(node, name, NavigateToPose, client, track, 0.5, report)
-
-        drivers.append(Driver(ros, world, make))
-        return drivers[-1]
-
-    yield start
-    for driver in drivers:
-        driver.close()
-
-
-def test_nav2_arrives_by_way_points_facing_along_the_way(ros, world, nav2, drive_poses):
-    driver = drive_poses()
+def test_nav2_arrives_by_way_points_facing_along_the_way(ros, world, nav2, drive):
+    driver = drive(NavigateToPoseNavigator, "navigate_to_pose", NavigateToPose, 0.5)
     ros.wait_for(lambda: not driver.navigator.waiting_for)
     assert math.isnan(driver.navigator.feedback_age_s)
     corner = (FAR.x_m, 5.0)

@@ -23,7 +23,7 @@ if importlib.util.find_spec("topological_navigation") is None:
 from nav2_msgs.action import NavigateThroughPoses
 from rclpy.node import Node
 from std_msgs.msg import String
-from test_navigators import LIMITS, Driver
+from test_navigators import Driver
 from test_planner import Planning
 from topological_navigation_msgs.action import GotoNode
 from topological_navigation_msgs.msg import ClosestEdges
@@ -120,7 +120,7 @@ def driver(ros, tmp_path):
     """A navigator of such a server."""
 
     def make(node, report):
-        client, track = GoalClient(2.0, LIMITS), RobotTrack(SPEED_MPS, 2.0)
+        client, track = GoalClient(2.0), RobotTrack(SPEED_MPS, 2.0)
         return GotoNodeNavigator(node, "topological_navigation", GotoNode, client, track, 2.0, report)
 
     with navigation(ros, tmp_path, OTHER.xy, rate=10.0, clock=False, mapper=False) as (world, nav2):
