@@ -164,9 +164,6 @@ class JointKriging:
         self._stack = _Stack.of(self.variogram, surveys)
         self._solved = self._stack.solved(self.correlation)
 
-    def __repr__(self) -> str:
-        return f"JointKriging({len(self.correlation)} surveys, {len(self._stack.rate)} places)"
-
     @property
     def means(self) -> Array:
         """Mean of the rate of each survey, shape (s,) [counts/s]."""

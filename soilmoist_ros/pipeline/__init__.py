@@ -9,7 +9,7 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.pipeline.bag_map import Replay as Replay, ReplaySettings as ReplaySettings, replay_bag as replay_bag
-    from soilmoist_ros.pipeline.map_certificate import CONFIDENCE as CONFIDENCE, Certificate as Certificate, Statement as Statement, certify as certify, run_certificate as run_certificate
+    from soilmoist_ros.pipeline.map_certificate import Certificate as Certificate, certify as certify, run_certificate as run_certificate
     from soilmoist_ros.pipeline.earlier_runs import EARLIER as EARLIER, MAX_AHEAD_S as MAX_AHEAD_S, EarlierTarget as EarlierTarget, earlier_doubts as earlier_doubts, find_runs as find_runs, mean_rate as mean_rate, mission_earlier as mission_earlier, read_earlier_runs as read_earlier_runs, read_run as read_run, run_change as run_change, simulated_runs as simulated_runs
     from soilmoist_ros.pipeline.field_survey import FieldSurvey as FieldSurvey, make_run as make_run, open_survey as open_survey, planning_curve as planning_curve, planning_thresholds as planning_thresholds, site_facts as site_facts
     from soilmoist_ros.pipeline.file_facts import FileFinding as FileFinding, contradictions as contradictions, field_findings as field_findings, graph_findings as graph_findings, log_findings as log_findings, logger_findings as logger_findings, position_findings as position_findings, site_findings as site_findings, truth_findings as truth_findings
@@ -24,7 +24,7 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "bag_map": "Replay ReplaySettings replay_bag",
-        "map_certificate": "CONFIDENCE Certificate Statement certify run_certificate",
+        "map_certificate": "Certificate certify run_certificate",
         "earlier_runs": "EARLIER EarlierTarget MAX_AHEAD_S earlier_doubts find_runs mean_rate mission_earlier read_earlier_runs read_run run_change simulated_runs",
         "field_survey": "FieldSurvey make_run open_survey planning_curve planning_thresholds site_facts",
         "file_facts": "FileFinding contradictions field_findings graph_findings log_findings logger_findings position_findings site_findings truth_findings",

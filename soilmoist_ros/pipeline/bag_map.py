@@ -181,16 +181,12 @@ def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arm
     return RawSurvey(records.all_records, [*records.problems, *problems], log.logger.title, problems)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Replay:
     """A run with all properties, and the comparison of each map with the last one that its mapper published."""
 
     run: MapRun
     comparisons: Sequence[PropertyComparison]
-
-    def __repr__(self) -> str:
-        names = ", ".join(run.name for run in self.run.properties)
-        return f"Replay({names}: {len(self.run.track)} records, {self.comparisons[0].message})"
 
 
 class _Recording:

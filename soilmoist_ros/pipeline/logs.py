@@ -40,7 +40,6 @@ from soilmoist_ros.sensing import (
 
 MAX_GAP_S = 60.0
 """Time between two fixes up to which a record counts as placed in the first check of the places [s]."""
-"""Distance from its usual place within which nine in ten positions of a stationary sensor lie [m]."""
 MAX_APART_M = 2.0  # greatest distance of the positions of two files at the same time [m]
 MAX_APART_AT_ONCE_M = 10.0
 """Greatest distance of positions of one file with one time: a fast vehicle, with times in whole seconds [m]."""

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.simulation.fields.catalogue import known_field as known_field, surrogate_field as surrogate_field, surrogate_field_names as surrogate_field_names
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField as SurrogateField, simulated_site as simulated_site, write_field_file as write_field_file, write_site_file as write_site_file
-    from soilmoist_ros.simulation.fields.truth_file import has_truth as has_truth, load_surrogate as load_surrogate
+    from soilmoist_ros.simulation.fields.truth_file import load_surrogate as load_surrogate
     from soilmoist_ros.simulation.mission.channel import mission_fields as mission_fields, mission_properties as mission_properties
     from soilmoist_ros.simulation.mission.efficiency import mission_efficiency as mission_efficiency
     from soilmoist_ros.simulation.mission.mission_ground import mission_map as mission_map
@@ -30,7 +30,7 @@ _open, __dir__, __all__ = open_door(
     {
         "fields.catalogue": "known_field surrogate_field surrogate_field_names",
         "fields.surrogate_field": "SurrogateField simulated_site write_field_file write_site_file",
-        "fields.truth_file": "has_truth load_surrogate",
+        "fields.truth_file": "load_surrogate",
         "mission.channel": "mission_fields mission_properties",
         "mission.efficiency": "mission_efficiency",
         "mission.mission_ground": "mission_map",

@@ -158,6 +158,8 @@ def table_of(pressure=990.0, temperature=12.0, humidity=60.0):
          "temperature is 54 degC in the middle of the records: if it is in Fahrenheit"),
         ({"pressure": 99000}, "0.7",
          "the pressure 99000 is not credible (300..1085) -> if it is in Pa, write 'unit: Pa'"),
+        ({"pressure": 1045}, "0.7",
+         "1045 hPa on average, but 991 hPa are usual at 190 m: is it reduced to sea level"),
         ({"pressure": 29.2}, "0.7", "-> if it is in inHg, write 'unit: inHg' into the logger format"),
         ({"temperature": 285.0}, "0.7", "if it is in K, write 'unit: K' into the logger format"),
     ],
@@ -171,17 +173,6 @@ def test_weather_and_n0_in_other_units_are_said_so(tmp_path, weather, n0, text):
     output = check(*files).output
     assert text in output, output
     assert "switch" not in output
-
-
-def test_a_pressure_that_does_not_fit_the_altitude_is_doubted(tmp_path):
-    (tmp_path / "log.csv").write_text(table_of(pressure=1015.0))
-    (tmp_path / "format.yaml").write_text(FORMAT)
-    site = SITE.replace(", intensity: {reference: 150, file: monitor.txt}", "").replace("190", "455")
-    (tmp_path / "site.yaml").write_text(site)
-    files = "--site", tmp_path / "site.yaml", "--logger", tmp_path / "format.yaml", "--log", tmp_path / "log.csv"
-    assert (
-        "1015 hPa on average, but 960 hPa are usual at 455 m: is it reduced to sea level" in check(*files).output
-    )
 
 
 def test_a_truth_is_shown_and_counts_per_hour_are_doubted(tmp_path):

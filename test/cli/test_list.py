@@ -157,31 +157,18 @@ def test_files_of_an_earlier_export_are_replaced_only_when_asked_to(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_first_impression_is_part_of_the_campaign(tmp_path):
+def test_a_first_impression_is_part_of_the_campaign_and_a_mission_that_fails_is_named(tmp_path):
     plan = tmp_path / "plan.yaml"
     plan.write_text(
         "title: tiny\nruns: 2\n"
-        "experiments: [{name: a, field: synthetic-high, hours: 0.3, preset: paper, cell_m: 4}]\n"
+        "experiments: [{name: a, field: synthetic-high, hours: 0.1, preset: paper, cell_m: [5000, 4]}]\n"
     )
     command = ["campaign", str(plan), "--workers", "0", "--out", str(tmp_path / "out")]
     result = CliRunner().invoke(main, [*command, "--runs", "1"])
-    assert "1 simulated, 0 reused, 0 failed" in result.output
-    assert "... 1 of 1 missions" in result.output
-    result = CliRunner().invoke(main, command)
-    assert "1 simulated, 1 reused, 0 failed" in result.output
-    assert result.exit_code == 0
-
-
-@pytest.mark.slow
-def test_a_mission_that_fails_is_named_and_the_others_are_kept(tmp_path):
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(
-        "title: tiny\nruns: 1\n"
-        "experiments: [{name: a, field: synthetic-high, hours: 0.1, preset: paper, cell_m: [5000, 4]}]\n"
-    )
-    result = CliRunner().invoke(main, ["campaign", str(plan), "--workers", "0", "--out", str(tmp_path / "out")])
-    assert result.exit_code == 1
     assert "1 simulated, 0 reused, 1 failed" in result.output
+    result = CliRunner().invoke(main, command)
+    assert result.exit_code == 1
+    assert "1 simulated, 1 reused, 2 failed" in result.output
     assert "cell_m=5000" in result.output
     assert "cannot be gridded" in result.output
     assert "cannot be gridded" in (tmp_path / "out" / "report.html").read_text()

@@ -78,21 +78,10 @@ def kansas(folder, corners, name="Kansas"):
     return path
 
 
-CORNERS = [[-97.48, 38.67], [-97.36, 38.67], [-97.36, 38.78], [-97.48, 38.78]]
-
-
 def refusal(log, **files):
     with pytest.raises(InputError) as caught:
         map_logs([log], MapSettings(**files))
     return str(caught.value)
-
-
-@pytest.mark.slow
-def test_a_field_of_another_country_is_refused_before_the_work(roving_record):
-    site = config_folder() / "sites" / "gypsum_transect.yaml"
-    said = refusal(roving_record, site=site, field=config_folder() / "fields" / "example.yaml")
-    assert "example.yaml: all 200 records lie 7,079 km north-west (bearing 300 deg) of the field" in said
-    assert "records at 38.7252 N, 97.4221 W" in said
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ def test_a_folder_and_an_archive_are_taken_and_what_is_skipped_is_listed(card, t
         assert sum(len(log.records) for log in logs) == 72
         assert "DATA3.txt, DATA4.txt (is empty)" in skipped_text(skipped)
         assert ("notes.md" in skipped_text(skipped)) == (len(given) == 1)
-    with pytest.raises(InputError, match=r"DATA3.txt: is empty"):
+    with pytest.raises(InputError, match=r"(?s)DATA3.txt: is empty.*DATA4.txt: is empty"):
         read_logs([card], None, Site())
 
 
@@ -68,13 +68,6 @@ def test_map_writes_the_skipped_files_and_the_reading_into_its_results(card, tmp
     summary = (out / "summary.json").read_text()
     assert '"skipped_files"' in summary
     assert "left out: N2Cts" in (out / "report.html").read_text()
-
-
-def test_files_without_anything_are_all_named(card):
-    empty = [card / "DATA3.txt", card / "DATA4.txt"]
-    result = CliRunner().invoke(main, ["check", "--log", str(empty[0]), "--log", str(empty[1])])
-    assert result.exit_code == 2
-    assert result.output.count("is empty") == 2
 
 
 def test_one_file_decides_the_order_of_day_and_month_for_the_others(tmp_path):

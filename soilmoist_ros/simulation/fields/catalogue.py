@@ -21,11 +21,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import InputError, LocalFrame, config_folder, did_you_mean, resource_names
+from soilmoist_ros.foundation import InputError, LocalFrame, config_folder, did_you_mean, read_yaml, resource_names
 from soilmoist_ros.mapping import Field, Variogram, load_field
 from soilmoist_ros.sensing import CalibrationCurve, MoistureCurve
 from soilmoist_ros.simulation.fields.surrogate_field import GridExtent, RateGrid, SurrogateField, kriged_grid
-from soilmoist_ros.simulation.fields.truth_file import has_truth, load_surrogate, truth_stamps
+from soilmoist_ros.simulation.fields.truth_file import load_surrogate, truth_stamps
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def surrogate_field_names() -> list[str]:
 @cache
 def _shipped_with_truth() -> tuple[str, ...]:
     folder = config_folder() / "fields"
-    return tuple(name for name in resource_names("fields") if has_truth(folder / f"{name}.yaml"))
+    return tuple(name for name in resource_names("fields") if "truth" in read_yaml(folder / f"{name}.yaml"))
 
 
 @cache

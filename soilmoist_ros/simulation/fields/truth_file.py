@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field as Setting
 from pydantic import model_validator
 
-from soilmoist_ros.foundation import InputError, Mistake, Section, load_model, read_limited, read_yaml
+from soilmoist_ros.foundation import InputError, Mistake, Section, load_model, read_limited
 from soilmoist_ros.mapping import (
     Field,
     FieldFile,
@@ -173,15 +172,6 @@ def load_surrogate(path: Path, rng: np.random.Generator | None = None) -> Surrog
 
     variogram = section.rate_variogram
     return SurrogateField(path.stem, field.name, field, truth, curve, section.hours, variogram)
-
-
-def has_truth(path: Path) -> bool:
-    """True if a field file has a truth; the truth itself is not read.
-
-    :raises InputError: if the file cannot be read
-    """
-    content = read_yaml(path)
-    return isinstance(content, Mapping) and "truth" in content
 
 
 def truth_stamps(path: Path) -> tuple[int, ...]:

@@ -6,7 +6,6 @@ import json
 import logging
 from dataclasses import replace
 
-import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -68,46 +67,6 @@ def test_part_of_counting_against_fifty_digits(reference_data):
             if less == 1:
                 assert kriging.counting_variance([case["target"]])[0] == pytest.approx(expected, rel=1e-7)
         assert (variances[0] - variances[1]) / 1e-6 == pytest.approx(expected, rel=1e-3)
-
-
-@pytest.mark.parametrize("keep_nugget", [True, False])
-@pytest.mark.parametrize("model", ["matern32", "matern52"])
-def test_matern_against_forty_digits(model, keep_nugget):
-    xy, counts, exposure_s = survey(6, seed=4, side=80.0)
-    wanted = np.array([[30.0, 40.0], xy[2]])
-    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3), keep_nugget).fit(xy, counts, exposure_s)
-    results = np.vstack([*kriging.weights(wanted), *kriging.predict(wanted)])
-    with mpmath.workdps(40):
-        for column, target in zip(results.T, wanted, strict=True):
-            expected = solve_exactly(model, xy, counts, exposure_s, target, keep_nugget)
-            np.testing.assert_allclose(column, np.array(expected, float), rtol=0, atol=1e-12)
-
-
-def solve_exactly(model, xy, counts, exposure_s, target, keep_nugget):
-    """Weights, mu, rate and variance by solving the published system as it stands."""
-    nugget, range_m, sill = mpmath.mpf(0.02), 40, mpmath.mpf(0.3)
-
-    def covariance(a, b, with_nugget):
-        h = mpmath.sqrt(sum((mpmath.mpf(float(p)) - mpmath.mpf(float(q))) ** 2 for p, q in zip(a, b, strict=True)))
-        s = mpmath.sqrt(3 if model == "matern32" else 5) * h / range_m
-        rho = (1 + s + (s**2 / 3 if model == "matern52" else 0)) * mpmath.exp(-s)
-        return (sill - nugget) * rho + (nugget if with_nugget and h == 0 else 0)
-
-    n = len(xy)
-    z = [mpmath.mpf(int(c)) for c in counts]
-    t = [mpmath.mpf(float(e)) for e in exposure_s]
-    mean = sum(z) / sum(t)
-    matrix, right = mpmath.ones(n + 1), mpmath.ones(n + 1, 1)
-    matrix[n, n] = 0
-    for i in range(n):
-        right[i] = covariance(xy[i], target, keep_nugget)
-        for j in range(n):
-            matrix[i, j] = covariance(xy[i], xy[j], True) + (mean / t[i] if i == j else 0)
-    solution = mpmath.lu_solve(matrix, right)
-    weights, mu = list(solution[:n]), solution[n]
-    rate = sum(w * count / time for w, count, time in zip(weights, z, t, strict=True))
-    at_target = sill if keep_nugget else sill - nugget
-    return [*weights, mu, rate, at_target - sum(w * c for w, c in zip(weights, right[:n], strict=True)) - mu]
 
 
 # -- properties ------------------------------------------------------------------------------------------
