@@ -195,6 +195,7 @@ def test_one_operator_has_the_controls_and_stop_is_for_all(served):
     assert status == 409
     assert "Ada has the controls" in answer
     assert served.post("/command", start)[0] == 409, "a page without a number has no controls"
+    assert served.post("/take", {"who": "nobody"})[1] == {"holds": False}
     assert served.post("/release", {"client": "b"})[0] == 409
     assert served.post("/stop", {"client": "b"})[1]["acknowledged"]
     assert served.post("/take", {"client": "b", "who": "Bo"})[1] == {"holds": True}

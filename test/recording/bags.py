@@ -5,6 +5,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+from mcap.writer import Writer as McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.recording.bag.metadata import Definition, Qos, Topic
@@ -59,3 +61,42 @@ def fill(writer: BagWriter, sample: Sample, count: int = 24, per_flush: int = 3)
         if number % per_flush == per_flush - 1:
             writer.flush()
             sample.sizes.append(writer.size_bytes)
+
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
+COUNTS = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z")]
+    + [("raw_counts", "<u4")]
+    + [(n, "<f8") for n in ("exposure_s", "effective_exposure_s", "f_pressure", "f_humidity", "f_intensity")]
+)
+NUMBERS = {"f4": 7, "f8": 8, "u4": 6}
+
+
+def cloud(table, order="<", padding=0, stamp_ns=1_780_000_000_250_000_000):
+    """A PointCloud2 of a structured array, of shape (n,) or (rows, columns)."""
+    types = STORE.types
+    table = table.astype(table.dtype.newbyteorder(order))
+    rows = table.reshape((1, -1)) if table.ndim == 1 else table
+    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9)), "map")
+    fields = [
+        types["sensor_msgs/msg/PointField"](n, table.dtype.fields[n][1], NUMBERS[table.dtype[n].str[1:]], 1)
+        for n in table.dtype.names
+    ]
+    data = b"".join(row.tobytes() + b"\xff" * padding for row in rows)
+    step = table.dtype.itemsize
+    height, width = rows.shape
+    return types[CLOUD](
+        header, height, width, fields, order == ">", step, step * width + padding, np.frombuffer(data, "u1"), True
+    )
+
+
+def write_foreign(path, messages, times=None, **options):
+    """An MCAP file of another recorder, with messages of one topic at times [ns], by default 0, 1, 2, ..."""
+    with path.open("wb") as file:
+        writer = McapWriter(file, **options)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/notes", "cdr", schema)
+        for message, time_ns in zip(messages, times or range(len(messages)), strict=True):
+            writer.add_message(channel, log_time=time_ns, publish_time=time_ns, data=message)
+        writer.finish()

@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_stored_records import write_bag
+from test_stored_records import recorded, write_bag
 
-from soilmoist_ros.exploration import Command, Mission, MissionJournal, MissionRules, Moved, RecordArrived, Verb
+from soilmoist_ros.exploration import Command, Mission, MissionRules, Moved, RecordArrived, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap
@@ -195,25 +195,16 @@ def test_a_full_disk_leaves_the_map_as_it_is_and_is_a_problem(tmp_path, monkeypa
     sources.close()
 
 
-def recorded(mission, journal):
-    def happens(event):
-        journal.note(mission, event)
-        mission.step(event)
-        journal.keep(mission)
-
-    return happens
-
-
 def test_a_session_goes_on_while_its_mission_is_interrupted(tmp_path):
     root, folder = tmp_path / "records", tmp_path / "journal"
     first = open_session(root, folder, fresh=False)
     assert open_session(root, None, fresh=False) != first
     newest = open_session(root, folder, fresh=False)
     with Journal.open(folder) as pages:
-        happens = recorded(Mission(RULES), MissionJournal(pages))
-        happens(Moved(1.77e9, 0.0, 0.0))
-        happens(RecordArrived(1.77e9, published(1)[0]))
-        happens(Command(1.78e9, Verb.START))
+        happens = recorded(Mission(RULES), pages)
+        happens(
+            Moved(1.77e9, 0.0, 0.0), RecordArrived(1.77e9, published(1)[0]), Command(1.78e9, Verb.START)
+        )  # fmt: skip
         assert open_session(root, folder, fresh=False) == newest
         assert open_session(root, folder, fresh=True) != newest
         happens(Command(1.79e9, Verb.ABORT))
@@ -229,9 +220,8 @@ def test_a_clock_that_was_set_back_does_not_resume_an_earlier_session(tmp_path, 
         monkeypatch.setattr(map_sources, "datetime", Mock(now=lambda month=month: datetime(2026, month, 1, 9)))
         opened.append(open_session(root, folder, fresh=False))
     with Journal.open(folder) as pages:
-        happens = recorded(Mission(RULES), MissionJournal(pages))
-        happens(Moved(1.77e9, 0.0, 0.0))
-        happens(Command(1.78e9, Verb.START))
+        happens = recorded(Mission(RULES), pages)
+        happens(Moved(1.77e9, 0.0, 0.0), Command(1.78e9, Verb.START))
     assert [session.name[:6] for session in opened] == ["202607", "202603"]
     assert open_session(root, folder, fresh=False) == opened[-1]
 

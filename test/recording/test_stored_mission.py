@@ -8,6 +8,7 @@ from contextlib import closing
 from dataclasses import replace
 
 import pytest
+from test_stored_records import recorded
 
 from soilmoist_ros.exploration import Choice, Mission, MissionJournal, Stop, parse_dwell
 from soilmoist_ros.exploration.mission.events import RESTART, AlarmOver, Command, GoalFailed, Moved, Planned, Tick
@@ -23,11 +24,7 @@ ABORTED = (*STARTED, Command(3.0, Verb.ABORT))
 
 def run(folder, events, resume="ask", end=False, limit_s=60.0):
     stored = StoredMission(folder, RULES, resume, limit_s)
-    journal, mission = MissionJournal(stored.journal), stored.mission or Mission(RULES)
-    for event in events:
-        journal.note(mission, event)
-        mission.step(event)
-        journal.keep(mission)
+    recorded(stored.mission or Mission(RULES), stored.journal)(*events)
     if end:
         stored.close()
     else:
@@ -55,20 +52,13 @@ def test_a_pause_that_a_full_disk_refused_is_kept_by_people_after_a_crash(tmp_pa
         raise OSError(errno.ENOSPC, "No space left on device")
 
     stored = StoredMission(tmp_path, RULES, resume, 60.0)
-    journal, mission = MissionJournal(stored.journal), Mission(RULES)
-
-    def take(*events):
-        for event in events:
-            journal.note(mission, event)
-            mission.step(event)
-            journal.keep(mission)
-
+    take = recorded(Mission(RULES), stored.journal)
     take(*STARTED)
     with monkeypatch.context() as full:
         for name in ("_write", "write_whole"):
             full.setattr(f"soilmoist_ros.recording.journal.{name}", refuse)
         take(PAUSED[-1])
-    assert "No space" in journal.problem
+    assert "No space" in take.journal.problem
     stored.journal.close()
     again = start(tmp_path, resume)
     assert again.mission is not None
@@ -79,7 +69,8 @@ def test_a_pause_that_a_full_disk_refused_is_kept_by_people_after_a_crash(tmp_pa
     assert again.mission.state.goal is not None
 
     stored = StoredMission(tmp_path, RULES, resume, 60.0)  # with space again, the next snapshot makes up for it
-    journal, mission = MissionJournal(stored.journal), stored.mission
+    mission = stored.mission
+    take = recorded(mission, stored.journal)
     take(Command(4.0, Verb.PAUSE, who=RESTART))
     take(GoalFailed(5.0, mission.state.goal.goal_id, "cancelled"), Moved(6.0, 0.0, 0.0), Moved(30.0, 0.0, 0.0))
     assert mission.state.phase is Phase.PAUSED

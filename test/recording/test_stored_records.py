@@ -6,10 +6,10 @@ import csv
 
 import numpy as np
 import pytest
+from bags import CLOUD, COUNTS, STORE, cloud
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.exploration import Command, Mission, MissionJournal, MissionRules, Moved, RecordArrived, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
@@ -77,12 +77,6 @@ def test_a_damaged_table_is_refused_with_the_line(tmp_path, change, message):
         csv.field_size_limit(limit)
 
 
-CLOUD = "sensor_msgs/msg/PointCloud2"
-POINT_FIELDS = (
-    "x", "y", "z", "raw_counts", "exposure_s", "effective_exposure_s", "f_pressure", "f_humidity", "f_intensity",
-)  # fmt: skip
-
-
 def earlier(n=8):
     rng = np.random.default_rng(5)
     places = rng.uniform((2, 2), (58, 48), (n, 2)).astype(np.float32).tolist()
@@ -92,27 +86,27 @@ def earlier(n=8):
 
 
 def write_bag(folder, many):
-    store = get_typestore(Stores.ROS2_JAZZY)
-    types = store.types
-    layout = np.dtype(
-        [(name, "<f4" if name in "xyz" else "<u4" if name == "raw_counts" else "<f8") for name in POINT_FIELDS]
-    )
-    datatype = {"<f4": 7, "<f8": 8, "<u4": 6}
-    fields = [
-        types["sensor_msgs/msg/PointField"](name, layout.fields[name][1], datatype[layout[name].str], 1)
-        for name in POINT_FIELDS
-    ]
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        topic = writer.add_connection("/counts", CLOUD, typestore=store)
+        topic = writer.add_connection("/counts", CLOUD, typestore=STORE)
         for one in many:
-            stamp = types["builtin_interfaces/msg/Time"](int(one.stamp_s), 0)
-            row = (
-                one.x_m, one.y_m, one.z_m, one.raw_counts, one.exposure_s, one.effective_exposure_s, 1.0, 1.0, 1.0,
-            )  # fmt: skip
-            data = np.frombuffer(np.array([row], layout).tobytes(), "u1")
-            header = types["std_msgs/msg/Header"](stamp, "map")
-            cloud = types[CLOUD](header, 1, 1, fields, False, layout.itemsize, layout.itemsize, data, True)
-            writer.write(topic, int(one.stamp_s * 1e9), store.serialize_cdr(cloud, CLOUD))
+            stamp_ns = int(one.stamp_s) * 10**9
+            row = (one.x_m, one.y_m, one.z_m, one.raw_counts, one.exposure_s, one.effective_exposure_s, 1, 1, 1)
+            message = cloud(np.array([row], COUNTS), stamp_ns=stamp_ns)
+            writer.write(topic, stamp_ns, STORE.serialize_cdr(message, CLOUD))
+
+
+def recorded(mission, pages):
+    """Takes events into a mission and the journal of its pages."""
+    journal = MissionJournal(pages)
+
+    def happens(*events):
+        for event in events:
+            journal.note(mission, event)
+            mission.step(event)
+            journal.keep(mission)
+
+    happens.journal = journal
+    return happens
 
 
 def test_records_come_from_a_table_or_a_bag(tmp_path):
@@ -129,12 +123,9 @@ def test_an_interrupted_mission_gives_its_records(tmp_path):
     events = [Moved(1.77e9, 0.0, 0.0), Command(1.78e9, Verb.START)]
     events += [RecordArrived(r.stamp_s, r) for r in earlier()]
     with Journal.open(tmp_path) as pages:
-        journal = MissionJournal(pages)
-        for event in events:
-            journal.note(mission, event)
-            mission.step(event)
-            journal.keep(mission)
-        journal.note_record("/salt", 1.78e9 + 1.0, earlier()[2])
+        happens = recorded(mission, pages)
+        happens(*events)
+        happens.journal.note_record("/salt", 1.78e9 + 1.0, earlier()[2])
     assert read_earlier(tmp_path) == earlier()
     assert read_earlier(tmp_path, "/salt") == earlier()[2:3]
     assert read_earlier(tmp_path, "clay") == []

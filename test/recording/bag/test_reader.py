@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import NOTES, START_NS, STORE, make_topic, text_message
-from mcap.writer import Writer as McapWriter
+from bags import CLOUD, COUNTS, NOTES, START_NS, STORE, cloud, make_topic, text_message, write_foreign
 from numpy.lib.recfunctions import append_fields
 from rich.console import Console
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -19,32 +18,6 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording import BagReader, BagWriter, bag_info, count_records, info_table, points
 from soilmoist_ros.recording.bag.metadata import Definition, Extent, Topic
 from soilmoist_ros.recording.stored_records import quarantine_reasons, stored_counts
-
-CLOUD = "sensor_msgs/msg/PointCloud2"
-COUNTS = np.dtype(
-    [(name, "<f4") for name in ("x", "y", "z")]
-    + [("raw_counts", "<u4")]
-    + [(n, "<f8") for n in ("exposure_s", "effective_exposure_s", "f_pressure", "f_humidity", "f_intensity")]
-)
-NUMBERS = {"f4": 7, "f8": 8, "u4": 6}
-
-
-def cloud(table, order="<", padding=0):
-    """A PointCloud2 of a structured array, of shape (n,) or (rows, columns)."""
-    types = STORE.types
-    table = table.astype(table.dtype.newbyteorder(order))
-    rows = table.reshape((1, -1)) if table.ndim == 1 else table
-    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](1_780_000_000, 250_000_000), "map")
-    fields = [
-        types["sensor_msgs/msg/PointField"](n, table.dtype.fields[n][1], NUMBERS[table.dtype[n].str[1:]], 1)
-        for n in table.dtype.names
-    ]
-    data = b"".join(row.tobytes() + b"\xff" * padding for row in rows)
-    step = table.dtype.itemsize
-    height, width = rows.shape
-    return types[CLOUD](
-        header, height, width, fields, order == ">", step, step * width + padding, np.frombuffer(data, "u1"), True
-    )
 
 
 def counts(number=2):
@@ -153,14 +126,7 @@ def test_bags_of_a_folder_are_merged_by_time_whatever_their_storage(foreign, tmp
 def test_messages_of_chunks_that_overlap_are_sorted(tmp_path):
     path, order = tmp_path / "mixed.mcap", random.Random(1)
     times = [order.randrange(1000) for _ in range(300)]
-    with path.open("wb") as file:
-        writer = McapWriter(file, chunk_size=500)
-        writer.start(profile="ros2")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        channel = writer.register_channel("/notes", "cdr", schema)
-        for number, time_ns in enumerate(times):
-            writer.add_message(channel, time_ns, text_message(str(number)), time_ns)
-        writer.finish()
+    write_foreign(path, [text_message(str(number)) for number in range(300)], times, chunk_size=500)
     with BagReader(path) as reader:
         found = [(message.log_ns, int(reader.decode(message).data)) for message in reader.messages()]
     assert found == sorted(zip(times, range(300), strict=True))

@@ -72,30 +72,19 @@ def test_messages_of_many_threads_are_all_in_the_bag(make, tmp_path):
     assert sorted(stamps(tmp_path / "run")) == [START_NS + 1000 * k + n for k in range(4) for n in range(500)]
 
 
-def test_messages_wait_until_a_bag_can_be_made(make, tmp_path):
-    (tmp_path / "out").write_text("in the way")
-    recorder = make(new_bag=lambda: next_bag(tmp_path / "out", "run", "jazzy"))
-    recorder.start()
-    assert not recorder.wait_open(20)
-    recorder.put(NOTES, START_NS, START_NS, DATA)
-    assert "no recording can be made here" in recorder.state.problem
-    (tmp_path / "out").unlink()
-    wait_for(lambda: recorder.state.messages == 1)
-    assert recorder.stop().problem == ""
-    assert stamps(tmp_path / "out" / "run") == [START_NS]
-
-
-def test_a_second_start_tries_at_once_and_says_what_holds_now(make, tmp_path):
+def test_messages_wait_until_a_bag_can_be_made_and_a_second_start_tries_at_once(make, tmp_path):
     (tmp_path / "out").write_text("in the way")
     recorder = make(new_bag=lambda: next_bag(tmp_path / "out", "run", "jazzy"), retry_s=60.0)
     for _ in range(2):
         recorder.start()
         assert not recorder.wait_open(20)
         assert "no recording can be made here" in recorder.state.problem
+    recorder.put(NOTES, START_NS, START_NS, DATA)
     (tmp_path / "out").unlink()
     recorder.start()
     assert recorder.wait_open(20)
     assert recorder.stop().problem == ""
+    assert stamps(tmp_path / "out" / "run") == [START_NS]
 
 
 def test_what_is_too_much_to_wait_is_dropped_and_counted(make, tmp_path):

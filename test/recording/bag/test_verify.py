@@ -9,7 +9,7 @@ import struct
 import pytest
 import yaml
 import zstandard
-from bags import MODEL, NOTES, PRESSURE, START_NS, Sample, number_message, text_message
+from bags import MODEL, NOTES, PRESSURE, START_NS, Sample, number_message, text_message, write_foreign
 from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -374,17 +374,6 @@ def test_a_flipped_bit_outside_of_chunks_invents_nothing_and_costs_one_chunk(tmp
             assert scan.findings(), place
 
 
-def write_foreign(path, messages, start_ns=0, **options):
-    with path.open("wb") as file:
-        writer = McapWriter(file, **options)
-        writer.start(profile="ros2")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        channel = writer.register_channel("/notes", "cdr", schema)
-        for number, message in enumerate(messages, start_ns):
-            writer.add_message(channel, log_time=number, publish_time=number, data=message)
-        writer.finish()
-
-
 @pytest.mark.parametrize("compression", list(CompressionType))
 def test_a_large_chunk_that_was_cut_gives_the_messages_before_the_cut(tmp_path, compression):
     # Other recorders write chunks of a megabyte or more: with luck, a part of the last one can be unpacked.
@@ -402,7 +391,7 @@ def test_a_large_chunk_that_was_cut_gives_the_messages_before_the_cut(tmp_path, 
 def test_all_files_of_a_split_bag_are_recovered_in_their_order(tmp_path):
     (tmp_path / "split").mkdir()
     for number in range(12):  # more than nine: file 10 comes after file 2
-        write_foreign(tmp_path / "split" / f"split_{number}.mcap", [text_message("x")], start_ns=number + 1)
+        write_foreign(tmp_path / "split" / f"split_{number}.mcap", [text_message("x")], [number + 1])
     bag = recover_bag(tmp_path / "split", tmp_path / "recovered")
     scan = McapScan(bag.folder / "recovered_0.mcap")
     assert [message.log_ns for message in scan.messages()] == list(range(1, 13))
