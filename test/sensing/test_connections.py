@@ -54,6 +54,15 @@ def test_a_bad_address_is_refused_with_an_example(uri, said):
 
 # Reconnecting ----------------------------------------------------------------------------------------------------
 
+RETRY = Retry(0.01, 0.05, silence_s=0.2)
+
+
+@pytest.fixture
+def port():
+    with socket.socket(type=socket.SOCK_DGRAM) as probe:
+        probe.bind(("0.0.0.0", 0))
+        return probe.getsockname()[1]
+
 
 def test_it_reconnects_after_the_server_has_closed_and_drops_the_incomplete_line():
     with ScriptedServer(sends(b"a\ncut"), sends(b"b\n"), sends(b"c\n")) as server, opened(server.uri) as source:
@@ -107,14 +116,9 @@ def test_pauses_grow_but_are_bounded(attempts):
     assert full_s / 2 <= pause_s <= full_s
 
 
-def test_datagrams_are_lines_with_or_without_their_ends():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    retry = Retry(0.01, 0.05, silence_s=0.2)
-    with opened(f"udp://127.0.0.1:{port}", retry) as source, socket.socket(type=socket.SOCK_DGRAM) as sender:
-        assert source.read_line(0.0) is None
-        read_until(source, lambda: source.status.connections == 1)
+def test_datagrams_are_lines_with_or_without_their_ends(port):
+    with opened(f"udp://127.0.0.1:{port}", RETRY) as source, socket.socket(type=socket.SOCK_DGRAM) as sender:
+        listening(source)
         for datagram in (b"one\r\ntwo", b"three\n", b"", b"four"):
             sender.sendto(datagram, ("127.0.0.1", port))
         assert read(source, 4) == [b"one", b"two", b"three", b"four"]
@@ -154,15 +158,6 @@ def test_a_serial_port_that_is_pulled_out_and_put_back(tmp_path):
 
 
 # Networks --------------------------------------------------------------------------------------------------------
-
-RETRY = Retry(0.01, 0.05, silence_s=0.2)
-
-
-@pytest.fixture
-def port():
-    with socket.socket(type=socket.SOCK_DGRAM) as probe:
-        probe.bind(("0.0.0.0", 0))
-        return probe.getsockname()[1]
 
 
 def send(data, port, sender):

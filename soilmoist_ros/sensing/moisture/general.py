@@ -218,27 +218,26 @@ def soil_of(site: Site) -> tuple[Soil, list[UncertaintyPart]]:
         of_class = typical and all(getattr(soil, name) == getattr(typical, name) for name in names)
         return "default range" if site.soil is None or of_class else "given"
 
-    density_sd, assumed = soil.bulk_density_sd_gcm3, dict[str, SdOrigin]()
-    if density_sd is None:
-        assumed["bulk density"] = "assumed"
-        density_sd = DENSITY_ERROR * soil.bulk_density_gcm3
     known = {"lattice_water", "organic_water", "clay", "organic_carbon"} & soil.model_fields_set
-    changed: dict[str, float] = {"bulk_density_sd_gcm3": density_sd}
+    of_density: SdOrigin | None = "assumed" if soil.bulk_density_sd_gcm3 is None else None
+    of_water: SdOrigin | None = "assumed" if known and soil.bound_water_sd is None else None
+    changed: dict[str, float] = {}
+    if of_density:
+        changed["bulk_density_sd_gcm3"] = DENSITY_ERROR * soil.bulk_density_gcm3
     if not known:
         changed |= {"lattice_water": BOUND_WATER, "bound_water_sd": BOUND_WATER_SD}
-    elif soil.bound_water_sd is None:
-        assumed["water"] = "assumed"
+    elif of_water:
         changed["bound_water_sd"] = math.hypot(WATER_ERROR, ORGANIC_ERROR * soil.organic_water)
     full = soil.model_copy(update=changed)
     water = full.lattice_water + full.organic_water
     return full, [
         _part(
-            "bulk density", full.bulk_density_gcm3, "g/cm3", density_sd, origin("bulk_density_gcm3"),
-            sd_origin=assumed.get("bulk density"),
+            "bulk density", full.bulk_density_gcm3, "g/cm3", full.bulk_density_sd_gcm3 or 0.0,
+            origin("bulk_density_gcm3"), sd_origin=of_density,
         ),
         _part(
             "lattice and organic water", round(water, 5), "g/g", full.bound_water_sd or 0.0,
-            origin("lattice_water", "organic_water") if known else "default range", sd_origin=assumed.get("water"),
+            origin("lattice_water", "organic_water") if known else "default range", sd_origin=of_water,
         ),
     ]  # fmt: skip
 

@@ -72,15 +72,9 @@ def test_without_a_date_the_day_follows_the_computers_clock_and_a_date_counts_fo
 
 def test_a_fix_comes_without_delay_once_the_sentences_are_known() -> None:
     parser = NmeaParser()
-    assert parser.feed(rmc("100000")) is None
-    assert parser.feed(gga("100000")) is None
-    first = parser.feed(rmc("100001"))
-    assert first is not None
-    assert first.stamp_s == stamp("2024-05-01 10:00:00")
-    second = parser.feed(gga("100001"))
-    assert second is not None
-    assert second.stamp_s == stamp("2024-05-01 10:00:01")
-    assert parser.flush() is None
+    fixes = [parser.feed(line) for line in (rmc("100000"), gga("100000"), rmc("100001"), gga("100001"))]
+    begun_s = stamp("2024-05-01 10:00:00")
+    assert [fix and fix.stamp_s - begun_s for fix in (*fixes, parser.flush())] == [None, None, 0, 1, None]
 
 
 def test_error_ellipse_in_east_and_north() -> None:
@@ -119,17 +113,11 @@ def test_damaged_sentences(line, kind) -> None:
     assert len(fixes) == 1
 
 
-def test_other_sentences_and_empty_lines_are_no_problem() -> None:
-    lines = [sentence("GPGSV,1,1,00"), sentence("GNVTG,90.0,T,,M,1.9,N,3.6,K,A"), sentence("PUBX,03,1"), b"\r\n"]
-    fixes, problems = parse(*lines, sentence("GNXYZ,1"), rmc())
-    assert len(fixes) == 1
-    assert problems == []
-
-
-def test_a_broken_sentence_before_a_whole_one() -> None:
-    fixes, problems = parse(b"$GNRMC,1000" + rmc())
-    assert len(fixes) == 1
-    assert problems == []
+def test_other_sentences_empty_lines_and_a_broken_sentence_before_a_whole_one_are_no_problem() -> None:
+    bodies = ("GPGSV,1,1,00", "GNVTG,90.0,T,,M,1.9,N,3.6,K,A", "PUBX,03,1", "GNXYZ,1")
+    for lines in ([*map(sentence, bodies), b"\r\n", rmc()], [b"$GNRMC,1000" + rmc()]):
+        fixes, problems = parse(*lines)
+        assert (len(fixes), problems) == (1, [])
 
 
 @pytest.mark.slow

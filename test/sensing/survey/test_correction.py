@@ -82,10 +82,6 @@ def test_the_interval_begins_at_the_record_before_up_to_one_and_a_half_live_time
 # Weather ---------------------------------------------------------------------------------------------------------
 
 
-def air(stamp_s: float, pressure_hpa: float = 1000.0) -> LoggerRecord:
-    return LoggerRecord(stamp_s, (5.0,), (10.0,), pressure_hpa, 20.0, 0.5)
-
-
 def series_of(records) -> WeatherSeries:
     series = WeatherSeries()
     for one in records:
@@ -94,12 +90,12 @@ def series_of(records) -> WeatherSeries:
 
 
 def pressure(series: WeatherSeries, stamp_s: float) -> float:
-    return series.filled(air(stamp_s, NAN)).pressure_hpa
+    return series.filled(record(stamp_s, pressure_hpa=NAN)).pressure_hpa
 
 
 def test_gaps_of_a_logger_that_writes_every_hour_are_some_records_long() -> None:
     def hourly(hour: float, pressure_hpa: float = NAN) -> LoggerRecord:
-        return LoggerRecord(3600 * hour, (700.0,), (3600.0,), pressure_hpa, 20.0, 0.5)
+        return record(3600 * hour, 3600.0, pressure_hpa)
 
     series = series_of([hourly(0, 1000.0), hourly(4, 1004.0), hourly(9, 1010.0)])
     assert [series.filled(hourly(hour)).pressure_hpa for hour in (1, 2, 3)] == pytest.approx([1001, 1002, 1003])
@@ -117,7 +113,7 @@ def test_gaps_of_a_logger_that_writes_every_hour_are_some_records_long() -> None
 def test_between_values_it_is_the_interpolation_of_numpy(points, stamp_s) -> None:
     points.sort()
     stamps, values = zip(*points, strict=True)
-    series = series_of(air(float(at), value) for at, value in zip(stamps, values, strict=True))
+    series = series_of(record(float(at), pressure_hpa=value) for at, value in zip(stamps, values, strict=True))
     assert pressure(series, float(stamp_s)) == np.interp(stamp_s, stamps, values)
 
 

@@ -48,8 +48,8 @@ def fix(elapsed_s, x_m=0.0, status=FixStatus.RTK):
     return Fix(T0 + elapsed_s, place, status)
 
 
-def survey(site=UNCORRECTED, logger=FORMAT, **options):
-    return SensorStream(site, FRAME, logger, **options)
+def survey():
+    return SensorStream(UNCORRECTED, FRAME, FORMAT)
 
 
 @pytest.fixture(scope="module")
