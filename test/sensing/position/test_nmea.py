@@ -77,10 +77,13 @@ def test_a_fix_comes_without_delay_once_the_sentences_are_known() -> None:
     assert [fix and fix.stamp_s - begun_s for fix in (*fixes, parser.flush())] == [None, None, 0, 1, None]
 
 
-def test_error_ellipse_in_east_and_north() -> None:
+def test_error_ellipse_or_deviations_in_east_and_north() -> None:
     (fix,), _ = parse(rmc(), gga(quality="4"), gst(ellipse="0.04,0.01,90.0"))
     np.testing.assert_allclose(fix.covariance_m2, np.diag([0.04**2, 0.01**2, 0.05**2]), atol=1e-12)
     assert fix.covariance_kind is CovarianceKind.KNOWN
+    (fix,), _ = parse(rmc(), gga(quality="4"), gst(ellipse=",,"))
+    np.testing.assert_allclose(fix.covariance_m2, np.diag([0.03**2, 0.02**2, 0.05**2]), atol=1e-12)
+    assert fix.covariance_kind is CovarianceKind.DIAGONAL_KNOWN
 
 
 def test_midnight_between_the_sentences() -> None:
