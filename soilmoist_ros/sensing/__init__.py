@@ -36,13 +36,12 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME as FORMAT_NAME, RECORDS_PER_HEADER as RECORDS_PER_HEADER, TUBES as TUBES, format_header as format_header, format_record as format_record
     from soilmoist_ros.sensing.gnss import FIX_TYPE as FIX_TYPE, UNKNOWN_COVARIANCE as UNKNOWN_COVARIANCE, Covariance as Covariance, CovarianceKind as CovarianceKind, Fix as Fix, FixStatus as FixStatus, Heard as Heard, clock_words as clock_words, fix_from_message as fix_from_message, stamp_of as stamp_of
     from soilmoist_ros.sensing.lines import log_files as log_files, read_data as read_data, split_lines as split_lines
-    from soilmoist_ros.sensing.moisture.combined import DISAGREEMENT_SD as DISAGREEMENT_SD, PROFILE_DENSITY_SD_GCM3 as PROFILE_DENSITY_SD_GCM3, PROFILE_SD as PROFILE_SD, CombinedN0 as CombinedN0, N0Source as N0Source, combine_n0 as combine_n0, combined_calibration as combined_calibration, difference_sd as difference_sd, earlier_source as earlier_source
+    from soilmoist_ros.sensing.moisture.combined import DISAGREEMENT_SD as DISAGREEMENT_SD, PROFILE_DENSITY_SD_GCM3 as PROFILE_DENSITY_SD_GCM3, PROFILE_SD as PROFILE_SD, N0Source as N0Source, combine_n0 as combine_n0, combined_calibration as combined_calibration, difference_sd as difference_sd, earlier_source as earlier_source
     from soilmoist_ros.sensing.moisture.cores import SoilCore as SoilCore, possible_days as possible_days, profiles_of as profiles_of, read_soil_cores as read_soil_cores
     from soilmoist_ros.sensing.moisture.curve import CalibrationCurve as CalibrationCurve, MoistureCurve as MoistureCurve, SoilLimits as SoilLimits, UniversalCurve as UniversalCurve, soil_limits as soil_limits
     from soilmoist_ros.sensing.moisture.footprint import CoreMean as CoreMean, Footprint as Footprint, SensedSoil as SensedSoil, Weighting as Weighting, bare_radius_m as bare_radius_m, mean_of_cores as mean_of_cores, sensed_soil as sensed_soil
     from soilmoist_ros.sensing.moisture.general import DAY_SD as DAY_SD, DENSITY_ERROR as DENSITY_ERROR, GENERAL_SD as GENERAL_SD, GIVEN_SD as GIVEN_SD, SCALING_SD as SCALING_SD, SENSITIVITIES as SENSITIVITIES, SurveyAir as SurveyAir, general_calibration as general_calibration, named_sensor as named_sensor, sensitivity_of as sensitivity_of, soil_of as soil_of, unknown_sensor as unknown_sensor, unknown_share as unknown_share, why_no_soil as why_no_soil
     from soilmoist_ros.sensing.moisture.site import UNKNOWN_SENSOR as UNKNOWN_SENSOR, Calibration as Calibration, Irrigation as Irrigation, N0Estimate as N0Estimate, SensorModel as SensorModel, Site as Site, Soil as Soil, UncertaintyPart as UncertaintyPart, estimate_n0 as estimate_n0, load_site as load_site, n0_in_other_time as n0_in_other_time, unusual_n0 as unusual_n0, write_calibration as write_calibration, write_site_values as write_site_values
-    from soilmoist_ros.sensing.moisture.texture import TEXTURES as TEXTURES, SoilTexture as SoilTexture
     from soilmoist_ros.sensing.position.nmea import nmea_sentences as nmea_sentences, parse_nmea as parse_nmea, sentences_without_fix as sentences_without_fix
     from soilmoist_ros.sensing.position.phone import PHONE as PHONE, PhoneReceiver as PhoneReceiver
     from soilmoist_ros.sensing.position.place_doubt import DOUBTS as DOUBTS, Doubt as Doubt, Doubts as Doubts, none_since as none_since, placed_of_any as placed_of_any
@@ -54,7 +53,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.survey.correction import intensity_source as intensity_source, unusual_factors as unusual_factors
     from soilmoist_ros.sensing.survey.driver import Batch as Batch, Driver as Driver, DriverSettings as DriverSettings, logger_fault as logger_fault
     from soilmoist_ros.sensing.survey.logs import CalibrationCounts as CalibrationCounts, SurveyRecords as SurveyRecords, calibration_counts as calibration_counts, log_doubts as log_doubts, process_logs as process_logs, why_unplaced as why_unplaced
-    from soilmoist_ros.sensing.survey.side_by_side import SideBySide as SideBySide, compare_side_by_side as compare_side_by_side
+    from soilmoist_ros.sensing.survey.side_by_side import compare_side_by_side as compare_side_by_side
     # fmt: on
 
 __getattr__, __dir__, __all__ = open_door(
@@ -72,13 +71,12 @@ __getattr__, __dir__, __all__ = open_door(
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of",
         "lines": "log_files read_data split_lines",
-        "moisture.combined": "DISAGREEMENT_SD PROFILE_DENSITY_SD_GCM3 PROFILE_SD CombinedN0 N0Source combine_n0 combined_calibration difference_sd earlier_source",
+        "moisture.combined": "DISAGREEMENT_SD PROFILE_DENSITY_SD_GCM3 PROFILE_SD N0Source combine_n0 combined_calibration difference_sd earlier_source",
         "moisture.cores": "SoilCore possible_days profiles_of read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Weighting bare_radius_m mean_of_cores sensed_soil",
         "moisture.general": "DAY_SD DENSITY_ERROR GENERAL_SD GIVEN_SD SCALING_SD SENSITIVITIES SurveyAir general_calibration named_sensor sensitivity_of soil_of unknown_sensor unknown_share why_no_soil",
         "moisture.site": "UNKNOWN_SENSOR Calibration Irrigation N0Estimate SensorModel Site Soil UncertaintyPart estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration write_site_values",
-        "moisture.texture": "SoilTexture TEXTURES",
         "position.nmea": "nmea_sentences parse_nmea sentences_without_fix",
         "position.phone": "PHONE PhoneReceiver",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",
@@ -90,6 +88,6 @@ __getattr__, __dir__, __all__ = open_door(
         "survey.correction": "intensity_source unusual_factors",
         "survey.driver": "Batch Driver DriverSettings logger_fault",
         "survey.logs": "CalibrationCounts SurveyRecords calibration_counts log_doubts process_logs why_unplaced",
-        "survey.side_by_side": "SideBySide compare_side_by_side",
+        "survey.side_by_side": "compare_side_by_side",
     },
 )

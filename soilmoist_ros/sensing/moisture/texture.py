@@ -21,9 +21,7 @@ TextureName = Literal[
 ]  # fmt: skip
 """Names of the USDA texture classes."""
 _WILTING_ERROR, _CAPACITY_ERROR, _PORES_ERROR = 0.02, 0.05, 0.04  # table 1 of Saxton & Rawls [m^3/m^3]
-_WATER_OF_CLAY = (
-    0.6  # wilting point and field capacity per clay, from the middles of the classes [m^3/m^3 per g/g]
-)
+_WATER_OF_CLAY = 0.6  # moisture at both limits per clay, from the middles of the classes [m^3/m^3 per g/g]
 _TILLAGE_GCM3 = 0.1  # spread of the bulk density by tillage and traffic [g/cm^3]
 
 

@@ -3,7 +3,8 @@
 
 import pytest
 
-from soilmoist_ros.sensing import TEXTURES, Soil
+from soilmoist_ros.sensing import Soil
+from soilmoist_ros.sensing.moisture.texture import TEXTURES
 
 
 def saxton_rawls(sand, clay, matter=2.5):
