@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -136,17 +135,10 @@ class PropertyComparison:
     """Comparison of a replayed map with the last map that its mapper published, in words.
 
     :param same: whether the maps are equal, bit for bit; ``None`` if they were not compared
-    :param difference: largest difference as a share of the largest value of its band; NaN without values
     """
 
     same: bool | None
     message: str
-    difference: float = math.nan
-
-    @property
-    def is_rounding(self) -> bool:
-        """True if the maps differ at most by rounding, as on another processor."""
-        return self.difference < _ROUNDING
 
 
 def read_published_map(topics: RunTopics) -> PublishedMap | None:
@@ -301,13 +293,13 @@ class ReplayedProperty:
             error = np.abs(here[known].astype(float) - there[known]).max(initial=0.0)
             largest = max(largest, float(error) / max(float(np.abs(there[known]).max(initial=0.0)), 1e-30))
         if largest == 0:
-            return PropertyComparison(True, "equals the robot's last one, bit for bit", 0.0)
+            return PropertyComparison(True, "equals the robot's last one, bit for bit")
         why = ""
         if largest < _ROUNDING:
             why = ": rounding, as on another processor or with more threads"
         elif several:
             why = ": records of several robots reach mapper and recorder in different orders"
-        return PropertyComparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}", largest)
+        return PropertyComparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}")
 
     def errors_at(self, stamp_s: float) -> MapErrors:
         """Errors of the map of all records up to a time, see :func:`map_errors`; NaN without map or truth."""

@@ -96,6 +96,11 @@ def test_the_mode_has_no_slope():
     assert fitted.converged
 
 
+def test_a_search_that_does_not_come_to_rest_says_so(monkeypatch):
+    monkeypatch.setattr(reml, "_MAX_STEPS", 1)
+    assert not maximise_reml(some_samples(), "matern32", 200.0).converged
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_the_search_stops_within_a_hundredth_of_the_uncertainty(seed, monkeypatch):
     samples = simulated(Variogram("matern32", 0.02, 20.0, 0.3), 25 * (seed + 1), 60.0, 60.0, seed)
