@@ -254,10 +254,5 @@ class Finish:
     reason: str
     code: MissionEnd  # reason code
 
-    @property
-    def aborted(self) -> bool:
-        """True if the operator or the guard ended it."""
-        return self.code in (MissionEnd.ABORTED, MissionEnd.FAILSAFE)
-
 
 Action = Answer | RequestPlan | GoTo | CancelGoal | StartCounting | VisitDone | Publish | Finish

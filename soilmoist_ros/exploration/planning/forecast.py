@@ -146,10 +146,6 @@ class Forecast:
         factor = self.factors[-1] if self.factors else 1.0
         return self.sd_end / factor, self.sd_end * factor
 
-    def at(self, after_s: float) -> float:
-        """Standard deviation after some time [s], up to the end."""
-        return float(np.interp(after_s, (0.0, *self.times_s), (self.sd, *self.sds)))
-
     @property
     def unit(self) -> str:
         """Unit of a hundredth of the standard deviations, in words."""

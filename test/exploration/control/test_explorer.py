@@ -145,7 +145,8 @@ def test_before_the_start_the_forecast_is_that_of_a_field_that_varies_as_expecte
     assert hour.times_s[-1] == 3600.0
     assert hour.sd_end > two.sd_end > 0
     assert nominal_rate_cps(curve) == curve.rate_cps(0.15)
-    assert first_forecast(grid, moist, 3600.0).moisture
+    calibrated = first_forecast(grid, moist, 3600.0)
+    assert (calibrated.moisture, calibrated.mean_rate_cps) == (True, curve.rate_cps(0.15))
 
 
 def test_a_robot_that_turns_out_slow_is_offered_nearer_stops_only():

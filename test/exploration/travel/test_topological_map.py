@@ -384,18 +384,13 @@ def test_times_of_the_planner_and_of_the_robot_keep_the_speeds_of_edges(keys):
         parse(content)
 
 
-def test_a_node_with_a_wide_tolerance_is_named():
+def test_wide_nodes_edges_of_no_speed_and_marks_that_are_nearly_no_go_are_named():
     content = document()
     content["nodes"][0]["node"]["properties"]["xy_goal_tolerance"] = 3.0
-    (doubt,) = parse(content).doubts([])
-    assert "half the distance to the next node at gate (3 m)" in doubt
-
-
-def test_edges_of_no_speed_and_marks_that_are_nearly_no_go_are_named():
-    content = document()
     content["nodes"][0]["node"]["edges"][0]["properties"] = {"max_speed": 0.0001, "noGo": True}
     content["nodes"][1]["node"]["no_go"] = True  # outside of the properties it is not read
     content["nodes"][2]["meta"]["tag"] = ["no-go", "barn"]
-    (slow, near) = parse(content).doubts([])
+    wide, slow, near = parse(content).doubts([])
+    assert "half the distance to the next node at gate (3 m)" in wide
     assert "below 0.02 m/s on edges: gate to row 1 (0.0001 m/s)" in slow
     assert "noGo of gate_row 1, no_go of row 1, no-go of row_2; write no_go among the properties" in near
