@@ -102,15 +102,13 @@ def row(clock: str, number: int, counts: tuple[object, object] = (755, 870), air
 
 
 def read(tmp_path: Path, text: str) -> LogFile:
-    path = tmp_path / "table.dat"
-    path.write_bytes(text.replace("\n", "\r\n").encode())
-    return read_log(path)
+    return read_log(write(tmp_path, text.replace("\n", "\r\n").encode()))
 
 
 def test_a_table_is_recognised_and_read(tmp_path) -> None:
     rows = row("12:00:00", 0) + row("13:00:00", 1, (760, '"NAN"')) + row("14:00:00.5", 2, air='"NAN",971,"NAN"')
     log = read(tmp_path, HEADER + rows)
-    assert detect_format(tmp_path / "table.dat").title == "Campbell Scientific table (TOA5)"
+    assert detect_format(log.path).title == "Campbell Scientific table (TOA5)"
     assert (log.serial, log.metadata["station_name"], log.metadata["table"]) == ("10277", "farm, south", "Table1")
     second, third = log.records
     assert second.stamp_s == 1632315600.0

@@ -18,13 +18,18 @@ from soilmoist_ros.sensing.moisture.footprint import Footprint, mean_of_cores
 
 
 @pytest.fixture
-def read(tmp_path):
-    def of(text, density=None, days=()):
+def table(tmp_path):
+    def of(text, density=None):
         path = tmp_path / "cores.csv"
         path.write_text(text)
-        return read_soil_cores(path, density, days).cores
+        return read_soil_cores(path, density)
 
     return of
+
+
+@pytest.fixture
+def read(table):
+    return lambda *given: table(*given).cores
 
 
 def test_mean_and_standard_error_of_cores(read):
@@ -142,37 +147,33 @@ def test_values_in_another_unit_are_named_as_written(read, text, where, message)
     assert [(mistake.line, mistake.column) for mistake in caught.value.mistakes] == [where]
 
 
+NOT_USED = "gravimetric_water is not used for {} cores: they have vwc"
+
+
 def test_lines_of_a_spreadsheet_before_the_header_are_no_header(read):
     cores = read("sep=;\n# of May\n\nprofile;depth_cm;vwc_percent\na;5;28 %\n\na;15;31,5%\n")
     assert [core.vwc for core in cores] == pytest.approx([0.28, 0.315])
 
 
-def notes_of(tmp_path, text, density=None):
-    path = tmp_path / "cores.csv"
-    path.write_text(text)
-    return read_soil_cores(path, density)
-
-
-def test_what_decides_the_moisture_is_said(tmp_path):
-    assert notes_of(tmp_path, "gravimetric_water\n0.2\n", 1.4).notes == (
-        "1 of 1 cores have no bulk density: 1.4 g/cm3 of the site file counts",
-    )
-    assert notes_of(tmp_path, "vwc,weight\n0.2,148\n0.2,152\n").notes == (
-        "each core also counts by its own weight",
-    )
-    both = "vwc,gravimetric_water,bulk_density_gcm3\n0.28,0.2,1.4\n0.10,0.19,1.4\n"
-    assert notes_of(tmp_path, both).notes == ("gravimetric_water is not used for 2 cores: they have vwc",)
-    table = notes_of(tmp_path, "vwc,vwc_note,soil_moisture,Datum\n0.2,x,21,2023-11-01\n")
-    assert table.days == ("2023-11-01",)
-    assert table.notes == ("columns that are not used: vwc_note, soil_moisture",)
-    unread = notes_of(tmp_path, "vwc,gravimetric_water\n0.2,-99\n0.2,n/a\n")
-    assert unread.notes == ("gravimetric_water is not used for 1 cores: they have vwc",)
+@pytest.mark.parametrize(
+    ("text", "note"),
+    [
+        ("gravimetric_water\n0.2\n", "1 of 1 cores have no bulk density: 1.4 g/cm3 of the site file counts"),
+        ("vwc,weight\n0.2,148\n0.2,152\n", "each core also counts by its own weight"),
+        ("vwc,gravimetric_water,bulk_density_gcm3\n0.28,0.2,1.4\n0.10,0.19,1.4\n", NOT_USED.format(2)),
+        ("vwc,vwc_note,soil_moisture\n0.2,x,21\n", "columns that are not used: vwc_note, soil_moisture"),
+        ("vwc,gravimetric_water\n0.2,-99\n0.2,n/a\n", NOT_USED.format(1)),
+    ],
+)  # fmt: skip
+def test_what_decides_the_moisture_is_said(table, text, note):
+    assert table(text, 1.4 if text.startswith("grav") else None).notes == (note,)
 
 
 @pytest.mark.parametrize(
     ("name", "first", "second"),
     [("Sampling Date", "2015-07-04", "2016-02-08"), ("sampled", "04.07.15 9:30", "8.2.2016")],
 )
-def test_days_are_known_by_their_dates_whatever_the_column_is_called(tmp_path, name, first, second):
+def test_days_are_known_by_their_dates_whatever_the_column_is_called(table, name, first, second):
+    assert table("vwc,Datum\n0.2,2023-11-01\n").days == ("2023-11-01",)
     with pytest.raises(InputError, match=r"of 2 days: 2015-07-04 \(1 cores\), 2016-02-08 \(1 cores\)"):
-        notes_of(tmp_path, f"{name},vwc,id\n{first},0.2,1.5-2\n{second},0.4,3-4\n")
+        table(f"{name},vwc,id\n{first},0.2,1.5-2\n{second},0.4,3-4\n")
