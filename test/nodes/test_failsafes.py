@@ -162,7 +162,6 @@ def watched(tmp_path_factory):
 
 PLAIN = {  # what is wrong in the world, and whether it stops the robot
     Cause.MAP_OLD: ({"mapper": False}, False),
-    Cause.COUNTS_FRAME: ({"frame": "odom"}, False),
     Cause.COUNTS_STAMP: ({"stamped_ahead_s": 5000.0}, False),
     Cause.COUNTS_BAD: ({"quarantine": "noisy_tube"}, True),
     Cause.BATTERY_SILENT: ({"has_battery": False}, False),

@@ -79,7 +79,7 @@ def journal(tmp_path, monkeypatch):
     (folder / "__init__.py").write_text("")
     (folder.parent / "__init__.py").write_text("")
     for name, body in NODES.items():
-        for copy in (name, f"{name}_2", f"{name}_3"):
+        for copy in (name, f"{name}_2"):
             text = HEAD.format(name=copy, journal=str(path)) + textwrap.dedent(body)
             (folder / f"{copy}.py").write_text(text)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -163,27 +163,18 @@ def test_who_does_not_want_to_wait_leaves_nothing_behind(journal, tmp_path, monk
     assert all(gone(number) for number in numbers(journal))
 
 
-def test_what_a_node_has_started_ends_with_it(journal, tmp_path):
+def test_how_nodes_have_ended_and_what_they_have_started_ends_with_them(journal, tmp_path):
     with group(tmp_path) as nodes:
-        start(nodes, "parent")
+        start(nodes, "short", "plain", "good", "parent")
         nodes.start("parent_2", tmp_path / "leave")  # ends by itself
-        ready(journal, 2)
-        wait_for(nodes.ended)
-        assert nodes.ended() == {"parent_2": 0}
-        children = {name: int(text.split()[1]) for name, _, text in said(journal)}
+        ready(journal, 4)
+        os.kill(nodes.pid("plain"), signal.SIGKILL)
+        wait_for(lambda: len(nodes.ended()) == 3)
+        assert nodes.ended() == {"short": 3, "plain": -signal.SIGKILL, "parent_2": 0}
+        assert nodes.log("short").read_text() == "I have failed\n"
+        children = {name: int(text.split()[1]) for name, _, text in said(journal) if "parent" in name}
         wait_for(lambda: gone(children["parent_2"]))
     wait_for(lambda: gone(children["parent"]))
-
-
-def test_how_nodes_have_ended(journal, tmp_path):
-    with group(tmp_path) as nodes:
-        start(nodes, "short", "plain", "good")
-        ready(journal, 2)
-        plain = next(int(number) for name, number, _ in said(journal) if name == "plain")
-        os.kill(plain, signal.SIGKILL)
-        wait_for(lambda: len(nodes.ended()) == 2)
-        assert nodes.ended() == {"short": 3, "plain": -signal.SIGKILL}
-        assert nodes.log("short").read_text() == "I have failed\n"
     assert nodes.ended() == {}
     nodes.stop()  # a second stop does nothing
 
@@ -250,28 +241,18 @@ with free_domain() as domain:
 """
 
 
-def hold(folder):
-    """A process with another folder for its files, as in a container that shares the network."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLD], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        env=os.environ | {"TMPDIR": str(folder)},
-    )  # fmt: skip
-    return process, int(process.stdout.readline())
-
-
-def release(process):
-    process.kill()
-    process.communicate()
-
-
 def test_every_holder_has_a_domain_of_its_own_until_it_ends(tmp_path, monkeypatch):
+    """One of them with another folder for its files, as in a container that shares the network."""
+    command, environment = [sys.executable, "-c", HOLD], os.environ | {"TMPDIR": str(tmp_path)}
     with free_domain() as first, free_domain() as second:
-        other, third = hold(tmp_path)
-        assert len({first, second, third}) == 3
-        monkeypatch.setattr(process_group, "DOMAINS", [third])
-        with pytest.raises(InputError, match=r"in use.*end other simulations"), free_domain():
-            pass
-        release(other)
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        with subprocess.Popen(command, **pipes, env=environment) as other:
+            third = int(other.stdout.readline())
+            assert len({first, second, third}) == 3
+            monkeypatch.setattr(process_group, "DOMAINS", [third])
+            with pytest.raises(InputError, match=r"in use.*end other simulations"), free_domain():
+                pass
+            other.kill()
         with pytest.raises(OSError, match="the body"), free_domain() as domain:
             raise OSError("the body")
         with free_domain() as again:

@@ -40,10 +40,12 @@ def base(topic):
     return topic.removeprefix("/").removeprefix("compaction/")
 
 
+def rviz_layout():
+    return yaml.safe_load((ROOT / "config" / "rviz" / "soilmoist.rviz").read_text())["Visualization Manager"]
+
+
 def rviz_displays():
-    layout = yaml.safe_load((ROOT / "config" / "rviz" / "soilmoist.rviz").read_text())["Visualization Manager"]
-    assert layout["Global Options"]["Fixed Frame"] == "map"
-    topics = [display for display in layout["Displays"] if "Topic" in display]
+    topics = [display for display in rviz_layout()["Displays"] if "Topic" in display]
     return [display for display in topics if base(display["Topic"]["Value"]) not in OF_THE_ROBOT]
 
 
@@ -89,21 +91,17 @@ def test_rviz_shows_topics_in_their_type_and_quality_of_service():
     }  # fmt: skip
 
 
-def test_rviz_shows_the_robot():
-    layout = yaml.safe_load((ROOT / "config" / "rviz" / "soilmoist.rviz").read_text())["Visualization Manager"]
+def test_rviz_opens_with_the_robot_on_one_map_and_has_no_tool_that_could_drive_it_by_accident():
+    layout = rviz_layout()
+    assert layout["Global Options"]["Fixed Frame"] == "map"
     shown = {display["Class"].removeprefix("rviz_default_plugins/"): display for display in layout["Displays"]}
     assert shown["RobotModel"]["Description Topic"]["Value"] == "/robot_description"
     assert shown["RobotModel"]["Description Topic"]["Durability Policy"] == "Transient Local"
     assert shown["Odometry"]["Topic"]["Value"] == "/odom"
     on = {name for name in ("RobotModel", "PoseWithCovariance", "TF", "Odometry") if shown[name]["Enabled"]}
     assert on == {"RobotModel", "PoseWithCovariance"}
-
-
-def test_rviz_opens_with_one_map_and_has_no_tool_that_could_drive_the_robot_by_accident():
-    on = [display for display in rviz_displays() if display["Enabled"]]
-    maps = [one["Name"] for one in on if base(one["Topic"]["Value"]) in ("soil_map", "uncertainty")]
-    assert maps == ["Soil moisture"]
-    layout = yaml.safe_load((ROOT / "config" / "rviz" / "soilmoist.rviz").read_text())["Visualization Manager"]
+    maps = [one for one in rviz_displays() if base(one["Topic"]["Value"]) in ("soil_map", "uncertainty")]
+    assert [one["Name"] for one in maps if one["Enabled"]] == ["Soil moisture"]
     tools = {tool["Class"].removeprefix("rviz_default_plugins/") for tool in layout["Tools"]}
     assert tools == {"MoveCamera", "Select", "FocusCamera", "Measure"}
 
@@ -132,19 +130,14 @@ def test_foxglove_panels_show_topics_that_they_can_show():
     assert json.loads(button["value"]) == {"data": True}
 
 
-def numeric_topics():
-    """Message types by topics of which layouts plot fields."""
+def test_plots_are_of_numbers_of_the_topics():
     pytest.importorskip("rclpy")
     from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
     from soilmoist_msgs.msg import Mission
 
-    weather = {"/pressure": FluidPressure, "/temperature": Temperature, "/relative_humidity": RelativeHumidity}
-    return {"/mission_state": Mission, **weather}
-
-
-def test_plots_are_of_numbers_of_the_topics():
     root = ET.parse(ROOT / "config" / "plotjuggler" / "soilmoist.xml").getroot()
-    kinds = numeric_topics()
+    kinds = {"/mission_state": Mission, "/pressure": FluidPressure, "/temperature": Temperature}
+    kinds["/relative_humidity"] = RelativeHumidity
     curves = [curve.attrib["name"] for curve in root.iter("curve")]
     assert len(curves) == len(set(curves)) == 10
     for curve in curves:

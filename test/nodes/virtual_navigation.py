@@ -72,7 +72,7 @@ class World:
         self.rate, self.mapper = rate, mapper
         self.now_s, self.place, self.goal = START_S, (-10.0, 5.0), None
         self.sensor = True
-        self.frame, self.stamped_ahead_s, self.last_record_s = "map", 0.0, START_S
+        self.stamped_ahead_s = 0.0
         self.counted = Counter()
         self.exposed = Counter()
         self.node = Node("world", context=ros.context, namespace=namespace)
@@ -136,8 +136,7 @@ class World:
             stamp_s=self.now_s + self.stamped_ahead_s, x_m=x_m, y_m=y_m, z_m=0.0, raw_counts=raw,
             exposure_s=CADENCE_S, effective_exposure_s=CADENCE_S, f_pressure=1.0, f_humidity=1.0, f_intensity=1.0,
         )  # fmt: skip
-        self.last_record_s = record.stamp_s
-        self.counts.publish(counts_to_message([record], self.frame))
+        self.counts.publish(counts_to_message([record]))
         self.counted[self.place] += raw
         self.exposed[self.place] += CADENCE_S
         if self.mapper:

@@ -151,6 +151,16 @@ def test_a_full_disk_leaves_the_journal_whole(tmp_path, monkeypatch):
     assert not loaded.problems
 
 
+def test_no_entry_is_confirmed_that_is_not_on_the_disk(tmp_path, monkeypatch):
+    def refuse(_descriptor):
+        raise OSError(errno.EIO, "Input/output error")
+
+    with Journal.open(tmp_path) as journal, monkeypatch.context() as patch:
+        patch.setattr(os, "fdatasync", refuse)
+        with pytest.raises(OSError, match="Input/output"):
+            journal.append("event", {})
+
+
 @pytest.mark.process
 @pytest.mark.parametrize("count", [1, 60])
 def test_what_was_confirmed_survives_a_kill(tmp_path, count):
