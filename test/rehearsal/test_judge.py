@@ -1,15 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The judge finds violations that no rehearsal with a guard switched off has: ``judge.py``."""
+"""The judge finds each kind of violation: ``judge.py``."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from rehearsal.cases import Ground
 from rehearsal.judge import Judge, Kind
-from soilmoist_ros.exploration import Finish, MissionEnd, MissionStatus, Phase, Stop
+from soilmoist_ros.exploration import Alarm, Finish, MissionEnd, MissionStatus, Phase, Response, Stop, TravelGraph
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
@@ -27,6 +28,11 @@ STATUS = MissionStatus(
 PAUSED = replace(STATUS, phase=Phase.PAUSED, reason="paused")
 COUNTING = replace(STATUS, phase=Phase.COUNTING)
 CANCELLING = replace(STATUS, phase=Phase.CANCELLING, reason="stopping")
+IDLE = replace(STATUS, phase=Phase.IDLE)
+
+
+def alarmed(status, response):
+    return replace(status, alarms=(Alarm(1.0, "cause", response, "why"),))
 
 
 @pytest.fixture
@@ -52,6 +58,24 @@ def samples(*counts):
 RECORDS = [CountRecord(10.0 * number, 1.0, 2.0, 0.0, 40 + number, 10.0, 10.0) for number in range(4)]
 HERE, THERE, HOME = Stop("a", 5.0, 5.0), Stop("b", 5.0, 12.0), Stop("home", 26.0, 5.0)
 WORKED = {
+    "true ways": [
+        ("drove", (1.0, (5, 5), [(35, 5), (35, 35)], STATUS), []),
+        ("drove", (1.0, (9.9, 15), [(10.1, 15)], STATUS), []),
+        ("drove", (1.0, (5, 15), [(25, 15)], STATUS), [Kind.NO_GO]),
+        ("drove", (1.0, (5, 5), [(5, -1)], STATUS), [Kind.OUTSIDE]),
+    ],
+    "motion while it is said to stand": [
+        ("drove", (1.0, (5, 5), [], PAUSED), []),
+        ("drove", (2.0, (5, 5), [(5.3, 5)], PAUSED), []),
+        ("drove", (3.0, (5.3, 5), [(6, 5)], PAUSED), [Kind.MOVED_STANDING]),
+    ],
+    "a wrong place must be noticed": [
+        ("said", (10.0, STATUS, 100.0), []),
+        ("said", (20.0, STATUS, 100.0), []),
+        ("said", (21.0, replace(STATUS, needs_operator=True), 100.0), []),
+        ("said", (30.0, STATUS, 100.0), []),
+        ("said", (46.0, STATUS, 100.0), [Kind.WRONG_PLACE]),
+    ],
     "motion and goals after a stop": [
         ("stopped", (10.0, "emergency"), []),
         ("drove", (12.0, (5, 5), [(7, 5)], STATUS), []),  # it brakes
@@ -91,7 +115,9 @@ WORKED = {
     "goals": [
         ("sent", (1.0, (5, 5), "a"), []),
         ("sent", (1.0, (-9, 5), "home", (-9, 5)), []),
+        ("sent", (2.0, (15, 15), "pond"), [Kind.GOAL_OUTSIDE]),
         ("replaced", (3.0, "b"), [Kind.TWO_GOALS]),
+        ("overridden", (4.0, "goal sent"), [Kind.OVERRIDDEN]),
     ],
     "time": [
         ("said", (1.0, replace(STATUS, time_used_s=700.0), 0.0), [Kind.OVER_BUDGET]),
@@ -149,9 +175,60 @@ def test_a_refused_resume_sends_nothing(judge):
     assert kinds(judge) == [Kind.GOAL_STOPPED]
 
 
-@pytest.mark.parametrize(("step_m", "found"), [(0.0, []), (0.06, [Kind.CONFIRMED])])
-def test_nobody_confirms_a_stop_of_a_robot_that_moves(judge, step_m, found):
-    for second, status in enumerate((CANCELLING, CANCELLING, CANCELLING, PAUSED)):
-        before, place = ((5.0 + step_m * number, 5.0) for number in (second, second + 1))
-        judge.drove(10.0 + second, before, [place] if step_m else [], status, led=True)
+def along(begin, step, seconds):
+    return [(begin[0] + second * step[0], begin[1] + second * step[1]) for second in range(seconds)]
+
+
+INTO_THE_POND, OFF = along((8.0, 15.0), (1.0, 0.0), 9), {"right": [(5.0, 25.0), (35.0, 25.0)]}
+CREEPING, REACHED = along((5.0, 5.0), (0.2, 0.0), 12), replace(COUNTING, target=HERE)
+LED = [  # parts of a way with one place a second and the status then, how it is driven, and what is found
+    ([(INTO_THE_POND[:7], STATUS)], {}, []),  # 3 s are allowed
+    ([(INTO_THE_POND, STATUS)], {}, [Kind.IN_NO_GO]),
+    ([(INTO_THE_POND, alarmed(STATUS, Response.PAUSE))], {}, []),
+    ([(INTO_THE_POND, CANCELLING)], {}, []),
+    ([(INTO_THE_POND, STATUS)], {"people": True}, []),  # they may
+    ([(along((41.0, 30.0), (2.0, 0.0), 9), STATUS)], {}, [Kind.AWAY]),  # nodes may lie 3 m outside
+    ([(along((5.0, 35.0), (1.0, 0.0), 6), STATUS)], OFF, []),
+    ([(along((5.0, 37.0), (1.0, 0.0), 6), STATUS)], OFF, [Kind.OFF_ROUTE]),
+    ([(CREEPING[:1] * 4, CANCELLING), (CREEPING[:1] * 2, PAUSED)], {}, []),
+    *(([(along((5.0, 5.0), (step_m, 0.0), 4), CANCELLING),
+        (along((5.0 + 3 * step_m, 5.0), (step_m, 0.0), 2), PAUSED)], {}, [Kind.CONFIRMED])
+      for step_m in (0.06, 0.3)),
+    *(([(CREEPING[:9], status), (CREEPING[8:], alarmed(status, Response.WARN))], {}, [])
+      for status in (PAUSED, COUNTING, IDLE)),
+    *(([(CREEPING, status)], {}, [Kind.UNNOTICED]) for status in (PAUSED, COUNTING, IDLE)),
+    ([([(6.5, 5.0)] * 2, REACHED)], {}, []),
+    ([([(7.5, 5.0)] * 2, REACHED)], {}, [Kind.NOT_REACHED]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("parts", "how", "found"), LED)
+def test_a_robot_that_is_led_astray_is_stopped_in_time_and_one_that_moves_is_noticed(parts, how, found):
+    graph = TravelGraph.from_edges([HERE, Stop("c", 7.5, 5.0)], [("a", "c"), ("c", "a")])
+    judge, now_s = Judge(replace(GROUND, graph=graph), 600.0), 10.0
+    judge.resumes(0.0, lambda: True)
+    for way, status in parts:
+        for before, place in pairwise(way):
+            judge.drove(now_s, before, [place] if place != before else [], status, led=True, **how)
+            now_s += 1.0
     assert kinds(judge) == found
+
+
+def test_a_robot_that_was_led_into_a_pond_may_leave_it_but_not_go_deeper(judge):
+    for before, place in pairwise(INTO_THE_POND[:5]):  # to 2 m
+        judge.drove(10.0 + place[0], before, [place], STATUS, led=True)
+    judge.drove(30.0, (12.0, 15.0), [(11.0, 15.0)], STATUS)
+    assert kinds(judge) == []
+    judge.drove(31.0, (11.0, 15.0), [(12.0, 15.0)], STATUS)
+    assert kinds(judge) == [Kind.NO_GO]
+
+
+def test_places_of_records(judge):
+    records = [replace(record, raw_counts=40) for record in RECORDS[:3]]
+    truth = {(0.0, 40): (1.0, 4.9), (10.0, 40): (1.0, 5.1), (20.0, 40): (9.0, 9.0)}
+    judge.placed(2.0, [records[0], replace(records[2], quarantine="place_jump")], truth)
+    assert kinds(judge) == []
+    judge.placed(3.0, records, truth)
+    assert [str(one) for one in judge.violations] == [
+        "record mapped at a wrong place at 3 s: 2 of 3 records, the worst 10.6 m off"
+    ]

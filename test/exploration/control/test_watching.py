@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from stand_in import AtOnce, Driving, square_setup
 
-from soilmoist_ros.exploration import FAILSAFES, Cause, Mission, MissionClock, MissionControl, Watch
+from soilmoist_ros.exploration import ANYBODYS, FAILSAFES, Cause, Mission, MissionClock, MissionControl, Watch
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
-from soilmoist_ros.exploration.mission.types import Phase, Response, Verb
+from soilmoist_ros.exploration.mission.types import MissionEnd, Phase, Response, Verb
 from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, Position
@@ -33,13 +33,16 @@ class Farm(Driving):
         self.fixes = self.sensor = self.mapper = True
         self.quarantine = ""
         self.charge = math.nan
-        self.counted = []
+        self.moves, self.counted = [], []
         self.control = MissionControl(
             square_setup(100, 5.0, no_go=no_go, more={"home": "r0c0"}, **rules), self.navigator, self,
             executor=AtOnce(), clock=MissionClock(self.now_s, lambda: self.steady_s, "boot"),
             watch=watch or Watch(),
         )  # fmt: skip
         self.control.use_graph(None)
+
+    def moved(self, place, now_s, sd_m):
+        self.moves.append(place)
 
     # the outputs
 
@@ -358,3 +361,130 @@ def test_a_robot_that_moves_after_an_emergency_stop_is_stopped_again_without_a_m
     farm = Farm().pass_by(3)
     farm.control.emergency(True, "button")
     strays(farm, 0.4).run(lambda: "moving" in farm.alarms, 8)
+
+
+# Each cause stops the robot, and after it people resume
+
+
+POND = np.array([[30.0, 60.0], [35.0, 60.0], [35.0, 66.0], [30.0, 66.0]])
+MIDDLE = 32.5, 63.0
+
+
+def off_route(farm):
+    return strays(farm, 1.0, (0.0, 100.0) if farm.way[-1][1] < farm.place[1] else (0.0, 0.0))
+
+
+def drifts(farm):
+    """The receiver drifts slowly to the west, so that each fix is plausible."""
+    for off_m in range(1, 116):
+        farm.fix = lambda true, off_m=off_m: (true[0] - off_m, true[1])
+        farm.second()
+
+
+def comes_back(farm):
+    for off_m in range(114, -1, -1):
+        farm.fix = lambda true, off_m=off_m: (true[0] - off_m, true[1])
+        farm.second()
+
+
+def another_drives(farm):
+    farm.other_client = "another client drives the robot with /nav"
+
+
+def is_left(farm):
+    farm.other_client = ""
+
+
+def into_the_pond(noise_m, sd_m):
+    def goes(farm):
+        farm.run(lambda: farm.status.phase is Phase.COUNTING)
+        farm.sd_m = sd_m
+        strays(farm, 0.0, noise_m=noise_m).pass_by(60)  # a stop teaches what the receiver does not state
+        strays(farm, 0.8, MIDDLE, noise_m)
+
+    return goes
+
+
+LOOPS = {  # what happens, the cause and what is said of it, and how it ends
+    **{f"a pond, noise of {noise_m} m, stated {sd_m}": (
+        into_the_pond(noise_m, sd_m), Cause.IN_NO_GO, "no-go area", None)
+       for noise_m, sd_m in ((0.02, 0.02), (0.1, 0.1), (0.02, math.nan), (0.02, 0.0))},
+    "far off its route": (off_route, Cause.FAR_OFF_ROUTE, "off its route", None),
+    "outside the field": (drifts, Cause.OUTSIDE, "outside the field", comes_back),
+    "another client": (another_drives, Cause.OTHER_CLIENT, "another client drives the robot with /nav", is_left),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_robot_in_trouble_stands_until_people_resume(name):
+    happens, cause, text, ends = LOOPS[name]
+    farm = Farm(no_go=(POND,)).begin()
+    asked, cancel = [], farm.cancel
+    farm.cancel = lambda goal_id: (asked.append(goal_id), cancel(goal_id))
+    happens(farm)
+    farm.run(lambda: cause in farm.alarms, 130)
+    if cause is Cause.IN_NO_GO:
+        left_m = 1.0 if farm.sd_m == 0.02 else 0.3  # what is not stated well is not known as well
+        assert math.dist(farm.place, MIDDLE) > left_m, "it is 3 m from the middle to the border"
+    farm.stray = None
+    assert text in stands_because_of(farm, cause)
+    assert farm.status.failures == 0
+    assert cause is not Cause.OTHER_CLIENT or ANYBODYS not in asked, "another client's goal is not ours to cancel"
+    if ends is None:
+        return
+    ends(farm)
+    farm.run(lambda: not farm.alarms, 60)
+    assert farm.status.phase is Phase.PAUSED, "people resume"
+    assert farm.control.command(Verb.RESUME).accepted
+    goes_on(farm)
+
+
+def test_a_fix_far_outside_that_runs_away_stops_the_robot_and_is_not_its_place(farm):
+    """2 km outside, at 200 m/s: the mission must not travel on."""
+    place, distance_m, began_s = farm.place, farm.status.distance_m, farm.steady_s
+    farm.fix = lambda true: (2000.0 + 200.0 * (farm.steady_s - began_s), 25.0)
+    farm.run(lambda: farm.alarms, 10)
+    assert farm.alarms == {"jump": Response.HOLD}
+    farm.pass_by(120)
+    assert farm.status.phase is Phase.CANCELLING, "its standstill cannot be confirmed"
+    assert (farm.goal_id, farm.status.distance_m) == (None, distance_m)
+    assert all(math.dist(each, place) < 20 for each in farm.moves[-5:])
+    farm.fix = lambda true: true
+    goes_on(farm)
+
+
+def test_a_low_battery_sends_the_robot_home(farm):
+    farm.charge = 0.2
+    farm.run(lambda: farm.finished is not None, 400)
+    assert farm.alarms == {"battery_low": Response.RETURN}
+    assert farm.finished.code is MissionEnd.FAILSAFE
+    assert math.dist(farm.place, (2.5, 2.5)) < 3
+    assert "20%" in farm.control.command(Verb.START).message
+
+
+@pytest.mark.parametrize("speed_mps", [0.05, 0.2])
+def test_the_pause_of_a_creeping_robot_is_not_confirmed(farm, speed_mps):
+    strays(farm, speed_mps)
+    assert farm.control.command(Verb.PAUSE).accepted
+    farm.pass_by(60)
+    assert farm.status.phase is Phase.CANCELLING
+    assert "it still moves" in farm.status.reason
+    farm.stray = None
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 20)
+
+
+def test_a_paused_robot_that_moves_is_stopped_again_until_it_stands(farm):
+    strays(farm, 0.0).control.command(Verb.PAUSE)
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 30)
+    assert farm.pass_by(60).alarms == {}
+    before = farm.cancelled
+    strays(farm, 0.4).run(lambda: "moving" in farm.alarms, 5)
+    assert farm.cancelled == before + 1
+    assert (farm.status.phase, farm.status.needs_operator) == (Phase.PAUSED, True)
+    farm.pass_by(30)
+    assert before + 3 <= farm.cancelled <= before + 4, "people may tow it"
+    assert not farm.control.command(Verb.RESUME).accepted
+    farm.stray = None
+    farm.run(lambda: not farm.alarms, 60)
+    assert farm.control.command(Verb.RESUME).accepted
+    goes_on(farm)

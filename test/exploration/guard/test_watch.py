@@ -89,6 +89,12 @@ def test_a_wrong_place_does_not_end_a_mission_for_want_of_time():
     assert observed.on() == {Cause.OUTSIDE}
 
 
+def test_an_ignored_cause_is_no_alarm():
+    observed = Observed(responses={Cause.OUTSIDE: Response.IGNORE}).run(1)
+    observed.watch.report(Cause.OUTSIDE, "wrong")
+    assert observed.run(20).events == []
+
+
 def around(observed, times=2, sd_m=0.02, **where):
     """Let so many fixes show where the robot is, one a second."""
     for _ in range(times):
@@ -255,7 +261,7 @@ def test_silence_needs_checks_and_not_only_time():
     assert observed.alarms == []
 
 
-# Courses: what changes, the seconds that pass then, and the alarms that begin (+) and end (-) meanwhile
+# Courses: what changes, the seconds that pass then, and the alarms that begin (+, with response) and end (-)
 
 
 def now(**values):
@@ -282,60 +288,71 @@ NAN, NOTHING = math.nan, now()
 DEMANDED = {"responses": {Cause.OPERATOR_GONE: Response.HOLD}}
 COURSES = {
     "what was never there is not missed": ({"doing": IDLE}, [(now(fixes=False, records=False), 1000, "")]),
-    "fixes": ({}, [(NOTHING, 5, ""), (now(fixes=False), 10, ""), (NOTHING, 1, "+fix_old"),
+    "fixes": ({}, [(NOTHING, 5, ""), (now(fixes=False), 10, ""), (NOTHING, 1, "+fix_old:hold"),
                    (now(fixes=True), 11, "-fix_old")]),
-    "frozen fixes": ({}, [(now(frozen=True, driving=True), 12, ""), (NOTHING, 5, "+fix_frozen"),
+    "frozen fixes": ({}, [(now(frozen=True, driving=True), 12, ""), (NOTHING, 5, "+fix_frozen:pause"),
                           (now(frozen=False), 30, "-fix_frozen")]),
     "frozen fixes in one short goal after the other": ({}, [
         (now(frozen=True, driving=True), 9, ""), (now(driving=False), 2, ""),
-        (now(driving=True), 9, "+fix_frozen")]),
+        (now(driving=True), 9, "+fix_frozen:pause")]),
     "frozen fixes of a robot that stands": ({}, [(now(frozen=True), 60, "")]),
     "records, only in a mission": ({"doing": IDLE}, [
         (NOTHING, 20, ""), (now(records=False), 100, ""), (now(under_way=True), 61, ""),
-        (NOTHING, 1, "+records_old"), (now(under_way=False), 12, "-records_old")]),
-    "a dead mapper": ({}, [(NOTHING, 100, ""), (now(maps=False), 310, ""), (NOTHING, 10, "+map_old"),
+        (NOTHING, 1, "+records_old:warn"), (now(under_way=False), 12, "-records_old")]),
+    "a dead mapper": ({}, [(NOTHING, 100, ""), (now(maps=False), 310, ""), (NOTHING, 10, "+map_old:warn"),
                            (now(maps=True), 21, "-map_old")]),
     **{name: ({"doing": IDLE}, [
-        (NOTHING, 30, ""), (heard(name), 30, ""), (heard(name, under_way=True), 10, ""), (NOTHING, 1, f"+{cause}"),
-        (heard(name), 9, ""), (heard(name), 3, f"-{cause}")])
+        (NOTHING, 30, ""), (heard(name), 30, ""), (heard(name, under_way=True), 10, ""),
+        (NOTHING, 1, f"+{cause}:warn"), (heard(name), 9, ""), (heard(name), 3, f"-{cause}")])
        for name, cause in (("watchdog", "watchdog_silent"), ("operator", "operator_gone"))},
     "an operator who is demanded": ({"doing": IDLE, **DEMANDED}, [
-        (NOTHING, 3, "+operator_gone"), (heard("operator"), 10, "-operator_gone"),
-        (NOTHING, 5, "+operator_gone")]),
-    "quarantined records, which no map has": ({}, [(now(quarantine="dead_tube", maps=False), 400, "+counts_bad")]),
-    "a released switch is no absent one": ({"doing": IDLE}, [(NOTHING, 3, ""), (absent, 12, "+operator_gone")]),
+        (NOTHING, 3, "+operator_gone:hold"), (heard("operator"), 10, "-operator_gone"),
+        (NOTHING, 5, "+operator_gone:hold")]),
+    "quarantined records, which no map has": ({}, [
+        (now(quarantine="dead_tube", maps=False), 400, "+counts_bad:pause")]),
+    "a released switch is no absent one": ({"doing": IDLE}, [
+        (NOTHING, 3, ""), (absent, 12, "+operator_gone:warn")]),
     "a navigation that goes away with a goal": ({"doing": replace(MISSION, waiting_for="the navigation /nav")}, [
-        (NOTHING, 100, ""), (now(driving=True), 12, "+navigation_silent"), (now(driving=False), 100, ""),
+        (NOTHING, 100, ""), (now(driving=True), 12, "+navigation_silent:hold"), (now(driving=False), 100, ""),
         (now(waiting_for=""), 12, "-navigation_silent")]),
     "feedback": ({"doing": replace(MISSION, driving=True)}, [
         (NOTHING, 100, ""), (now(feedback_age_s=9.0), 1, ""),
-        (now(feedback_age_s=11.0), 1, "+navigation_silent")]),
+        (now(feedback_age_s=11.0), 1, "+navigation_silent:hold")]),
     "charge": ({}, [
         (now(battery=(0.26, NAN)), 3, ""), (now(battery=(0.24, NAN)), 2, ""), (now(battery=(0.26, NAN)), 3, ""),
-        (now(battery=(0.24, NAN)), 3, "+battery_low"), (now(battery=(0.28, NAN)), 20, ""),
-        (now(battery=(0.09, NAN)), 3, "+battery_empty"),
+        (now(battery=(0.24, NAN)), 3, "+battery_low:return_home"), (now(battery=(0.28, NAN)), 20, ""),
+        (now(battery=(0.09, NAN)), 3, "+battery_empty:abort"),
         (now(battery=(0.9, NAN)), 20, "-battery_low -battery_empty")]),
     "a low voltage with a good charge": ({"limits": WatchLimits(battery_low_v=46.0)}, [
-        (now(battery=(0.8, 45.5)), 3, "+battery_low"), (now(battery=(0.8, NAN)), 30, ""),
+        (now(battery=(0.8, 45.5)), 3, "+battery_low:return_home"), (now(battery=(0.8, NAN)), 30, ""),
         (now(battery=(0.8, 49.0)), 20, "-battery_low")]),
+    **{f"a low charge between {seconds} messages with a voltage": ({}, [
+        *((now(battery=(0.24, NAN)), 1, ""), (now(battery=(NAN, 48.0)), seconds, "")) * 2,
+        (now(battery=(0.24, NAN)), 1, "+battery_low:return_home"), (now(battery=(NAN, 48.0)), 30, ""),
+        (now(battery=(0.9, NAN)), 20, "-battery_low")]) for seconds in (1, 5)},
     "no limits of the battery": ({"limits": WatchLimits(battery_low=0.0, battery_empty=0.0)}, [
         (now(battery=(0.0, NAN)), 3, "")]),
     "a silent battery": ({"doing": IDLE}, [
         (now(battery=(0.43, 48.0)), 1, ""), (now(battery=()), 1000, ""),
         (now(under_way=True, battery=(NAN, 46.5)), 1, ""), (now(battery=(NAN, NAN)), 60, ""),
-        (NOTHING, 1, "+battery_silent"), (now(battery=(NAN, 46.5)), 11, "-battery_silent")]),
+        (NOTHING, 1, "+battery_silent:warn"), (now(battery=(NAN, 46.5)), 11, "-battery_silent")]),
     "reserve of time": ({"doing": replace(MISSION, way_home_s=300.0, time_left_s=301.0)}, [
-        (NOTHING, 5, ""), (now(time_left_s=299.0), 1, "+reserve"), (now(going_home=True), 12, "-reserve")]),
+        (NOTHING, 5, ""), (now(time_left_s=299.0), 1, "+reserve:return_home"),
+        (now(going_home=True), 12, "-reserve")]),
     "reserve of charge": ({
         "limits": WatchLimits(battery_silent_s=0.0), "doing": replace(MISSION, way_home_s=7300.0),
     }, [
         (NOTHING, 1, ""), (now(battery=(0.6, NAN)), 3, ""), (now(battery=()), 3597, ""),
         (now(battery=(0.5, NAN)), 3, ""), (now(battery=()), 3597, ""), (now(battery=(0.4, NAN)), 3, ""),
-        (now(battery=()), 3597, "+reserve")]),
+        (now(battery=()), 3597, "+reserve:return_home")]),
 }  # fmt: skip
 TEXTS = {"reserve of charge": "the charge is 30%, and", "charge": "the battery is at 24%",
          "feedback": "no feedback of the navigation for 11 s",
          "a silent battery": "no state of the battery for 61 s; the last one was 43%"}  # fmt: skip
+
+
+def said(event):
+    return f"-{event.cause}" if isinstance(event, AlarmOver) else f"+{event.cause}:{event.response}"
 
 
 @pytest.mark.parametrize("name", COURSES)
@@ -346,7 +363,7 @@ def test_what_is_missing_or_low_is_an_alarm_until_it_is_over_for_some_time(name)
         change(observed)
         before = len(observed.events)
         observed.run(seconds)
-        assert " ".join(("+-"[isinstance(e, AlarmOver)]) + e.cause for e in observed.events[before:]) == expected
+        assert " ".join(map(said, observed.events[before:])) == expected
     assert not observed.events or observed.events[0].reason.startswith(TEXTS.get(name, ""))
 
 
