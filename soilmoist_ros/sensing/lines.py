@@ -24,7 +24,6 @@ MAX_WAITING_BYTES = 16 << 20  # maximum size of waiting lines [bytes]; above it,
 _WAIT_S = 0.2
 _STOP_S = 5.0
 _log = logging.getLogger(__name__)
-_UTF16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 _MAGIC = {
     b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)", b"\x1f\x8b": "a gzip archive",
     b"%PDF": "a PDF document", b"\x89PNG": "an image", b"\xd0\xcf\x11\xe0": "an old Office document (.xls)",
@@ -227,8 +226,7 @@ def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
     for magic, what in _MAGIC.items():
         if data.startswith(magic):
             raise InputError(f"is {what}, not a text file", "unpack it or export it as text first", path)
-    # Zeros: the power failed.
-    start = b"" if binary or data.startswith(_UTF16) else data[:4096].replace(b"\x00", b"")
+    start = b"" if binary or utf16(data[:4096]) else data[:4096].replace(b"\x00", b"")  # zeros: the power failed
     if sum(byte < 32 and byte not in b"\t\r\n\x0c\x1a" for byte in start) > 0.05 * len(start):
         raise InputError("is not a text file", "give the text file that the logger wrote", path)
     return split_lines(data)
@@ -271,7 +269,18 @@ def split_lines(data: bytes) -> tuple[list[bytes], bool]:
 
     UTF-16, common in Windows tools, is converted to UTF-8. A run of NUL bytes becomes one, and ends no line.
     """
-    if data.startswith(_UTF16):
-        data = data.decode("utf-16", errors="replace").encode("utf-8", errors="replace")
+    if encoding := utf16(data):
+        data = data.decode(encoding, errors="replace").encode("utf-8", errors="replace")
     data = re.sub(rb"\x00+", b"\x00", data) if b"\x00" in data else data
     return data.splitlines(), data.endswith((b"\n", b"\r"))
+
+
+def utf16(data: bytes) -> str:
+    """Encoding of a text in UTF-16, by its byte order mark or by every other byte of its start; else empty."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    start = data[:400]
+    for name, high in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
+        if len(high) > 4 and high.count(0) > 0.9 * len(high) and start.count(0) < 0.6 * len(start):
+            return name
+    return ""

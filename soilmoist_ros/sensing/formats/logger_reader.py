@@ -205,8 +205,9 @@ class RecordParser:
         try:
             if len(line) > MAX_LINE:
                 raise LostRecordError(Kind.TOO_LONG, f"the line has {len(line)} bytes")
-            # Zero bytes were written when the power failed: what stands before them may be cut off.
-            line = line.strip(b"\r\n").lstrip(b"\x00")
+            line = line.strip(b"\r\n")
+            if b"\x00" in line:
+                line, complete = self._without_zeros(line, complete)
             if not line.strip(b" \t\x03\x04\x1a"):  # includes end marks of text, transmission and DOS file
                 return None
             body = self._checked(line, complete) if self.format.checksum == "nmea" else line
@@ -216,6 +217,18 @@ class RecordParser:
         except LostRecordError as error:
             self._report(error.finding, lost=True)
             return None
+
+    def _without_zeros(self, line: bytes, complete: bool) -> tuple[bytes, bool]:
+        """A line without zero bytes, and if it is complete: the power failed while a line was written."""
+        line = line.strip(b"\x00") if self.format.checksum == "nmea" else line.lstrip(b"\x00")
+        before, _, after = line.rpartition(b"\x00")
+        if before and not after.strip():
+            return before, False
+        if before and self._has_record(after):
+            message = "zero bytes end the line, and another one begins"
+            self._report(Finding(Kind.TRUNCATED, message), lost=True)
+            return after, complete
+        return line, complete
 
     def _checked(self, line: bytes, complete: bool) -> bytes:
         """A line without its checksum; of the remark of a person, which has none, nothing."""

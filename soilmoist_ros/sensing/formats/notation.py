@@ -147,14 +147,19 @@ def decimal_of(text: str, whole: bool = False) -> Decimal:
 def _with_position(logger: LoggerFormat, rows: Sequence[Row], choices: list[str]) -> LoggerFormat:
     place, decimal = logger.position, logger.decimal
     pairs: list[tuple[str, str, int]] = []
+    lettered = False
     for row in rows:
         if not (columns := row.layout.position):
             continue
         latitude, longitude = (row.fields[columns[name].index] for name in ("latitude", "longitude"))
+        is_lettered = latitude[:1].isdigit() and latitude[-1:].upper() in ("N", "S")
+        lettered |= is_lettered and "latitude_hemisphere" not in columns
         if read_coordinate(latitude, decimal=decimal):
             pairs.append((latitude, longitude, row.line))
     if place is None or not pairs:
         return logger
+    if lettered:
+        choices.append("letters N, S, E or W follow the coordinates and give their sign")
     notation = place.notation
     if notation == "auto":
         packed = [pair for pair in pairs if is_packed(pair[0], decimal)]

@@ -45,6 +45,7 @@ _SAME = {
 }  # fmt: skip
 """Names of other programs (neptoon) for columns in the same unit."""
 _NAMES = (*_LIMITS, "profile", "date")
+_DATE = re.compile(r"(\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.](\d\d){1,2})(?!\d)")
 _SITES = ("site", "site_id", "site_name", "station", "station_id", "field", "field_id")
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---")
 _INTERVAL = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:-|–|—|to|bis)\s*(\d+(?:[.,]\d+)?)\s*(?:cm)?", re.IGNORECASE)
@@ -159,8 +160,10 @@ def _read_rows(path: Path) -> tuple[list[_Row], list[str]]:
     header = [_SAME.get(cell.lower(), cell.lower()) for cell in table[0]] if table else []
     names = [_OTHER_UNITS[name][0] if name in _OTHER_UNITS else name for name in header]
     rows = [(line, cells) for (line, _), cells in list(zip(numbered, table, strict=False))[1:] if any(cells)]
-    for at, name in enumerate(names):  # the first column of dates is that of the days
-        if "date" not in names and (name in ("datum", "day", "sampled") or "date" in name):
+    for at, name in enumerate(names):  # the first column of dates, by its name or its cells, is that of the days
+        days = [cells[at] for _, cells in rows if len(cells) > at and cells[at]]
+        dated = name in ("datum", "day", "sampled") or "date" in name or all(map(_DATE.match, days))
+        if "date" not in names and name not in _NAMES and days and dated:
             names[at] = "date"
     mistakes = []
     for name, times in Counter(names).items():
@@ -179,6 +182,8 @@ def _read_rows(path: Path) -> tuple[list[_Row], list[str]]:
         raise InputError(message, known, path)
     ignored = [raw for raw, name in zip(header, names, strict=True) if raw and name not in _NAMES]
     notes = [f"columns that are not used: {', '.join(ignored)}"] if ignored else []
+    if bound := [raw for raw in header if re.search("lattice|carbon|organic", raw)]:
+        notes.append(f"lattice and organic water come from 'soil' in the site file, not from {', '.join(bound)}")
     for at, name in enumerate(names):
         sites = sorted({cells[at] for _, cells in rows if len(cells) > at} - {""}) if name in _SITES else []
         if len(sites) > 1:

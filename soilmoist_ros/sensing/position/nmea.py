@@ -19,7 +19,7 @@ from pathlib import Path
 import pynmea2
 
 from soilmoist_ros.foundation import DAY_S, InputError, Mistake
-from soilmoist_ros.sensing.formats.log_values import read_number
+from soilmoist_ros.sensing.formats.log_values import read_number, read_time, strip_checksum
 from soilmoist_ros.sensing.gnss import (
     EARLIEST_DATE_S,
     STATUS_OF_QUALITY,
@@ -43,6 +43,7 @@ VERTICAL_PER_HORIZONTAL = 2.0  # without GST: usual error of the altitude per er
 QUALITY_OF_MODE = {"R": 4, "F": 5, "P": 3, "D": 2, "A": 1, "E": 6, "S": 8, "M": 7, "N": 0}
 """Quality as in GGA of a mode, the best mode first: GNS has one for each constellation."""
 _CHECKED = re.compile(rb"\$[^$*]*\*[0-9A-Fa-f]{2}")
+_DATE_BEFORE = re.compile(rb"(\d{4}[-/]\d\d[-/]\d\d[T ]\d\d:\d\d:\d\d)[^$]*\$")
 
 Values = dict[str, float]  # values of a sentence by their names; NaN where a field is empty
 
@@ -347,8 +348,8 @@ def parse_nmea(
 ) -> tuple[list[Fix], list[Problem]]:
     """Read the fixes and problems of lines with NMEA sentences, in their order.
 
-    Epochs before the first date are dated from the first date; without any date, the first one lies within 12 h of
-    the middle of a log. Other messages between the sentences are skipped, text is reported.
+    Epochs before the first date are dated from the first date; without any date, from a date that stands before a
+    sentence, else from the times of a log. Other messages between the sentences are skipped, text is reported.
 
     :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
     :raises InputError: if there is no NMEA sentence, or the day is not clear
@@ -366,20 +367,35 @@ def parse_nmea(
         return fixes, parser.problems
     first_s = parser.first_dated_s
     placed = any(math.isnan(fix.stamp_s) and fix.no_place is None for fix in fixes)
-    assumed = math.isnan(first_s) and placed
-    if assumed and log_s is not None:
-        days = math.ceil((log_s[1] - log_s[0]) / DAY_S)
-        if days > 1:
-            what = f"has positions, but no date (neither RMC nor ZDA), and the log lasts {days} days"
-            raise InputError(what, "let the receiver send RMC or ZDA, too; or map one day: --from, --to", path)
-        first_s = (log_s[0] + log_s[1]) / 2
+    if math.isnan(first_s):
+        before = next((match[1].decode() for _, line in pieces if (match := _DATE_BEFORE.search(line))), "")
+        first_s = read_time(before.replace("/", "-"), ("iso8601",)) or NAN
+    assumed = []
+    if math.isnan(first_s) and log_s is not None and placed:
+        first_s = log_s[0] + DAY_S * _day_of(_parsed(pieces, path, log_s[0], checked)[0], log_s, path)
+        day = utc_text(first_s)[:10]
+        message = f"the sentences have no date (neither RMC nor ZDA): the day is that of the log, {day}"
+        assumed = [Problem(Kind.ASSUMED_TIME, Mistake(message, "", path))]
     if math.isfinite(first_s):
         fixes, parser = _parsed(pieces, path, first_s, checked)
-    if assumed and log_s is not None:
-        day = utc_text(fixes[0].stamp_s)[:10]
-        message = f"the sentences have no date (neither RMC nor ZDA): the day is that of the log, {day}"
-        parser.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", path)))
-    return fixes, parser.problems
+    return fixes, [*parser.problems, *assumed]
+
+
+def _day_of(fixes: Sequence[Fix], log_s: tuple[float, float], path: Path) -> int:
+    """Days to add to positions that are dated from the begin of a log."""
+    first_s, last_s = (of(fix.stamp_s for fix in fixes) for of in (min, max))
+    days = math.ceil((log_s[1] - log_s[0]) / DAY_S) + 1
+    found = [k for k in range(-days, days + 1) if first_s + k * DAY_S < log_s[1] and last_s + k * DAY_S > log_s[0]]
+    if len(found) == 1:
+        return found[0]
+    clock = f"{utc_text(first_s)[11:]} to {utc_text(last_s)[11:]}"
+    other = "several of its days fit" if found else "it has no record at these times of day"
+    raise InputError(
+        f"has positions, but no date (neither RMC nor ZDA): they are from {clock}, the log from "
+        f"{utc_text(log_s[0])} to {utc_text(log_s[1])}: {other}",
+        "let the receiver send RMC or ZDA, too" + ("; or map one day: --from, --to" if found else ""),
+        path,
+    )
 
 
 def _parsed(
@@ -395,10 +411,23 @@ def _parsed(
 
 
 def _pieces(lines: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
-    """Number of the line and bytes of each sentence: a line may have several."""
+    """Number and bytes of each sentence: a line may have several, and a sentence several lines."""
+    begun = b""
     for number, line in enumerate(lines, 1):
-        pieces = re.split(rb"(?=\$[A-Z]{5},)", line) if line.count(b"$") > 1 else [line]
-        yield from ((number, piece) for piece in pieces if piece.strip())
+        rest = line.rstrip().rstrip(b"'\"")
+        if begun and b"$" not in line and strip_checksum(begun.rpartition(b"$")[2] + rest) is not None:
+            yield number, begun + line
+            begun = b""
+            continue
+        if begun:
+            yield number - 1, begun
+        *whole, begun = re.split(rb"(?=\$[A-Z]{5},)", line) if line.count(b"$") > 1 else [line]
+        yield from ((number, piece) for piece in whole if piece.strip())
+        if b"$" not in begun or b"*" in begun:
+            yield number, begun
+            begun = b""
+    if begun:
+        yield len(lines), begun
 
 
 _LOOKS = (

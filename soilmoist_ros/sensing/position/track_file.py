@@ -52,6 +52,9 @@ _GGA_OF_RTKLIB = {0: 0, 1: 4, 2: 5, 3: 9, 4: 2, 5: 1, 6: 2}
 """Quality of GGA by the Q of RTKLIB: 1 fix, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP."""
 _PARTS = re.compile(r"(lat|lon|lng|latitude|longitude)_?(min|sec)[a-z]*")
 """Names of columns of minutes and seconds, next to one of degrees."""
+_RTKLIB_HEADER = (
+    "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
+)
 _DEGREES = "give decimal degrees, such as 53.2680 and -0.5245"
 
 
@@ -83,6 +86,10 @@ def _why_no_table(head: str) -> tuple[str, str] | None:
     if "-ecef(m)" in head or "e-baseline(m)" in head:
         what = "from the centre of the earth" if "-ecef(m)" in head else "relative to a base"
         return f"has coordinates {what}, not latitude and longitude", "let RTKLIB write Lat/Lon/Height"
+    solution = r"^\s*\d{4}(/\d\d/\d\d +\d\d:\d\d:\d\d(\.\d*)?| +\d{1,6}\.\d+)( +-?\d+\.\d+){3} +\d "
+    if re.search(solution, head, re.M):
+        what = "looks like a solution of RTKLIB without its header: GPS time or UTC, and degrees, are not stated"
+        return what, f"put the header in front, with GPST or UTC: {_RTKLIB_HEADER!r}"
     first = next((line for line in head.splitlines() if line.strip() and not line.startswith("sep=")), "")
     names = [name.strip() for name in re.split("[;\t,]", first)]
     if len(names) > 2 and all(re.fullmatch(r"[^<>{}$*\d][^<>{}$*]{0,60}", name) for name in names if name):
@@ -299,7 +306,10 @@ def _fix_of_row(
         said, side = points[key], sides[key]
         value = read_coordinate(f"{said} {side}" if side and said[-1:].upper() not in "NSEW" else said)
         if said and (value is None or abs(value) > limit):
-            raise InputError([Mistake(f"{text[key][:40]!r} is no {name} in degrees", _DEGREES, path, line)])
+            packed = read_coordinate(f"{said} {side}".strip(), packed=True)
+            known = packed is not None and abs(packed) <= limit
+            also = f"; read as degrees and minutes, as NMEA writes them, it is {packed:.5f}" if known else ""
+            raise InputError([Mistake(f"{text[key][:40]!r} is no {name} in degrees", _DEGREES + also, path, line)])
         degrees[key] = value
     state, quality = text["state"].lower(), read_number(text["quality"])
     if quality is not None and table.rtklib:

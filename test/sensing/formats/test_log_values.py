@@ -50,7 +50,8 @@ def test_times(text, stamp_s) -> None:
 
 def test_lines_of_all_encodings() -> None:
     assert split_lines(b"a\r\nb\nc") == ([b"a", b"b", b"c"], False)
-    assert split_lines("ä\nb\n".encode("utf-16")) == (["ä".encode(), b"b"], True)
+    for encoding, text in (("utf-16", "ä\nb\n"), ("utf-16-le", "$GPGGA\nb\n"), ("utf-16-be", "$GPGGA\nb\n")):
+        assert split_lines(text.encode(encoding)) == ([line.encode() for line in text.split()], True)
     assert decode_line("T(°C)".encode("latin-1")) == decode_line("T(°C)".encode()) == "T(°C)"
     assert decode_line(b"\xef\xbb\xbfx") == "x"
 

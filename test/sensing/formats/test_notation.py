@@ -190,11 +190,11 @@ def test_rates_and_empty_columns_at_the_end(tmp_path, unit, value, counts) -> No
     assert [one.tube_counts[0] for one in log.records] == [counts] * 20
 
 
-def test_zero_bytes_of_a_power_cut_cost_the_lines_that_they_join(tmp_path) -> None:
+def test_zero_bytes_of_a_power_cut_cost_the_damaged_lines_only(tmp_path) -> None:
     rows = [f"2024-05-01 {hour:02d}:00,170{hour},1000\n".encode() for hour in range(6)]
     rows[2] = rows[2][:9] + bytes(70_000)
     log = read(tmp_path, b"day,N,p\n" + b"".join(rows), table())
-    assert [one.tube_counts[0] for one in log.records] == [1700, 1701, 1704, 1705]
-    assert [problem.kind for problem in log.problems] == [Kind.UNREADABLE]
+    assert [one.tube_counts[0] for one in log.records] == [1700, 1701, 1703, 1704, 1705]
+    assert [problem.kind for problem in log.problems] == [Kind.TRUNCATED]
     start = read(tmp_path, bytes(9_000) + b"day,N,p\n" + rows[0], table())
     assert len(start.records) == 1

@@ -171,9 +171,11 @@ def test_what_decides_the_moisture_is_said(table, text, note):
 
 @pytest.mark.parametrize(
     ("name", "first", "second"),
-    [("Sampling Date", "2015-07-04", "2016-02-08"), ("sampled", "04.07.15 9:30", "8.2.2016")],
+    [("Sampling Date", "2015-07-04", "2016-02-08"), ("Zeitpunkt", "04.07.15 9:30", "8.2.2016")],
 )
 def test_days_are_known_by_their_dates_whatever_the_column_is_called(table, name, first, second):
     assert table("vwc,Datum\n0.2,2023-11-01\n").days == ("2023-11-01",)
     with pytest.raises(InputError, match=r"of 2 days: 2015-07-04 \(1 cores\), 2016-02-08 \(1 cores\)"):
         table(f"{name},vwc,id\n{first},0.2,1.5-2\n{second},0.4,3-4\n")
+    carbon = table("vwc,organic_carbon\n0.2,1.5\n").notes
+    assert "lattice and organic water come from 'soil' in the site file, not from organic_carbon" in carbon

@@ -198,6 +198,7 @@ FORMS = {
     "a logger's time before": lambda one: b"2024-05-01 10:00:07.123 [rx] " + one,
     "quotes": lambda one: b"sentence: '" + one + b"'",
     "lower case": lambda one: one[:-2] + one[-2:].lower(),
+    "two lines": lambda one: one[:25] + b"\r\n" + one[25:],
     "no line ends": lambda one: one,
     "no checksums": lambda one: one[:-3],
 }
@@ -233,7 +234,7 @@ def test_files_of_other_protocols_are_named(tmp_path, data, what) -> None:
         read_positions(path)
 
 
-def test_without_a_date_the_day_is_that_of_a_log_of_one_day(tmp_path) -> None:
+def test_without_a_date_the_day_is_that_of_the_log_or_asked_for(tmp_path) -> None:
     lines = [gga("235958"), gga("235959"), gga("000000"), gga("000001")]
     log_s = stamp("2024-05-01 23:30:00"), stamp("2024-05-02 00:30:00")
     fixes, problems = parse_nmea(lines, tmp_path, log_s)
@@ -241,5 +242,10 @@ def test_without_a_date_the_day_is_that_of_a_log_of_one_day(tmp_path) -> None:
     kept = [problem for problem in problems if not problem.lost]
     assert [problem.kind for problem in kept] == [Kind.ASSUMED_TIME]
     assert "the day is that of the log, 2024-05-01" in str(kept[0])
-    with pytest.raises(InputError, match=r"no date .* the log lasts 3 days -> let the receiver send RMC"):
+    with pytest.raises(InputError, match="several of its days fit -> let the receiver send RMC"):
         parse_nmea(lines, tmp_path, (log_s[0], log_s[1] + 2 * 86_400.0))
+    with pytest.raises(InputError, match=r"positions, but no date .* no record at these times of day"):
+        parse_nmea(lines, tmp_path, (stamp("2024-05-01 10:00:00"), stamp("2024-05-01 11:00:00")))
+    before = [b"2024/05/03 01:59:50 " + line for line in lines]  # a logger in local time
+    fixes, _ = parse_nmea(before, tmp_path)
+    assert [fix.stamp_s - stamp("2024-05-03 00:00:00") for fix in fixes] == [-2, -1, 0, 1]
