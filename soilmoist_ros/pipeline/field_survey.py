@@ -130,10 +130,6 @@ class FieldSurvey:
             site["footprint_radius_m"] = self.site.footprint_radius_m
         return {"site": site, "air": state.medians[:2], "simulated": self.simulated, "earlier": bool(self.earlier)}
 
-    @property
-    def _is_general(self) -> bool:
-        return lacks_n0(self.site) and self.site.sensor_sensitivity is not None
-
     def run(self, snapshot: Snapshot) -> MapRun:
         """The run of a snapshot, for its outputs.
 
@@ -144,12 +140,13 @@ class FieldSurvey:
         soil_map = self.map.compute(snapshot.state)
         if soil_map is None:
             raise InputError("there are too few samples for a map", "wait for more records")
+        general = lacks_n0(self.site) and self.site.sensor_sensitivity is not None
         return make_run(
             soil_map, snapshot.track, self.calibrated(snapshot.state), self.field.frame,
             field_name=self.field.name, settings=settings_of(self.map, soil_map, self.map.merge_radius_m),
             inputs=[input_file(path, role) for role, path in self.files], losses=loss_rows_of(snapshot),
             simulated=self.simulated, covariates=self.map.knowledge.covariates, earlier=self.earlier,
-            notes=[Note(NoteCode.GENERAL_CALIBRATION, f"{_SNOW.capitalize()}.")] if self._is_general else (),
+            notes=[Note(NoteCode.GENERAL_CALIBRATION, f"{_SNOW.capitalize()}.")] if general else (),
         )  # fmt: skip
 
 

@@ -190,9 +190,12 @@ def _read_files(paths: Sequence[Path], settings: MapSettings, progress: Progress
     track, problems = read_track(settings.nmea, others, settings.fix_topic, log_times(part), settings.gnss_shift_s)
     places = log_positions(part, track, site)
     source = position_source(part, settings.nmea, site, field_file)
-    named = sensor_of(logs) if lacks_n0(site) and site.sensor_sensitivity is None else None
-    if named is not None:
-        site = site.model_copy(update={"sensor_sensitivity": named})
+    named = None
+    if lacks_n0(site) and site.sensor_sensitivity is None:
+        named = named_sensor(
+            text for log in logs for text in (*log.metadata, *log.metadata.values(), *log.columns)
+        )
+        site = site if named is None else site.model_copy(update={"sensor_sensitivity": named})
     if len(places):
         site = with_general_calibration(site, survey_air(part, places))
     return _Logs(
@@ -229,11 +232,6 @@ def write_sensor_site(site: str, sensor: str | float, path: Path) -> None:
     known = with_sensor(load_site(file) if file else Site(), sensor, file)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(known.model_dump_json(exclude_unset=True, indent=2) + "\n", encoding="utf-8")
-
-
-def sensor_of(logs: Sequence[LogFile]) -> SensorModel | None:
-    """The sensor model that the headers of logs name, if any."""
-    return named_sensor(text for log in logs for text in (*log.metadata, *log.metadata.values(), *log.columns))
 
 
 def survey_air(logs: Sequence[LogFile], places: NDArray[np.float64]) -> SurveyAir:

@@ -44,7 +44,6 @@ fits = st.builds(
     log_sd=st.none() | three,
     prior_share=three,
     converged=st.booleans(),
-    message=st.text(st.characters(codec="utf-8"), max_size=20),
     lag_m=arrays,
     gamma=arrays,
     weight=arrays,
