@@ -89,6 +89,8 @@ _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 _ROS_KINDS = {bool: "bool", int: "integer", float: "double", str: "string", list: "string_array"}
 NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver", "watchdog")
 """Modules with the tables of the nodes, of which a file for all nodes may have parameters."""
+SILENCE_S: Final = 60.0
+"""Time without a record at a stop that counts as silence, where records_old_s is 0 [s]: six usual records."""
 MISSPELT = 0.85
 """Similarity to a parameter of the node, from 0 to 1, from which a name under ``/**`` is a misspelt one."""
 
@@ -187,11 +189,19 @@ def current_names(table: Mapping[str, Parameter], given: Mapping[str, Any]) -> t
         warnings.append(f"failsafe.CAUSE is read in this release only: set failsafes: [{', '.join(responses)}]")
     of_planner = "strategy" in table
     if of_planner and (silent := values.pop("on_silence", None)) is not None:
-        if silent in ("pause", "abort"):
+        text, remedy = "on_silence is read in this release only", "leave it out"
+        if silent not in ("wait", "pause", "abort"):
+            raise InputError(f"parameter on_silence must be wait, pause or abort; got {silent!r}", remedy)
+        if silent != "wait":
             values["failsafes"] = [f"records_old:{silent}", *(values.get("failsafes") or [])]
-        warnings.append(
-            f"on_silence is read in this release only: set failsafes: [records_old:{silent}], or leave it out"
-        )
+            remedy = f"set failsafes: [records_old:{silent}]"
+        if silent != "wait" and values.get("records_old_s") == 0:  # it did not rule the silence at a stop
+            values["records_old_s"] = SILENCE_S
+            remedy += f" and records_old_s: {SILENCE_S:g}, which is used instead of 0"
+        warnings.append(f"{text}: {remedy}")
+    if of_planner and values.get("strategy") == "ivr":
+        values["strategy"] = "gcb"
+        warnings.append("strategy ivr is gone: gcb, which replaces it, is used; set strategy: gcb")
     for name in sorted(given.keys() & REMOVED.keys() - table.keys()):
         if of_planner or name not in OF_OTHERS:
             del values[name]

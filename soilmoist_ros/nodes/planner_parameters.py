@@ -37,7 +37,7 @@ from soilmoist_ros.exploration import (
 from soilmoist_ros.foundation import InputError, did_you_mean, resource
 from soilmoist_ros.mapping import CovariateSource, Field, FieldMapSettings, Knowledge, load_field, read_covariates
 from soilmoist_ros.nodes.parameter_tables import ANTENNA, COVARIATES, EARLIER, of_setting, row
-from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.nodes.parameters import SILENCE_S, Parameters
 from soilmoist_ros.pipeline import EarlierTarget, planning_curve, planning_thresholds, read_earlier_runs
 from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, Site, load_site
 
@@ -135,8 +135,6 @@ PARAMETERS: Final = (
 
 CANCEL_LIMIT_S: Final = 10.0
 """Time after which a robot that is not known to stand is asked again to stop [s]: a lost request costs no more."""
-SILENCE_S: Final = 60.0
-"""Time without a record at a stop that counts as silence, where records_old_s is 0 [s]: six usual records."""
 RECORD_S: Final = 10.0
 """Usual duration of a record [s]; one that is counted wholly at a stop may begin this long after the arrival."""
 

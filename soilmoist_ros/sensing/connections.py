@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import ipaddress
+import logging
 import os
 import random
 import select
@@ -16,7 +17,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from soilmoist_ros.foundation import InputError, did_you_mean
@@ -41,6 +42,7 @@ _TAKEN = {
 }
 """What to do about a port that cannot be opened, by the error number."""
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
+_log = logging.getLogger(__name__)
 
 
 def open_source(uri: str, retry: Retry | None = None) -> LineSource:
@@ -65,6 +67,8 @@ def open_source(uri: str, retry: Retry | None = None) -> LineSource:
         kinds = f"{', '.join(EXAMPLES)}{did_you_mean(kind, EXAMPLES)}"
         raise _bad(uri, f"must begin with one of: {kinds}" if kind else "has no kind before '://'")
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    if kind != "serial" and options.pop("interface", None) is not None:
+        _warn_of_interface(uri)
     if unknown := [name for name in options if name != _OPTIONS[kind]]:
         raise _bad(uri, f"has an unknown option {unknown[0]!r}; there is: {_OPTIONS[kind] or 'none'}", kind)
     if kind in ("tcp", "udp"):
@@ -85,6 +89,13 @@ def open_source(uri: str, retry: Retry | None = None) -> LineSource:
     if not 50 <= baud < 10**7:
         raise _bad(uri, f"baud={options['baud']!r} is not a number of at least 50", kind)
     return ReconnectingSource(uri, partial(open_serial, unquote(parts.path), baud), retry)
+
+
+@cache
+def _warn_of_interface(uri: str) -> None:
+    """Warn once of an option of earlier releases; a driver opens an address several times."""
+    remedy = "a firewall, or ?from= of a udp address, limits who may send"
+    _log.warning("interface= of the address %r is not used any more: %s", uri, remedy)
 
 
 def parse_networks(uri: str, text: str) -> tuple[Network, ...]:

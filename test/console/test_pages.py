@@ -35,7 +35,7 @@ IDLE = {
     "counts": 0, "queue": [],
     "settings": {
         "hours": 2.0, "dwell": "optimal", "strategy": "gcb", "target": "rate", "home": "", "until_sd": 0.0,
-        "until_gain": 0.0,
+        "until_gain": 0.0, "targets": ["rate", "vwc"],
     },
 }  # fmt: skip
 
@@ -147,6 +147,10 @@ def test_a_walk_a_strategy_and_earlier_runs_are_in_the_plan_that_is_started(brow
     page.locator("#plan-dwell").select_option("ami")
     page.locator("#plan-dwell-by").fill("2.5")
     page.get_by_text("End early").click()
+    page.locator("#plan-good").fill("5")
+    expect(page.get_by_label("± [% of the rate]")).to_have_value("5")
+    page.locator("#plan-target").select_option("vwc")
+    expect(page.get_by_label("± [% by volume]")).to_have_value("")  # 5 had another meaning
     page.locator("#plan-good").fill("3")
     assert barriers(page) == ""
     slide(page, "Slide to start with this plan")
@@ -155,6 +159,7 @@ def test_a_walk_a_strategy_and_earlier_runs_are_in_the_plan_that_is_started(brow
     (change,) = (one for one in served.robots.requests if one.verb == "change")
     assert (change.who, start[0].who) == ("Ada", "Ada")
     assert (change.strategy, change.dwell, change.until_sd, change.home) == ("lattice", "ami:2.5%", 0.03, "")
+    assert change.target == "vwc"
     assert change.hours == 0.0, "the planner has them"
     assert change.until_gain is None
     assert change.covariates == (str(tmp_path / "covariates" / "height.tif"),)

@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter as RosParameter
 from soilmoist_ros.exploration import Cause, Response
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameter_tables import table_of
-from soilmoist_ros.nodes.parameters import NODES, OF_OTHERS, REMOVED, Parameter, Parameters
+from soilmoist_ros.nodes.parameters import NODES, OF_OTHERS, REMOVED, SILENCE_S, Parameter, Parameters
 from soilmoist_ros.nodes.planner_parameters import WATCH_PARAMETERS, failsafe_responses
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -194,6 +194,17 @@ def test_failsafes_are_read_as_before_and_as_a_list(ros, capfd):
     assert "set failsafes: [battery_low:warn, off_route:pause]" in capfd.readouterr().err
     silent = Parameters(make(ros, on_silence="abort"), (*table_of("planner"),))
     assert failsafe_responses(silent)[Cause.RECORDS_OLD] is Response.ABORT
+    old = Parameters(make(ros, on_silence="pause", records_old_s=0.0, strategy="ivr"), table_of("planner"))
+    assert failsafe_responses(old)[Cause.RECORDS_OLD] is Response.PAUSE
+    assert (old.number("records_old_s"), old.text("strategy")) == (SILENCE_S, "gcb")
+    said = capfd.readouterr().err
+    assert "records_old_s: 60, which is used instead of 0" in said
+    assert "strategy ivr is gone" in said
+    waits = Parameters(make(ros, on_silence="wait"), table_of("planner"))
+    assert failsafe_responses(waits)[Cause.RECORDS_OLD] is Response.WARN
+    assert "on_silence is read in this release only: leave it out" in capfd.readouterr().err
+    with pytest.raises(InputError, match="must be wait, pause or abort; got 'stop'"):
+        Parameters(make(ros, on_silence="stop"), table_of("planner"))
     for wrong in ("ofroute:pause", "off_route:paus", "off_route"):
         with pytest.raises(InputError, match="write CAUSE:RESPONSE"):
             failsafe_responses(Parameters(make(ros, failsafes=[wrong]), table))

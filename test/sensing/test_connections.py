@@ -52,6 +52,14 @@ def test_a_bad_address_is_refused_with_an_example(uri, said):
     assert said in str(caught.value)
 
 
+@pytest.mark.parametrize("uri", ["tcp://127.0.0.1:5000", "udp://127.0.0.1:5000?from=10.0.0.1"])
+def test_the_interface_of_earlier_releases_is_ignored_with_a_warning(uri, caplog):
+    for _ in range(2):
+        open_source(f"{uri}{'&' if '?' in uri else '?'}interface=eth0")
+    (said,) = caplog.messages
+    assert "is not used any more: a firewall, or ?from=" in said
+
+
 # Reconnecting ----------------------------------------------------------------------------------------------------
 
 RETRY = Retry(0.01, 0.05, silence_s=0.2)

@@ -17,7 +17,7 @@ const known = { earlier: null, covariates: null };  // names that are chosen; nu
 const value = (name) => $(`plan-${name}`).value.trim();
 const number = (name) => Number(value(name) || 0);
 const settings = () => page.mission()?.settings ?? {};
-const ofMoisture = () => settings().target === "vwc";
+const ofMoisture = () => (settings().targets ?? ["vwc"]).includes("vwc") && (value("target") || settings().target || "rate") !== "rate";
 
 function dwellText() {
   if (value("dwell") === "optimal") return "optimal";
@@ -116,6 +116,12 @@ function makeForm() {
         ...input("gain", t("plan_gain"), { step: "any", min: "0", placeholder: t("never") }))));
 }
 
+// With another target the number would mean something else; the planner's own has that of the planner.
+function otherTarget() {
+  $("plan-good").value = "";
+  touched[value("target") === settings().target ? "delete" : "add"]("good");
+}
+
 // The form begins with what the planner has; what an operator has typed stays.
 function prefill() {
   const now = settings();
@@ -164,6 +170,6 @@ export function startPlan(given) {
   makeForm();
   startOutline(page);
   $("plan-form").addEventListener("submit", (event) => event.preventDefault());
-  $("plan-form").addEventListener("input", (event) => { const name = event.target.id.replace("plan-", ""); touched.add(name); if (event.target.id === "plan-dwell") $("plan-dwell-by").value = ""; page.render(); });
+  $("plan-form").addEventListener("input", (event) => { const name = event.target.id.replace("plan-", ""); touched.add(name); if (name === "dwell") $("plan-dwell-by").value = ""; if (name === "target") otherTarget(); page.render(); });
   $("plan-form").addEventListener("change", () => page.render());
 }

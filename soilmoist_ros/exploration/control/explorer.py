@@ -26,7 +26,7 @@ from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Aim, AimedMap, Property, slope2, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
-from soilmoist_ros.exploration.strategies.registry import strategy_kind, warm_up
+from soilmoist_ros.exploration.strategies.registry import warm_up
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
 from soilmoist_ros.exploration.travel.travel import RobotMotion, TravelModel
@@ -437,11 +437,6 @@ class ExplorerSettings:
     def targets(self) -> list[str]:
         """Targets among which an operator may choose."""
         return ["rate", *["vwc"] * (self.calibration is not None), *["decision"] * (self.thresholds is not None)]
-
-    @property
-    def needs_map(self) -> bool:
-        """True if the strategy cannot do without a map."""
-        return strategy_kind(self.strategy).needs_map
 
     @property
     def warm_up_stops(self) -> int:

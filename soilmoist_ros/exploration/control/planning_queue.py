@@ -25,7 +25,7 @@ from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.properties import Property
-from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
+from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
 from soilmoist_ros.foundation import SoilmoistError
 from soilmoist_ros.mapping import Changing, FieldMap, FieldMapSettings, Samples, VariogramFit
 
@@ -162,11 +162,11 @@ class PlanningQueue:
         return PlanJob(request, place, maps, late, tuple(self._others.values()))
 
 
-def answer(make: Callable[[], Explorer], job: PlanJob, needs_map: bool) -> Planned | PlanFailed:
+def answer(make: Callable[[], Explorer], job: PlanJob, strategy: str) -> Planned | PlanFailed:
     """Answer to a request, whose time is 0. It never fails: what goes wrong becomes a :class:`PlanFailed`.
 
     :param make: gives the explorer that chooses; its maps are brought up to date
-    :param needs_map: whether the strategy cannot do without a map
+    :param strategy: name of its strategy
     """
     plan_id = job.request.plan_id
     try:
@@ -174,7 +174,7 @@ def answer(make: Callable[[], Explorer], job: PlanJob, needs_map: bool) -> Plann
         bring_up_to_date(explorer, job.maps)
         mapped = {each.name for each in explorer.properties if each.field_map.soil_map is not None}
         missing = any(each.required and each.name not in mapped for each in job.maps)
-        if needs_map and job.request.kind is PlanKind.EXPLORE and missing:
+        if strategy_kind(strategy).needs_map and job.request.kind is PlanKind.EXPLORE and missing:
             return PlanFailed(0.0, plan_id, "no map has come: is the mapper running?")
         planned = explorer.plan(job.request, job.place, job.others)
         if planned.choice is None:
@@ -284,7 +284,7 @@ class PlanningThread:
         if job.late:
             _log.warning("choosing the next stop without what was measured last: the mapper is late")
         self._begun_s = time.monotonic()
-        self._answers.put(answer(lambda: self._explorer_for(terms), job, terms.settings.needs_map))
+        self._answers.put(answer(lambda: self._explorer_for(terms), job, terms.settings.strategy))
         self._begun_s = math.nan
         self._wake()
 

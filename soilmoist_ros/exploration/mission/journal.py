@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
@@ -142,6 +143,10 @@ def interrupted_mission(
             mission.step(event_from_dict(dict(event)))  # what it asks for has been done, or is too late
     if not mission.state.under_way:
         return None
+    changes = mission.state.changes
+    if changes is not None and changes.strategy == "ivr":
+        _log.warning("the strategy ivr of the interrupted mission is gone: gcb, which replaces it, goes on")
+        mission.state = replace(mission.state, changes=dataclasses.replace(changes, strategy="gcb"))
     if not complete:
         mission.state = _with_open_goal(mission.state)
     return mission

@@ -149,8 +149,6 @@ class Driver:
 
     def health(self, now_s: float) -> list[Health]:
         """State of all parts at a time [s since 1970 UTC]."""
-        if not self._readers:
-            return [Health("driver", Level.STALE, "not active: nothing is read")]
         links = {name: reader.status for name, reader in self._readers.items()}
         n_bytes, steady_s = links[LOGGER].n_bytes, time.monotonic()
         if n_bytes:

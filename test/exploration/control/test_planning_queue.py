@@ -3,6 +3,7 @@
 """Plan requests wait for the map, but not for ever, and whatever goes wrong is an answer."""
 
 from dataclasses import replace
+from threading import Event
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +15,9 @@ from soilmoist_ros.exploration.control.planning_queue import (
     OWN,
     PlanJob,
     PlanningQueue,
+    PlanningThread,
     PropertyMap,
+    Terms,
     answer,
     make_explorer,
 )
@@ -28,6 +31,8 @@ SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.
 FIT = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, extent_m=20.0)
 PLACE = (1.0, 1.0)
 FOLLOWED = PropertyMap("", required=True, samples=(SAMPLES, 0.0), fit=(FIT, 0.0))
+SETTINGS = ExplorerSettings(strategy="greedy", preset="paper", seed=0, motion=RobotMotion())
+RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60"))
 BOTH = (OWN, PropertyMap("/compaction", 0.5))
 
 
@@ -35,13 +40,14 @@ def request(plan_id=1, kind=PlanKind.EXPLORE, blacklisted=(), left_s=3600.0):
     return RequestPlan(plan_id, kind, blacklisted, left_s, left_s)
 
 
+def access():
+    square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
+    return FieldAccess(Field("square", LocalFrame(53.0, 0.0), square, (), 2.0), RobotMotion(), None)
+
+
 @pytest.fixture
 def explorer():
-    square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
-    dwell, motion = parse_dwell("fmi:60"), RobotMotion()
-    settings = ExplorerSettings(strategy="greedy", preset="paper", seed=0, motion=motion)
-    access = FieldAccess(Field("square", LocalFrame(53.0, 0.0), square, (), 2.0), motion, None)
-    return make_explorer(access, settings, MissionRules(budget_s=3600.0, dwell=dwell))
+    return make_explorer(access(), SETTINGS, RULES)
 
 
 @pytest.mark.parametrize(("kind", "needs_fit"), [(PlanKind.EXPLORE, True), (PlanKind.WARM_UP, False)])
@@ -72,7 +78,7 @@ def test_waits_no_longer_than_allowed():
 
 
 def test_the_answer_follows_the_map(explorer):
-    planned = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True)
+    planned = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), "greedy")
     assert isinstance(planned, Planned)
     assert "highest kriging variance" in planned.choice.reason
     nearest = np.hypot(*(SAMPLES.xy - (planned.choice.stop.x_m, planned.choice.stop.y_m)).T).min()
@@ -90,7 +96,7 @@ def test_the_map_follows_the_drift_that_came_with_the_variogram(explorer):
         queue.take_samples("", SAMPLES, 90.0)
         queue.take_fit("", FIT, 90.0, changing=each)
         queue.ask(request(), 91.0)
-        answer(lambda: explorer, queue.due(91.0, PLACE), True)
+        answer(lambda: explorer, queue.due(91.0, PLACE), "greedy")
         (own,) = explorer.properties
         assert own.field_map.samples is SAMPLES
         assert own.field_map.soil_map.change == (Change() if each is None else each.change)
@@ -98,8 +104,8 @@ def test_the_map_follows_the_drift_that_came_with_the_variogram(explorer):
 
 def test_exploring_without_a_map_fails_where_one_is_needed(explorer):
     job = PlanJob(request(), PLACE, (replace(FOLLOWED, fit=None),), True)
-    assert answer(lambda: explorer, job, True) == PlanFailed(0.0, 1, "no map has come: is the mapper running?")
-    assert isinstance(answer(lambda: explorer, job, False), Planned)
+    assert answer(lambda: explorer, job, "greedy") == PlanFailed(0.0, 1, "no map has come: is the mapper running?")
+    assert isinstance(answer(lambda: explorer, job, "random"), Planned)
     assert explorer.properties[0].field_map.samples is SAMPLES, "places measured are known without a map, too"
 
 
@@ -110,9 +116,21 @@ def test_whatever_breaks_is_a_failed_plan(explorer, monkeypatch, error):
 
     monkeypatch.setattr(explorer, "plan", broken)
     for make in (lambda: explorer, broken):
-        failed = answer(make, PlanJob(request(7), PLACE, (FOLLOWED,)), True)
+        failed = answer(make, PlanJob(request(7), PLACE, (FOLLOWED,)), "greedy")
         assert failed.plan_id == 7
         assert "bad luck" in failed.reason
+
+
+def test_a_strategy_that_is_gone_is_a_failed_plan():
+    woken = Event()
+    thread = PlanningThread(woken.set)
+    settings = replace(SETTINGS, strategy="removed")
+    thread.submit(PlanJob(request(7), PLACE, (FOLLOWED,)), Terms(0.0, access(), settings, RULES))
+    assert woken.wait(60.0)
+    (failed,) = thread.answers()
+    thread.close()
+    assert "removed" in failed.reason
+    assert np.isnan(thread.busy_s)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +144,7 @@ def test_whatever_breaks_is_a_failed_plan(explorer, monkeypatch, error):
 )
 def test_a_strategy_that_returns_something_else_is_told_what_it_must_return(explorer, returned, what):
     explorer.strategy = SimpleNamespace(choose=lambda situation, rng: returned)
-    failed = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True)
+    failed = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), "greedy")
     said = f"strategy SimpleNamespace: choose must return a Choice or None; it returned {what} -> return Choice("
     assert failed.reason.startswith(said)
 
@@ -181,10 +199,10 @@ def test_a_stale_map_that_is_not_required_is_waited_for_once():
 
 
 def test_the_answer_goes_where_a_further_property_is_unknown(explorer):
-    alone = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
+    alone = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), "greedy").choice.stop
     near = as_samples([(alone.x_m, alone.y_m), (10.0, 5.0), (2.0, 2.0)], [800, 900, 700], [100.0] * 3)
     compaction = PropertyMap("/compaction", 50.0, samples=(near, 0.0), fit=(FIT, 0.0))
-    both = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED, compaction)), True).choice
+    both = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED, compaction)), "greedy").choice
     assert np.hypot(both.stop.x_m - alone.x_m, both.stop.y_m - alone.y_m) > 3.0
-    again = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
+    again = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), "greedy").choice.stop
     assert again == alone, "a map that has gone does not matter any more"

@@ -12,6 +12,7 @@ from soilmoist_ros.exploration import Choice, Mission, MissionRules, Phase, Stop
 from soilmoist_ros.exploration.mission.events import Command, GoalReached, Moved, Planned, RecordArrived
 from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission, interrupted_records
 from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission.types import Changes
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -70,6 +71,16 @@ def test_the_same_mission_from_events_and_from_a_snapshot():
                 journal.keep(copy)
         found = interrupted_mission(mission.rules, pages.state, pages.events)
         assert found.state == mission.state
+
+
+def test_a_mission_of_a_strategy_that_is_gone_goes_on_with_its_successor(caplog):
+    mission, events = travelling()
+    pages = Pages()
+    for event in (*events, Command(10.0, Verb.CHANGE, changes=Changes(strategy="ivr"))):
+        MissionJournal(pages).note(mission, event)
+    found = interrupted_mission(mission.rules, pages.state, pages.events)
+    assert found.state.changes.strategy == "gcb"
+    assert "the strategy ivr of the interrupted mission is gone" in caplog.text
 
 
 def test_the_records_of_the_interrupted_mission_and_no_others():
