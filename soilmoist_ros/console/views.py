@@ -69,7 +69,6 @@ def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, 
         "planned_dwell_s": _whole(status.planned_dwell_s),
         "dwell_s": _whole(status.dwell_s),
         "counts": status.raw_counts,
-        "error_percent": count_error_percent(status.raw_counts),
         "used_s": _whole(status.time_used_s),
         "left_s": _whole(status.time_left_s),
         "distance_m": _whole(status.distance_m),
@@ -83,15 +82,6 @@ def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, 
         "settings": _settings(values.get("settings", "")),
         "home_place": _home(values.get("home_place", "")),
     }
-
-
-def count_error_percent(counts: int) -> float | None:
-    """Standard deviation of a count, as a share of it [%]; ``None`` without counts.
-
-    >>> count_error_percent(400)
-    5.0
-    """
-    return round(100 / math.sqrt(counts), 2) if counts > 0 else None
 
 
 def health_view(parts: Iterable[Health]) -> list[dict[str, Any]]:
@@ -108,17 +98,16 @@ def place_views(places: Iterable[Any]) -> list[list[float]]:
     return shown
 
 
-def node_views(names: Iterable[str], xy_m: Array) -> list[list[Any]]:
-    """Nodes of the navigation's map as [name, x, y], without those whose place is not finite."""
-    places = zip(names, xy_m.tolist(), strict=True)
-    return [[name, *_place(x_m, y_m)] for name, (x_m, y_m) in places if math.isfinite(x_m) and math.isfinite(y_m)]
-
-
 def graph_views(names: Iterable[str], xy_m: Array, edges: NDArray[np.int64]) -> tuple[list[Any], list[Any]]:
-    """Nodes of the navigation's map as :func:`node_views` has them, and edges as numbers of these, each once."""
+    """The navigation's map: nodes as [name, x, y], and edges as numbers of these, each once.
+
+    Nodes whose place is not finite are left out.
+    """
     shown = np.isfinite(xy_m[:, 0] + xy_m[:, 1])
+    places = zip(names, xy_m.tolist(), shown, strict=True)
     numbers = (np.cumsum(shown) - 1)[edges[shown[edges].all(axis=1)]]
-    return node_views(names, xy_m), np.unique(np.sort(numbers, axis=1), axis=0).tolist()
+    nodes = [[name, *_place(x_m, y_m)] for name, (x_m, y_m), is_shown in places if is_shown]
+    return nodes, np.unique(np.sort(numbers, axis=1), axis=0).tolist()
 
 
 def _place(x_m: float, y_m: float) -> list[float]:

@@ -19,7 +19,7 @@ from soilmoist_ros.exploration.control.operator_request import ReplyCode
 pytestmark = [pytest.mark.process, pytest.mark.usefixtures("urgent_jobs")]
 UNDER_WAY = IDLE | {
     "reason": "r3c4 is reached", "phase": "counting", "running": True,
-    "moving": True, "stop": ["r3c4", 20.0, 20.0], "counts": 900, "error_percent": 3.33, "planned_dwell_s": 90,
+    "moving": True, "stop": ["r3c4", 20.0, 20.0], "counts": 900, "planned_dwell_s": 90,
     "dwell_s": 60, "used_s": 600, "left_s": 6600, "stops": 7, "distance_m": 410, "ready": True,
     "forecast": {"sd": 0.044, "moisture": False, "end": [6600, 0.028, 0.023, 0.034], "hidden": None,
                  "wrong": [None, None]},
@@ -312,6 +312,7 @@ def test_a_person_gets_no_promise_without_records_and_hears_that_nothing_is_stor
 def test_one_forecast_lists_of_words_and_a_release_that_is_told(browser, served):  # noqa: F811
     served.board.put("mission/r1", UNDER_WAY)
     page = opened(browser, served, PHONE)
+    shows(page, "error", "± 3.3 %")
     forecast = page.locator("#forecast").inner_text()
     assert forecast == "Forecast of the map: ±4.4 % of the rate now, ±2.8 % (2.3 to 3.4) in 110 min"
     page.get_by_role("button", name="Plan", exact=True).click()

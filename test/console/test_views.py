@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.console.board import MAX_TRAIL, MAX_VISITS, Board, RobotHistory, VisitHistory, changes
 from soilmoist_ros.console.server import PAGE
-from soilmoist_ros.console.views import graph_views, mission_view, node_views, place_views
+from soilmoist_ros.console.views import graph_views, mission_view, place_views
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.planning.forecast import Forecast, Reaching
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -50,14 +50,12 @@ def test_a_view_has_codes_and_values_of_which_the_page_makes_sentences():
     assert {f"aim_{view['about']}", "aim_unknown", "aim_doubtful"} <= TEXTS.keys()
     idle = replace(STATUS, phase=Phase.IDLE)
     assert [mission_view(replace(idle, hindered=one), {})["ready"] for one in (False, True)] == [True, False]
-    assert mission_view(STATUS, {})["error_percent"] == 5.0
-    assert mission_view(replace(STATUS, raw_counts=0), {})["error_percent"] is None
 
 
 def test_places_that_are_not_finite_are_not_shown():
-    assert node_views("abc", np.array([[1.234, 2.0], [NAN, NAN], [3.0, math.inf]])) == [["a", 1.23, 2.0]]
-    edges = np.array([[0, 2], [2, 0], [0, 1]])
-    assert graph_views("abc", np.array([[0.0, 2.0], [NAN, NAN], [3.0, 1.0]]), edges)[1] == [[0, 1]]
+    edges = np.array([[0, 2], [2, 0], [0, 1], [2, 3]])
+    places = np.array([[1.234, 2.0], [NAN, NAN], [3.0, 1.0], [3.0, math.inf]])
+    assert graph_views("abcd", places, edges) == ([["a", 1.23, 2.0], ["c", 3.0, 1.0]], [[0, 1]])
     assert place_views([(1.234, 2.0)]) == [[1.23, 2.0]]
     with pytest.raises(ValueError, match="not finite"):
         place_views([(1.0, 2.0), (NAN, 2.0)])

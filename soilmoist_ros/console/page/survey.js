@@ -175,7 +175,7 @@ function renderState() {
   $("counting").hidden = !counting;
   if (counting) {
     setText("counts", String(now.counts)); setText($("counts").nextElementSibling, t("counts", { n: now.counts }));
-    setText("error", now.error_percent === null ? "–" : `± ${fixed(now.error_percent, 1)} %`);
+    setText("error", now.counts ? `± ${fixed(100 / Math.sqrt(now.counts), 1)} %` : "–");
     setText("dwell", now.planned_dwell_s ? t("s_of", { s: now.dwell_s, of: now.planned_dwell_s }) : `${now.dwell_s} s`);
     $("progress").value = now.planned_dwell_s ? Math.min(1, now.dwell_s / now.planned_dwell_s) : 0;
     spark(sections[`count/${robot}`] ?? []);
