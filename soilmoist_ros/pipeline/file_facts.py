@@ -269,6 +269,9 @@ def logger_findings(logger: sensing.LoggerFormat) -> Iterator[FileFinding]:
     if counts.left_out or counts.note:
         out = f"tube {', '.join(map(str, counts.left_out))} is left out. " if counts.left_out else ""
         yield FileFinding("tubes", f"{out}{counts.note.strip()}".strip())
+    given = counts.model_fields_set | (position.model_fields_set if position else set())
+    for key in sorted(given & {"rounding_tolerance", "zero_is_no_fix"}):
+        yield _doubt(f"{key!r} is no longer a setting, and will be an unknown key: remove the line")
 
 
 def log_findings(

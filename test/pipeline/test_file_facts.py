@@ -107,13 +107,18 @@ def test_a_site_shows_what_follows_from_its_irrigation():
     assert not texts(site_findings(Site()), "irrigation")
 
 
-def test_a_logger_format_has_tubes_quantities_and_clock():
+def test_a_logger_format_has_tubes_quantities_and_clock(tmp_path):
     found = list(logger_findings(load_logger_format("hydroinnova_rover")))
     assert texts(found, "quantities") == [
         "pressure, temperature, humidity, positions; longitudes without a sign: the site file names the side"
     ]
     assert texts(found, "clock") == ["UTC, stamped at the end of the interval"]
     assert texts(found, "logger")[0].startswith("Hydroinnova CRS probe with GNSS (rover): counts of ")
+    assert not texts(found, "doubt")
+    older = tmp_path / "older.yaml"
+    text = (config_folder() / "loggers" / "hydroinnova_rover.yaml").read_text()
+    older.write_text(text.replace("longitude_signed:", "zero_is_no_fix: true\n  longitude_signed:"))
+    assert "'zero_is_no_fix' is no longer" in texts(logger_findings(load_logger_format(older)), "doubt")[0]
 
 
 @pytest.mark.slow

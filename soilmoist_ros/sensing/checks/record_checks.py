@@ -190,16 +190,17 @@ class TotalChecks:
     """
 
     def __init__(self, n0_cps: float = math.nan, typical_cps: float = math.nan, n0_from: str = N0_KEY) -> None:
-        self.dispersion = Dispersion()
-        """Dispersion of the records in use."""
+        self.recorded, self.dispersion = Dispersion(), Dispersion()
+        """Dispersion of all records as they came, and of the records in use."""
         self._n0_cps, self.typical_cps, self._n0_from = n0_cps, typical_cps, n0_from
         self._recent: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._stop: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._anchor: CountRecord | None = None
         self._odd = self._good = 0
 
-    def check(self, record: CountRecord) -> list[Finding]:
-        """Faults of the next record; a record that is quarantined already is not looked at."""
+    def check(self, record: CountRecord, recorded: CountRecord | None = None) -> list[Finding]:
+        """Faults of the next record; a record that is quarantined already only counts for the dispersion."""
+        self.recorded.add(record if recorded is None else recorded)
         if record.quarantine or not (record.effective_exposure_s > 0 and record.exposure_s > 0):
             return []
         counted = _Counted(record.stamp_s, record.raw_counts, record.effective_exposure_s)
@@ -256,11 +257,14 @@ class TotalChecks:
     @property
     def findings(self) -> list[Finding]:
         """Faults of the log as a whole so far."""
-        if not self.dispersion.is_high:
+        if not (self.recorded.is_high or self.dispersion.is_high):
             return []
-        what = f"the index of dispersion is {self.dispersion.index:.3g} without bad tubes and quarantined records"
-        remedy = "check the detector for noise: intervals of the map are too narrow"
-        return [Finding(Kind.OVERDISPERSED, f"{what}; counting statistics have 1", remedy)]
+        remedy = "check the detector for noise; intervals of the map are too narrow if the records in use scatter"
+        message = (
+            f"the index of dispersion is {self.recorded.index:.4g} as recorded and {self.dispersion.index:.3g} "
+            f"without bad tubes and quarantined records; counting statistics have 1"
+        )
+        return [Finding(Kind.OVERDISPERSED, message, remedy)]
 
 
 def _young(records: Iterable[_Counted], stamp_s: float) -> list[_Counted]:

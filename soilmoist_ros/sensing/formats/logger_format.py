@@ -187,6 +187,8 @@ class Counts(Section):
     """Numbers of unused tubes: dead tubes, or a bare (thermal) detector next to a moderated one."""
     note: str = ""
     """Tubes taken as moderated and mapped, in words, for the user to check: shown with each log."""
+    rounding_tolerance: float = Field(default=ROUNDING_TOLERANCE, ge=ROUNDING_TOLERANCE, le=ROUNDING_TOLERANCE)
+    """No longer a setting: a file may only have the value that is used."""
 
 
 class LiveTime(Section):
@@ -300,6 +302,8 @@ class LoggedPosition(Section):
     """Alternative names of the column of the horizontal dilution of precision."""
     no_fix_quality: tuple[str, ...] = ("0",)
     """Texts in the quality column that mark a missing fix."""
+    zero_is_no_fix: Literal[True] = True
+    """No longer a setting: latitude and longitude 0 always mark a missing fix."""
     required: bool = True
     """True if a log needs these columns to have this format."""
     time_of_day: tuple[str, ...] = ()

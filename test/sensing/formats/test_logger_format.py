@@ -57,6 +57,7 @@ def test_an_installed_package_adds_a_format(tmp_path, caplog) -> None:
         ("record_period: {default_s: 60}", "", "nothing says how long a record counts"),
         ("title: mine", "titel: mine", "did you mean 'title'"),
         ("header: {}", "header: {}\nchecksum: crc", "'nmea'"),
+        ("counts: {", "counts: {rounding_tolerance: 0.3, ", "less than or equal to 0.1, but it is 0.3"),
         ("header: {}", "header: {}\npressure: {sensors: [{column: p, unit: atm}]}", "'hPa'"),
         ("header: {}", "header: {}\npressure: {range: [5, 1], sensors: [{column: p, unit: hPa}]}", "lower limit"),
     ],

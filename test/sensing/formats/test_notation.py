@@ -153,6 +153,7 @@ def test_southern_letters_and_longitudes_to_360(tmp_path) -> None:
     places = [(one.position.latitude_deg, one.position.longitude_deg) for one in log.records if one.position]
     assert places == [pytest.approx((-43.6 - n, -97.6)) for n in range(3)]
     assert "longitudes count from 0 to 360, as in line 2: '262.4' is -97.60000 degrees" in log.choices
+    assert "letters N, S, E or W follow the coordinates and give their sign" in log.choices
 
 
 def test_one_odd_coordinate_is_named_with_its_value_and_line(tmp_path) -> None:

@@ -163,7 +163,9 @@ def test_a_noisy_tube_does_not_change_the_rate_and_is_listed_with_the_index_of_d
     assert found[Kind.NOISY_TUBE, "kept"] > 100
     assert found[Kind.OVERDISPERSED, "kept"] == 1
     assert "the other tubes expect" in str(next(p for p in survey.problems if p.kind is Kind.NOISY_TUBE))
-    assert 1.5 < float(re.search(r"dispersion is (\S+) without", str(survey.problems[-1]))[1]) < 3
+    index = re.search(r"dispersion is (\S+) as recorded and (\S+) without", str(survey.problems[-1]))
+    assert index is not None
+    assert (float(index[1]) > 200, float(index[2]) < 3) == (True, True)
 
 
 # Side by side --------------------------------------------------------------------------------------------------
