@@ -14,7 +14,6 @@ import os
 import struct
 from collections import Counter
 from collections.abc import Collection, Sequence
-from contextlib import suppress
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -107,7 +106,7 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str = "") -> list[C
     records: list[CountRecord] = []
     wanted = {*topics, *map(quarantined_topic, topics)}
     for path in files_of(bag):
-        with suppress(Exception):  # of a damaged file, which bag_info names
+        try:
             for message in stored_messages(path, [], wanted):
                 if message.type_name != CLOUD:
                     continue
@@ -117,6 +116,8 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str = "") -> list[C
                         records += count_records(cloud)
                 except (ValueError, LookupError, TypeError, struct.error) as error:
                     _log.warning("%s: a message of %s is skipped: %s", path, message.topic, error)
+        except Exception as error:  # rosbags does not check everything; bag_info names the damage
+            _log.warning("%s: the rest is skipped: %s", path, error)
     return records
 
 

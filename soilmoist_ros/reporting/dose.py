@@ -269,7 +269,7 @@ def saved_zones(summary: Any, where: Path | None = None) -> list[DoseZone]:
         raise InputError(f"there is no dose: {what}", about.get("remedy") or "make the run again", where)
     columns = [field.name for field in fields(DoseZone)[1:]]
     return [
-        DoseZone(Polygon(zone["rings_m"][0], zone["rings_m"][1:]), *(zone[name] for name in columns))
+        DoseZone(Polygon(zone["rings_m"][0], zone["rings_m"][1:]), *(zone.get(name, math.nan) for name in columns))
         for zone in about["zones"]
     ]
 

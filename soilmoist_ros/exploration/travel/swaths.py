@@ -45,7 +45,6 @@ NEAREST: Final = 2  # an end is joined to so many nearest ends of other swaths: 
 TURN_M: Final = 1.0  # a turn belongs to the end of a swath within this distance [m]
 BEND_M: Final = 0.1  # turns and bent swaths are simplified to this error [m]
 _REMEDY = "give swaths of Fields2Cover as GeoJSON, or PathComponents of opennav_coverage"
-_IN_DEGREES = re.compile(r"4326|wgs.?84|crs.?84|lon.?lat|lat.?lon", re.IGNORECASE)  # in the name of a frame
 
 
 @dataclass(frozen=True)
@@ -92,10 +91,23 @@ def _of_content(content: Any, path: Path) -> SwathFile:
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         what = f"lacks {error}" if isinstance(error, KeyError) else f"is bad: {error}"
         raise InputError(f"a swath or turn {what}", _REMEDY, path) from None
-    if _IN_DEGREES.search(frame):
+    if _in_degrees(frame):
         what = f"has places in degrees: its header.frame_id is {frame!r}"
         raise InputError(what, "give PathComponents in metres from the field's datum", path)
     return SwathFile(swaths, turns, "PathComponents of opennav_coverage")
+
+
+def _in_degrees(frame: str) -> bool:
+    """True if the name of a frame is that of a reference system with longitude and latitude."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    if code := re.search(r"epsg\W*(\d+)", frame, re.IGNORECASE):
+        try:
+            return CRS.from_epsg(int(code[1])).is_geographic
+        except CRSError:
+            return False
+    return bool(re.fullmatch(r"(.*[:/])?(wgs.?84|crs.?84|lon.?lat|lat.?lon)", frame.strip(), re.IGNORECASE))
 
 
 def _geojson_lines(features: list[Any]) -> Iterator[tuple[str, Array]]:

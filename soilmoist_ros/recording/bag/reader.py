@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from heapq import merge
 from operator import attrgetter
 from pathlib import Path
@@ -234,4 +234,11 @@ def _types_in(definition: MessageDefinition, type_name: str) -> dict[str, Any]:
 def _damaged(path: Path, error: Exception) -> InputError:
     if isinstance(error, InputError):
         return error
-    return InputError(f"cannot be read as a bag: {error}", remedy_of(path), path)
+    found: list[str] = []  # in words; rosbags names a checksum or the magic
+    for file in [path] if path.is_file() else sorted(path.glob("*.mcap")):
+        if file.suffix == ".mcap":
+            scan = McapScan(file)
+            with suppress(OSError):
+                deque(scan.messages(), 0)
+            found += scan.findings()
+    return InputError(f"cannot be read as a bag: {'; '.join(found) or error}", remedy_of(path), path)

@@ -21,6 +21,7 @@ from rosbags.interfaces import (
     MessageDefinitionFormat,
     TopicInfo,
 )
+from rosbags.rosbag2.storage_mcap import McapReader
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.metadata import BagMessage, Extent, Topic
@@ -51,9 +52,10 @@ def unpacked(path: Path, stack: ExitStack) -> Path:
     return target
 
 
-class OtherProfile:
-    """MCAP file whose messages are those of ROS, but whose profile is not ``ros2``: of ROS 1, or of a tool without
-    profiles. rosbags refuses it, so it is read from its beginning to its end; as a reader of rosbags.
+class ScannedFile:
+    """MCAP file that is read from its beginning to its end, as a reader of rosbags, which refuses it.
+
+    Its profile is not ``ros2`` (ROS 1, or a tool without profiles), or it has no index, as those written fast.
     """
 
     def __init__(self, path: Path) -> None:
@@ -86,7 +88,7 @@ class OtherProfile:
         return ((wanted[one.topic.name], one.log_ns, one.data) for one in found)
 
 
-BagFileReader = rosbag1.Reader | rosbag2.Reader | OtherProfile
+BagFileReader = rosbag1.Reader | rosbag2.Reader | ScannedFile
 """Reader of one file."""
 
 
@@ -104,8 +106,10 @@ def open_file(path: Path, stack: ExitStack) -> BagFileReader:
     if path.suffix == ".bag":
         return stack.enter_context(rosbag1.Reader(path))
     if path.suffix == ".mcap" and profile_of(path) != "ros2":
-        return OtherProfile(path)
-    return stack.enter_context(rosbag2.Reader(path))
+        return ScannedFile(path)
+    reader = stack.enter_context(rosbag2.Reader(path))
+    unindexed = isinstance(reader.storage, McapReader) and not reader.storage.chunks
+    return ScannedFile(path) if unindexed and reader.message_count else reader
 
 
 def topic_name(name: str) -> str:

@@ -30,6 +30,7 @@ from soilmoist_ros.recording.bag.storage import (
     read_metadata,
     recorder_notes,
     remedy_of,
+    topic_name,
     unpacked,
 )
 from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagWriter, is_being_written
@@ -230,7 +231,7 @@ def _compared(
         metadata = read_metadata(bag)
         listed = [PurePath(name).name for name in metadata["relative_file_paths"]]
         for one in metadata["topics_with_message_count"] or ():
-            said[str(one["topic_metadata"]["name"])] += int(one["message_count"])
+            said[topic_name(str(one["topic_metadata"]["name"]))] += int(one["message_count"])
         duration_ns = int(metadata["duration"]["nanoseconds"])
     except (InputError, LookupError, TypeError, ValueError, AttributeError) as error:
         return right, [*problems, f"{METADATA} cannot be read: {_text(error)}"]
@@ -238,7 +239,7 @@ def _compared(
     problems += [f"{name} is missing" for name in listed if _plain(name) not in there]
     problems += [f"{name} is not in {METADATA}" for name in there if name not in map(_plain, listed)]
     for topic in topics:
-        counts[topic.name] += topic.extent.messages
+        counts[topic_name(topic.name)] += topic.extent.messages
     wrong = [name for name in sorted(counts.keys() | said.keys()) if counts[name] != said[name]]
     problems += [f"{name} has {counts[name]} messages, and {METADATA} says {said[name]}" for name in wrong]
     lasts_ns = joined([file.extent for file in files]).duration_ns

@@ -94,7 +94,7 @@ def irrigation_plan(source: RunSource, settings: ExportSettings) -> Plan:
     about = source.run.summary
     zones = saved_zones(about, source.run.folder)
     used, sure = DoseSettings(**about["dose"]["settings"]), float(about["dose"]["sure_share"])
-    plan = Plan(used, zones, sure, about["dose"]["blurred"], one, date)
+    plan = Plan(used, zones, sure, about["dose"].get("blurred", ""), one, date)
     depth_mm = plan.settings.root_depth_mm
     if settings.root_depth_mm not in (None, depth_mm):
         raise InputError(

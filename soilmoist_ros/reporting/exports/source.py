@@ -266,7 +266,7 @@ def _no_map(run: OpenedRun) -> tuple[str, str]:
 
 def field_shapes(run: OpenedRun, frame: LocalFrame) -> tuple[BaseGeometry, list[BaseGeometry], list[BaseGeometry]]:
     """Field, no-go areas and tracks in the plane of the field."""
-    from shapely import get_parts, transform, union_all
+    from shapely import Polygon, get_parts, transform, union_all
 
     found: dict[str, list[BaseGeometry]] = {"field": [], "no_go": [], "track": []}
     for feature in run.features():
@@ -276,4 +276,7 @@ def field_shapes(run: OpenedRun, frame: LocalFrame) -> tuple[BaseGeometry, list[
             found[kind].append(transform(there, lambda lon_lat: frame.to_local(lon_lat[:, 1], lon_lat[:, 0])))
     if not found["field"]:
         raise InputError("samples.geojson has no field", "make the run again", run.folder)
-    return union_all(found["field"]), found["no_go"], list(get_parts(found["track"]))
+    boundary = union_all(found["field"])
+    # Runs of earlier releases list no no-go areas: the holes of the field stand for them.
+    holes: list[BaseGeometry] = [Polygon(ring) for part in get_parts(boundary) for ring in part.interiors]
+    return boundary, found["no_go"] or holes, list(get_parts(found["track"]))

@@ -80,7 +80,8 @@ def facts(run: MapRun) -> list[Fact]:
     soil_map, moist = run.soil_map, run.calibrated
     of_field = [Fact(*area(float(field_polygon(soil_map.grid).area)), "mapped area"), *_effort_facts(run)]
     if moist and not statistics.is_usable(soil_map):
-        return [Fact("impossible", "", "mean soil water content"), *of_field]
+        share = percent(statistics.unusable_share(soil_map))
+        return [Fact("impossible", "", f"soil water on {share} of the area: N0 does not fit the rate"), *of_field]
     text, unit = (volume, "% vol.") if moist else (_rate, "counts/s")
     spread = band_statistics(soil_map.vwc_sd if moist else soil_map.rate_sd)
     mid = band_statistics(soil_map.vwc if moist else soil_map.rate)

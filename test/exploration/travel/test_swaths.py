@@ -40,7 +40,7 @@ def bend(number):
 def components(folder):
     """As ros2 topic echo prints PathComponents of opennav_coverage."""
     point = "{{x: {0}, y: {1}, z: 0.0}}"
-    text = "header: {frame_id: map}\nswaths:\n"
+    text = "header: {frame_id: WGS 84 / UTM zone 32N}\nswaths:\n"
     for start, end in SWATHS:
         text += f"- start: {point.format(*start)}\n  end: {point.format(*end)}\n"
     poses = ["".join(f"  - pose: {{position: {point.format(*at)}}}\n" for at in bend(n)) for n in range(2)]
@@ -92,7 +92,7 @@ def test_turns_of_the_file_join_its_swaths(tmp_path):
                 f"header: {{frame_id: '{frame}'}}\nswaths: [{{start: {{x: 5, y: 9}}, end: {{x: 6, y: 9}}}}]",
                 "in degrees",
             )
-            for frame in ("EPSG:4326", "WGS84")
+            for frame in ("EPSG:4326", "EPSG:4258", "WGS84")
         ),
         ('{"features": ', "is not valid JSON"),
         (

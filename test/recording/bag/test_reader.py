@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bags import CLOUD, COUNTS, NOTES, START_NS, STORE, cloud, make_topic, text_message, write_foreign
+from mcap.writer import IndexType
 from numpy.lib.recfunctions import append_fields
 from rich.console import Console
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -123,10 +124,11 @@ def test_bags_of_a_folder_are_merged_by_time_whatever_their_storage(foreign, tmp
         assert len(reader.read_counts("/r/counts")) == 8
 
 
-def test_messages_of_chunks_that_overlap_are_sorted(tmp_path):
+@pytest.mark.parametrize("how", [{"chunk_size": 500}, {"use_chunking": False}, {"index_types": IndexType.NONE}])
+def test_messages_out_of_order_are_sorted_with_and_without_an_index(tmp_path, how):
     path, order = tmp_path / "mixed.mcap", random.Random(1)
     times = [order.randrange(1000) for _ in range(300)]
-    write_foreign(path, [text_message(str(number)) for number in range(300)], times, chunk_size=500)
+    write_foreign(path, [text_message(str(number)) for number in range(300)], times, **how)
     with BagReader(path) as reader:
         found = [(message.log_ns, int(reader.decode(message).data)) for message in reader.messages()]
     assert found == sorted(zip(times, range(300), strict=True))
