@@ -53,7 +53,7 @@ last loss | last quarantine | age of the last record [s] |
 : mixes the lines of {} senders ({}); name the right one in the address, such as {}from={} |
 not used: {}; check its high voltage and its cable | {}, and by this computer {} (UTC) |
 {} is not a valid name of a bag | use letters, digits, '_' and '-' | bag writer |
-recording to %s | last skipped: {} | no map yet | (did not converge: {}) |
+recording to %s | last skipped: {} | no map yet | (did not converge) |
 source the workspace of the navigation, built for this ROS and Python, or set another navigator |
 {} is not the type of an action | goals of {} have no field {} |
 set the navigator that goes with this action_type | {} records removed | using another field |
