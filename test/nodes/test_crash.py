@@ -137,6 +137,34 @@ def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path):
     ros.wait_for(lambda: set(stamps) <= set(received.stamps), message="all records of the journal to be heard of")
 
 
+def test_a_planner_that_is_started_again_after_a_crash_goes_on_unless_it_drove_or_was_paused(ros, tmp_path):
+    given = {"journal_dir": str(tmp_path / "journal"), "respawn_limit_s": 600.0, **MISSION, "hours": 2.0}
+    with World(ros, rate=RATE) as world, VirtualNavigation(ros, world) as navigation:
+        on_way = Planning(ros, tmp_path, **given)
+        on_way.wait_phase(Phase.TRAVELLING)
+        on_way.process.kill()
+        first = Planning(ros, tmp_path, **given)
+        first.wait(lambda status: status.phase is Phase.PAUSED and "resumable" in status.reason, "people")
+        ros.wait_for(lambda: first.call("resume").success, message="people to be obeyed")
+        first.wait_phase(Phase.COUNTING)
+        first.process.kill()
+        world.rate = SLOW_RATE
+        goals = len(navigation.goals)
+        again = Planning(ros, tmp_path, **given)
+        again.wait(lambda status: status.phase in (Phase.TRAVELLING, Phase.COUNTING), "the mission to go on")
+        ros.wait_for(lambda: len(navigation.goals) > goals, message="another goal")
+        assert again.call("pause").success
+        again.wait_phase(Phase.PAUSED)
+        again.process.kill()
+        last = Planning(ros, tmp_path, **given)
+        last.wait_phase(Phase.PAUSED)
+        used_s = last.status.time_used_s
+        world.rate = RATE
+        last.wait(lambda status: status.time_used_s > used_s + 20, "time to pass")
+        assert last.status.phase is Phase.PAUSED
+        assert "resumable" in last.status.reason
+
+
 def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
     rng = np.random.default_rng(5)
     received, folder = Received(ros), tmp_path / "journal"
