@@ -110,7 +110,7 @@ def _print_summary(run: MapRun) -> None:
     import numpy as np
 
     from soilmoist_ros.foundation import coordinates_text
-    from soilmoist_ros.reporting import at_one_place, facts, has_no_level, irrigation
+    from soilmoist_ros.reporting import at_one_place, facts, has_no_level, irrigation, moisture_of_all
 
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
     out = f"{len(run.quarantined)} quarantined, {lost} lost"
@@ -126,9 +126,12 @@ def _print_summary(run: MapRun) -> None:
         say(f"N0         {origin.n0_cps:.4g} counts/s +- {error}, {origin.source}")
     if run.soil_map.curve is None:
         say(f"moisture   not mapped: {NO_MOISTURE}")
+    elif at_one_place(run):
+        mean = moisture_of_all(run.track, run.soil_map.curve)
+        say(f"rate       mean {mean.rate:.4f} +- {mean.rate_sd:.4f} counts/s")
     else:
         rate, sd = np.nanmean(run.soil_map.rate), np.nanmean(run.soil_map.rate_sd)
-        say(f"rate       mean {rate:.4f} counts/s, standard deviation {sd:.4f}")
+        say(f"rate       mean {rate:.4f} counts/s, standard deviation of a cell {sd:.4f}")
     for number, fact in enumerate(facts(run)):
         say(f"{'' if number else 'result':<10} {f'{fact.value} {fact.unit}':<28} {fact.meaning}")
     if has_no_level(run):

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from soilmoist_ros.cli.map import _print_summary as print_summary
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.pipeline import MapRun, MapSettings, NoteCode, map_logs
 from soilmoist_ros.reporting import at_one_place, notes, write_outputs
@@ -38,15 +39,17 @@ def test_the_corrections_agree_with_crnpy() -> None:
 
 
 @pytest.mark.slow
-def test_one_place_gives_a_series_and_says_so(run) -> None:
+def test_one_place_gives_a_series_and_says_so(run, capsys) -> None:
     assert at_one_place(run)
     assert run.title == "Soil moisture over time"
     assert len(run.track) == 263
     assert not run.quarantined
     # Tube 2 twice has half as many counts again as tube 1 expects.
-    assert [note.code for note in notes(run)] == [NoteCode.BAD_TUBES, NoteCode.ONE_PLACE]
+    assert [note.code for note in notes(run)] == [NoteCode.BAD_TUBES, NoteCode.OVERDISPERSED, NoteCode.ONE_PLACE]
     mean = moisture_of_all(run.track, run.soil_map.curve)
     assert mean.vwc_p05 < mean.vwc < mean.vwc_p95
+    print_summary(run)
+    assert f"mean {mean.rate:.4f} +- {mean.rate_sd:.4f} counts/s" in capsys.readouterr().out  # not that of a cell
     series = moisture_series(run.track, run.soil_map.curve)
     assert series.step_s == 6 * HOUR
     assert series.counts.sum() == sum(record.raw_counts for record in run.track)
