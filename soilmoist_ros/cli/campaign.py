@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from soilmoist_ros.cli.answer import answering, current, echo, progress_bar, put, say, warn, wrote
-from soilmoist_ros.cli.options import Checked, output_options, prepare_output
+from soilmoist_ros.cli.options import Parsed, output_options, prepare_output
 from soilmoist_ros.foundation import THREADS, InputError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @click.command("campaign")
-@click.argument("campaign", type=Checked("campaign"))
+@click.argument("campaign", type=Parsed("campaign"))
 @click.option("--runs", type=click.IntRange(min=1), help="Runs of each combination, instead of those of the file.")
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler to use instead, such as tcp://host:8786.")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from soilmoist_ros.cli.answer import answering, current, put, say, warn, wrote
-from soilmoist_ros.cli.options import FILE, INPUT, Checked, position_options
+from soilmoist_ros.cli.options import FILE, INPUT, Parsed, position_options
 from soilmoist_ros.foundation import InputError, Mistake
 
 if TYPE_CHECKING:
@@ -28,11 +28,11 @@ Value = TypeVar("Value")
 
 
 @click.command("check")
-@click.option("--logger", type=Checked("logger"), multiple=True,
+@click.option("--logger", type=Parsed("logger"), multiple=True,
               help="Logger format: a shipped name or a YAML file. Repeatable.")  # fmt: skip
-@click.option("--site", type=Checked("site"), multiple=True,
+@click.option("--site", type=Parsed("site"), multiple=True,
               help="Site file: a shipped name or a YAML file. Repeatable.")  # fmt: skip
-@click.option("--field", type=Checked("field"), multiple=True,
+@click.option("--field", type=Parsed("field"), multiple=True,
               help="Field file: a shipped name or a YAML file. Repeatable.")  # fmt: skip
 @click.option("--graph", "graphs", type=FILE, multiple=True, help="Topological map of --field. Repeatable.")
 @click.option("--home", default="", metavar="NODE", help="Home of the robot in --graph.")

@@ -10,13 +10,13 @@ from typing import Any
 import click
 
 from soilmoist_ros.cli.answer import answering, warn, wrote
-from soilmoist_ros.cli.options import FILE, Checked, overwrite_option
+from soilmoist_ros.cli.options import FILE, Parsed, overwrite_option
 from soilmoist_ros.foundation import InputError, SoilmoistError
 
 
 @click.command("export")
 @click.argument("run", type=FILE)
-@click.option("--to", "names", type=Checked("format"), multiple=True,
+@click.option("--to", "names", type=Parsed("format"), multiple=True,
               help="Format, repeatable. soilmoist list exports shows them.")  # fmt: skip
 @click.option("--out", type=FILE, help="Folder for the files; made if missing. Default: RUN/export.")
 @click.option("--zones", type=click.IntRange(1, 20), default=3, show_default=True,

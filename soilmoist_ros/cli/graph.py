@@ -10,12 +10,12 @@ import click
 from click.core import ParameterSource
 
 from soilmoist_ros.cli.answer import answering, put, say, warn, wrote
-from soilmoist_ros.cli.options import FILE, Checked, overwrite_option
+from soilmoist_ros.cli.options import FILE, Parsed, overwrite_option
 from soilmoist_ros.foundation import InputError
 
 
 @click.command("graph")
-@click.argument("field", type=Checked("field"))
+@click.argument("field", type=Parsed("field"))
 @click.option("--spacing", type=click.FloatRange(min=0, min_open=True), default=10.0, show_default=True,
               help="Distance between nodes [m]; with --rows or --swaths, along the row or swath.")  # fmt: skip
 @click.option("--rows", type=click.FloatRange(min=0, min_open=True), help="Distance between crop rows [m].")

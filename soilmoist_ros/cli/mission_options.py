@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.options import Checked, named
+from soilmoist_ros.cli.options import Parsed, named
 from soilmoist_ros.simulation import PRESETS, SETTINGS, Setting
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _option(setting: Setting, defaults: Mapping[str, Any]) -> Callable[[Command]
         more = {"default": None}
     elif setting.kind is tuple:
         text = f"{setting.help} Repeatable."
-        more = {"multiple": True, "type": Checked("field"), "metavar": "FIELD[:WEIGHT]"}
+        more = {"multiple": True, "type": Parsed("field"), "metavar": "FIELD[:WEIGHT]"}
     elif setting.unit:
         first, dot, rest = setting.help.partition(". ")
         text = f"{first.rstrip('.')} [{setting.unit}]. {rest if dot else ''}".strip() + f" {default}"

@@ -24,7 +24,7 @@ _RUN = "give the folder that --out of a run named, a recording, or a folder of s
 _SHIPPED = {"field": "fields", "site": "sites", "scenario": "scenarios"}
 
 
-class Checked(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+class Parsed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     """A text that a function converts, and a check of the value before the command begins.
 
     :param name: placeholder in the help
@@ -51,7 +51,7 @@ class Checked(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         return [CompletionItem(incomplete, type="file")]
 
 
-def named(kind: str) -> Checked:
+def named(kind: str) -> Parsed:
     """A shipped name, or the path of a file; what the file says is checked later."""
 
     def require(value: str) -> None:
@@ -66,7 +66,7 @@ def named(kind: str) -> Checked:
 
             resource(_SHIPPED[kind], value)
 
-    return Checked(kind, require=require)
+    return Parsed(kind, require=require)
 
 
 def _require_file(value: Path) -> None:
@@ -74,7 +74,7 @@ def _require_file(value: Path) -> None:
         raise InputError("there is no such file", "check the path", value)
 
 
-INPUT = Checked("path", Path, _require_file)
+INPUT = Parsed("path", Path, _require_file)
 """Path of a file or folder that must exist."""
 
 
@@ -85,7 +85,7 @@ def _model(text: str) -> str:
     return text
 
 
-MODEL = Checked("model", _model)
+MODEL = Parsed("model", _model)
 """Name of a registered variogram model."""
 
 
@@ -99,7 +99,7 @@ def _moment(text: str) -> datetime:
         raise ValueError(f"{text!r} is no time: write {forms}") from None
 
 
-TIME = Checked("time", _moment)
+TIME = Parsed("time", _moment)
 
 
 def _sensor(text: str) -> str | float:
@@ -123,7 +123,7 @@ def _sensor(text: str) -> str | float:
 
 
 sensor_option = click.option(
-    "--sensor", type=Checked("sensor", _sensor), metavar="MODEL|NUMBER",
+    "--sensor", type=Parsed("sensor", _sensor), metavar="MODEL|NUMBER",
     help="Sensor of a site without calibration: CRS-1000, CRS-1000B, CRS-2000, CRS-2000B, LiFoil-2, LiFoil-3, or "
     "its counts per count of the reference detector. Gives moisture by the general calibration.",
 )  # fmt: skip
@@ -166,7 +166,7 @@ def prepare_output(out: Path, overwrite: bool) -> None:
 # Positions ------------------------------------------------------------------------------------------------------
 
 gnss_shift_option = click.option(
-    "--gnss-shift", "gnss_shift_s", type=Checked("duration", _duration_s), default=0.0, show_default=False,
+    "--gnss-shift", "gnss_shift_s", type=Parsed("duration", _duration_s), default=0.0, show_default=False,
     help="Time added to that of the positions, such as 1024w, 2h or -18s. Default: none.",
 )  # fmt: skip
 
@@ -217,7 +217,7 @@ def earlier_option(more: str = "") -> Callable[[Command], Command]:
         f"of runs. Repeatable.{more}"
     )
     return click.option(
-        "--earlier", "earlier", type=Checked("path", Path, _require_runs), multiple=True, metavar="RUN", help=text
+        "--earlier", "earlier", type=Parsed("path", Path, _require_runs), multiple=True, metavar="RUN", help=text
     )
 
 
@@ -228,7 +228,7 @@ def covariate_option(more: str = "") -> Callable[[Command], Command]:
         "what is derived from elevations: elevation, slope, aspect, curvature, wetness. Or polygons of a soil "
         f"map, whose attribute is BAND. Repeatable.{more}"
     )
-    kind = Checked("FILE[:BAND]", require=_require_covariate)
+    kind = Parsed("FILE[:BAND]", require=_require_covariate)
     return click.option("--covariate", "covariates", type=kind, multiple=True, help=text)
 
 
@@ -238,7 +238,7 @@ _NAMES = {"keep_nugget": "--nugget", "cell_m": "--cell", "merge_radius_m": "--me
 """Options with other names than their settings."""
 _TYPES: Mapping[str, click.ParamType[Any]] = {
     "model": MODEL,
-    "prior": Checked("FOLDER|FILE", require=_require_prior),
+    "prior": Parsed("FOLDER|FILE", require=_require_prior),
     "keep_nugget": click.Choice(["keep", "filter"]),
     "cell_m": click.FloatRange(min=0, min_open=True),
     "merge_radius_m": click.FloatRange(min=0),

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 )
 @click.option("--property", "properties", multiple=True,
               help="Property of the bag to map, repeatable. Default: all.")  # fmt: skip
-@click.option("--truth", "truths", type=options.Checked("field"), multiple=True, metavar="[PROPERTY=]FIELD",
+@click.option("--truth", "truths", type=options.Parsed("field"), multiple=True, metavar="[PROPERTY=]FIELD",
               help="Surrogate field to compare with: a built-in one, or a field file with a truth. "
               "PROPERTY defaults to the first one. Repeatable.")  # fmt: skip
 @options.map_options("as in the run")
