@@ -319,7 +319,7 @@ def test_one_forecast_lists_of_words_and_a_release_that_is_told(browser, served)
     lists = {
         name: page.locator(f"#plan-{name} option").all_inner_texts() for name in ("dwell", "strategy", "target")
     }
-    assert (lists["dwell"][0], lists["target"]) == ("As long as it pays", ["neutron rate"])
+    assert (lists["dwell"][0], lists["target"]) == ("As long as it pays", ["neutron rate", "soil moisture"])
     assert all(" " in one for one in lists["dwell"])
     assert len(lists["strategy"]) > 3
     expect(page.locator("#plan-forecast")).to_have_text(forecast)

@@ -122,5 +122,6 @@ def test_the_mean_has_the_interval_of_the_calibration_and_no_number_where_it_is_
     exact = replace(the_map, curve=replace(the_map.curve, n0_sd_cps=0.0))
     assert "without that of the calibration" in facts(make_run(soil_map=exact))[0].meaning
     found = facts(make_run(soil_map=steep))
-    assert found[0] == ("impossible", "", "mean soil water content")
+    assert found[0].value == "impossible"
+    assert found[0].meaning.endswith("% of the area: N0 does not fit the rate")
     assert all(fact.unit != "% vol." for fact in found)
