@@ -10,9 +10,8 @@ from contextlib import ExitStack, suppress
 from heapq import merge
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
-from rosbags import rosbag1
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
@@ -22,7 +21,6 @@ from soilmoist_ros.recording.bag.messages import CLOUD, VISIT, count_records, qu
 from soilmoist_ros.recording.bag.metadata import BagMessage, Qos, joined, qos_of
 from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.storage import (
-    BagFileReader,
     counts_of,
     extent_of,
     listed_files,
@@ -33,6 +31,9 @@ from soilmoist_ros.recording.bag.storage import (
 )
 from soilmoist_ros.recording.run_folder import BAG_FILES
 from soilmoist_ros.sensing import CountRecord
+
+if TYPE_CHECKING:
+    from soilmoist_ros.recording.bag.storage import BagFileReader
 
 _HEADER: Final = "std_msgs/msg/Header"
 _SENTENCE: Final = "std_msgs/Header header\nstring sentence"
@@ -61,6 +62,8 @@ class BagReader:
             except Exception as error:  # a stranger's file: rosbags does not check everything
                 raise _damaged(path, error) from None
             self._stack = stack.pop_all()
+        from rosbags import rosbag1
+
         self.of_ros1 = any(isinstance(one, rosbag1.Reader) or getattr(one, "of_ros1", False) for one in readers)
         """True if the messages have the format of ROS 1, not CDR."""
         self.topics: dict[str, str] = {}

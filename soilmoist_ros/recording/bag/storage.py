@@ -10,10 +10,9 @@ from contextlib import ExitStack
 from operator import attrgetter
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import zstandard
-from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import (
     Connection,
     ConnectionExtRosbag2,
@@ -21,7 +20,6 @@ from rosbags.interfaces import (
     MessageDefinitionFormat,
     TopicInfo,
 )
-from rosbags.rosbag2.storage_mcap import McapReader
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.metadata import BagMessage, Extent, Topic
@@ -88,8 +86,11 @@ class ScannedFile:
         return ((wanted[one.topic.name], one.log_ns, one.data) for one in found)
 
 
-BagFileReader = rosbag1.Reader | rosbag2.Reader | ScannedFile
-"""Reader of one file."""
+if TYPE_CHECKING:  # the readers of rosbags take 15 MB, and nodes import this module
+    from rosbags import rosbag1, rosbag2
+
+    BagFileReader: TypeAlias = rosbag1.Reader | rosbag2.Reader | ScannedFile
+    """Reader of one file."""
 
 
 def _full_type(name: str) -> str:
@@ -100,6 +101,9 @@ def _full_type(name: str) -> str:
 
 def open_file(path: Path, stack: ExitStack) -> BagFileReader:
     """A file of a bag, by its kind; the stack closes it. Raises what rosbags raises for a damaged file."""
+    from rosbags import rosbag1, rosbag2
+    from rosbags.rosbag2.storage_mcap import McapReader
+
     path = unpacked(path, stack)
     if path.suffix == ".db3":
         _require_whole_database(path)
