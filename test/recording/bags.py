@@ -9,7 +9,7 @@ import numpy as np
 from mcap.writer import Writer as McapWriter
 from rosbags.typesys import Stores, get_typestore
 
-from soilmoist_ros.recording.bag.metadata import Definition, Qos, Topic
+from soilmoist_ros.recording.bag.metadata import Definition, Qos, Topic, to_yaml
 from soilmoist_ros.recording.bag.writer import BagWriter
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -96,7 +96,8 @@ def write_foreign(path, messages, times=None, **options):
         writer = McapWriter(file, **options)
         writer.start(profile="ros2")
         schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        channel = writer.register_channel("/notes", "cdr", schema)
+        offered = {"offered_qos_profiles": to_yaml([MODEL.offered[0].to_dict()])}
+        channel = writer.register_channel("/notes", "cdr", schema, offered)
         for message, time_ns in zip(messages, times or range(len(messages)), strict=True):
             writer.add_message(channel, log_time=time_ns, publish_time=time_ns, data=message)
         writer.finish()

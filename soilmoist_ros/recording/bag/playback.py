@@ -6,11 +6,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.metadata import BagMessage, Qos
-from soilmoist_ros.recording.bag.reader import BagReader
+
+if TYPE_CHECKING:  # the recorder chooses topics by this module, and reads no bag
+    from soilmoist_ros.recording.bag.reader import BagReader
 
 _ACTION_STATUS = "/_action/status"
 INPUTS: Final = (

@@ -18,16 +18,19 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.messages import CLOUD, VISIT, count_records, quarantined_topic, visit_of
-from soilmoist_ros.recording.bag.metadata import BagMessage, Qos, joined, qos_of
+from soilmoist_ros.recording.bag.metadata import BagMessage, Qos, joined
 from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.storage import (
     counts_of,
     extent_of,
     listed_files,
     messages_of,
+    offered_of,
     open_file,
     remedy_of,
+    scanned_messages,
     topic_name,
+    unreadable,
 )
 from soilmoist_ros.recording.run_folder import BAG_FILES
 from soilmoist_ros.sensing import CountRecord
@@ -75,13 +78,12 @@ class BagReader:
         self._definitions: dict[str, MessageDefinition] = {}
         for reader in readers:
             self.counts.update(counts_of(reader))
-        for one in (connection for reader in readers for connection in reader.connections):
-            name = topic_name(one.topic)
-            self.topics[name], had = one.msgtype, self.offered.get(name, ())
-            profiles = map(qos_of, getattr(one.ext, "offered_qos_profiles", ()))
-            self.offered[name] = had + tuple(qos for qos in profiles if qos not in had)
-            if one.msgdef.data:
-                self._definitions[one.msgtype] = one.msgdef
+            for one in reader.connections:
+                name = topic_name(one.topic)
+                self.topics[name], had = one.msgtype, self.offered.get(name, ())
+                self.offered[name] = had + tuple(qos for qos in offered_of(reader, one) if qos not in had)
+                if one.msgdef.data:
+                    self._definitions[one.msgtype] = one.msgdef
         self.definition_texts = {kind: definition.data for kind, definition in self._definitions.items()}
         """Definitions of types, with those of the types in them, if the bag has them."""
         self._types = get_typestore(Stores.EMPTY if self._definitions else Stores.ROS2_JAZZY)
@@ -99,11 +101,8 @@ class BagReader:
         def of_bag(readers: list[BagFileReader]) -> Iterator[BagMessage]:
             for reader in readers:
                 path = Path(str(reader.path))
-                if by_time or path.suffix != ".mcap":
-                    yield from messages_of(reader, topics)
-                else:
-                    for one in McapScan(path).messages(topics):
-                        yield BagMessage(one.topic.name, one.topic.definition.type_name, one.log_ns, one.data)
+                scan = not by_time and path.suffix == ".mcap"
+                yield from scanned_messages(McapScan(path), topics) if scan else messages_of(reader, topics)
 
         try:
             yield from merge(*map(of_bag, self._bags), key=attrgetter("log_ns"))
@@ -120,7 +119,7 @@ class BagReader:
             decoded = self._types.deserialize_ros1 if self.of_ros1 else self._types.deserialize_cdr
             return decoded(message.data, message.type_name)
         except Exception as error:  # a stranger's definition and data: rosbags does not check everything
-            raise _damaged(self.path, error) from None
+            raise unreadable(self.path, error) from None
 
     def _learn(self, type_name: str) -> None:
         definition = self._definitions.pop(type_name, None)
@@ -235,13 +234,13 @@ def _types_in(definition: MessageDefinition, type_name: str) -> dict[str, Any]:
 
 
 def _damaged(path: Path, error: Exception) -> InputError:
-    if isinstance(error, InputError):
-        return error
-    found: list[str] = []  # in words; rosbags names a checksum or the magic
-    for file in [path] if path.is_file() else sorted(path.glob("*.mcap")):
-        if file.suffix == ".mcap":
-            scan = McapScan(file)
-            with suppress(OSError):
-                deque(scan.messages(), 0)
-            found += scan.findings()
-    return InputError(f"cannot be read as a bag: {'; '.join(found) or error}", remedy_of(path), path)
+    """An error of a file; rosbags names a checksum or the magic, the scan of MCAP says what that means."""
+    found: list[str] = []
+    if not isinstance(error, InputError | OSError):
+        for file in [path] if path.is_file() else sorted(path.glob("*.mcap")):
+            if file.suffix == ".mcap":
+                scan = McapScan(file)
+                with suppress(OSError):
+                    deque(scan.messages(), 0)
+                found += scan.findings()
+    return unreadable(path, ValueError("; ".join(found)) if found else error)

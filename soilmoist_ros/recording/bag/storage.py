@@ -22,7 +22,7 @@ from rosbags.interfaces import (
 )
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.metadata import BagMessage, Extent, Topic
+from soilmoist_ros.recording.bag.metadata import BagMessage, Extent, Qos, Topic, qos_of
 from soilmoist_ros.recording.bag.scan import McapScan, profile_of
 
 METADATA: Final = "metadata.yaml"
@@ -58,16 +58,16 @@ class ScannedFile:
 
     def __init__(self, path: Path) -> None:
         self.path, self._scan = path, McapScan(path)
-        counts, times, topics = Counter[str](), list[int](), dict[str, Topic]()
+        counts, extent, topics = Counter[str](), Extent(), dict[str, Topic]()
         for message in self._scan.messages():
             counts[message.topic.name] += 1
             topics[message.topic.name] = message.topic
-            times.append(message.log_ns)
+            extent = extent.with_message(message.log_ns)
         if found := self._scan.findings():
             raise ValueError("; ".join(found))
         self.of_ros1 = any(topic.definition.encoding == "ros1msg" for topic in topics.values())
-        self.message_count, self.start_time = len(times), min(times, default=0)
-        self.end_time = max(times, default=-1) + 1
+        self.message_count, self.start_time, self.end_time = extent.messages, extent.start_ns, extent.end_ns + 1
+        self.offered = {name: topic.offered for name, topic in topics.items()}
         self.connections: list[Connection] = []
         for name, topic in topics.items():
             about, number = topic.definition, len(self.connections)
@@ -144,6 +144,19 @@ def messages_of(reader: BagFileReader, topics: Collection[str] | None = None) ->
             raise ValueError(f"{name} has {read[name]} messages, and the index of {file} says {said[name]}")
 
 
+def offered_of(reader: BagFileReader, connection: Connection) -> tuple[Qos, ...]:
+    """Quality of service that the publishers of a connection offered, if the file has it."""
+    if isinstance(reader, ScannedFile):
+        return reader.offered[connection.topic]
+    return tuple(map(qos_of, getattr(connection.ext, "offered_qos_profiles", ())))
+
+
+def scanned_messages(scan: McapScan, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+    """Messages of topics, or of all, of a file in any condition, in the order of writing."""
+    for one in scan.messages(topics):
+        yield BagMessage(one.topic.name, one.topic.definition.type_name, one.log_ns, one.data)
+
+
 def extent_of(reader: BagFileReader) -> Extent:
     """All messages of a file."""
     count = reader.message_count
@@ -154,6 +167,15 @@ def remedy_of(path: Path) -> str:
     """Remedy for a damaged bag, by the kind of its files."""
     kinds = {path.suffix} if path.is_file() else {file.suffix for file in path.glob("*")}
     return next((remedy for kind, remedy in _REMEDIES.items() if kind in kinds), _RECOVER)
+
+
+def unreadable(path: Path, error: Exception) -> InputError:
+    """An error of reading a bag in words, with the remedy for its kind."""
+    if isinstance(error, InputError):
+        return error
+    if isinstance(error, OSError):
+        return InputError(f"cannot be read: {error.strerror}", "check the disk and permissions", path)
+    return InputError(f"cannot be read as a bag: {error}", remedy_of(path), path)
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:

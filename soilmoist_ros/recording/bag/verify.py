@@ -30,8 +30,10 @@ from soilmoist_ros.recording.bag.storage import (
     read_metadata,
     recorder_notes,
     remedy_of,
+    scanned_messages,
     topic_name,
     unpacked,
+    unreadable,
 )
 from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagWriter, is_being_written
 
@@ -114,7 +116,7 @@ def bag_info(path: Path) -> BagInfo:
                 sizes[name, kind] += len(data)
         except Exception as error:  # a stranger's file: rosbags does not check everything
             if not path.is_dir() and not extent.messages:
-                raise _unreadable(path, error) from None
+                raise unreadable(path, error) from None
             problems.append(f"{file.name} cannot be read: {_text(error)}" if not extent.messages else _text(error))
         files.append(BagFile(file.name, extent))
     try:
@@ -124,7 +126,7 @@ def bag_info(path: Path) -> BagInfo:
             right, wrong = _compared(path, files, topics, required=storage != "ROS 1")
             problems += wrong
     except OSError as error:
-        raise _unreadable(path, error) from None
+        raise unreadable(path, error) from None
     remedy = "" if not problems else "stop the recorder" if recording else remedy_of(path)
     if not recording and any(problem.endswith(" is missing") and METADATA not in problem for problem in problems):
         remedy = "copy the missing files into the folder of the bag, if they still exist"
@@ -153,17 +155,8 @@ def stored_messages(
             yield from messages_of(open_file(path, stack), topics)
             return
         scan = McapScan(path)
-        for one in scan.messages(topics):
-            yield BagMessage(one.topic.name, one.topic.definition.type_name, one.log_ns, one.data)
+        yield from scanned_messages(scan, topics)
         problems += scan.findings()
-
-
-def _unreadable(path: Path, error: Exception) -> InputError:
-    if isinstance(error, InputError):
-        return error
-    if isinstance(error, OSError):
-        return InputError(f"cannot be read: {error.strerror}", "check the disk and permissions", path)
-    return InputError(f"cannot be read as a bag: {error}", remedy_of(path), path)
 
 
 def find_gaps(times_s: ArrayLike) -> tuple[Gap, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import CLOUD, COUNTS, NOTES, START_NS, STORE, cloud, make_topic, text_message, write_foreign
+from bags import CLOUD, COUNTS, MODEL, NOTES, START_NS, STORE, cloud, make_topic, text_message, write_foreign
 from mcap.writer import IndexType
 from numpy.lib.recfunctions import append_fields
 from rich.console import Console
@@ -131,6 +131,7 @@ def test_messages_out_of_order_are_sorted_with_and_without_an_index(tmp_path, ho
     write_foreign(path, [text_message(str(number)) for number in range(300)], times, **how)
     with BagReader(path) as reader:
         found = [(message.log_ns, int(reader.decode(message).data)) for message in reader.messages()]
+        assert reader.offered == {"/notes": MODEL.offered}
     assert found == sorted(zip(times, range(300), strict=True))
 
 
