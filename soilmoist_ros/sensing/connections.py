@@ -27,7 +27,7 @@ EXAMPLES = {
     "tcp": "tcp://192.168.1.20:5000", "udp": "udp://0.0.0.0:5000", "serial": "serial:///dev/ttyUSB0?baud=115200",
 }  # fmt: skip
 """An example of each kind of address."""
-_OPTIONS = {"tcp": "", "udp": "from", "serial": "baud"}
+_OPTIONS = {"udp": "from", "serial": "baud"}  # the only one of each kind; tcp has none
 DEFAULT_BAUD = 115_200
 CHUNK = 65_536  # maximum number of bytes of one read; no datagram is larger
 RECEIVE_BUFFER = 1 << 20
@@ -69,8 +69,8 @@ def open_source(uri: str, retry: Retry | None = None) -> LineSource:
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
     if kind != "serial" and options.pop("interface", None) is not None:
         _warn_of_interface(uri)
-    if unknown := [name for name in options if name != _OPTIONS[kind]]:
-        raise _bad(uri, f"has an unknown option {unknown[0]!r}; there is: {_OPTIONS[kind] or 'none'}", kind)
+    if unknown := [name for name in options if name != _OPTIONS.get(kind)]:
+        raise _bad(uri, f"has an unknown option {unknown[0]!r}; there is: {_OPTIONS.get(kind, 'none')}", kind)
     if kind in ("tcp", "udp"):
         if not parts.hostname or not port:
             raise _bad(uri, "lacks the host" if port else "lacks the port", kind)

@@ -36,6 +36,7 @@ from soilmoist_ros.sensing.survey.driver import link_health
         ("tcp://host:99999", "ort out of range"),
         ("tcp://host:5000/x", "has a path"),
         ("tcp://host:5000?baud=9600", "unknown option 'baud'; there is: none"),
+        ("tcp://host:5000?=9600", "unknown option ''; there is: none"),
         ("udp://0.0.0.0:5000?form=10.0.0.1", "unknown option 'form'; there is: from"),
         ("udp://0.0.0.0:5000?from=", "accepts data from no network"),
         ("udp://0.0.0.0:5000?from=logger.local", "give numeric addresses"),
