@@ -178,19 +178,18 @@ def open_door(
     return load, lambda: sorted(home_of), sorted(home_of)
 
 
-def optional_module(name: str, extra: str = "") -> Any:
-    """A module of an extra of this package.
+def optional_module(name: str) -> Any:
+    """A module of an extra of this package, see :data:`EXTRAS`.
 
-    :param extra: extra to name if the module is missing; default that of :data:`EXTRAS`
     :raises InputError: if it is not installed; states how to install it
     """
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        raise not_installed(error, extra) from None
+        raise not_installed(error) from None
 
 
-def not_installed(error: ModuleNotFoundError, extra: str = "") -> InputError:
+def not_installed(error: ModuleNotFoundError) -> InputError:
     """The error of a user whose installation lacks an extra.
 
     :raises ModuleNotFoundError: ``error``, if the module is in no extra
@@ -201,7 +200,7 @@ def not_installed(error: ModuleNotFoundError, extra: str = "") -> InputError:
     name = (error.name or "").partition(".")[0]
     if name not in EXTRAS:
         raise error
-    return InputError(f"{name} is not installed", install(extra or EXTRAS[name]))
+    return InputError(f"{name} is not installed", install(EXTRAS[name]))
 
 
 def is_installed(*modules: str) -> bool:

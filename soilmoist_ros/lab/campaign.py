@@ -76,7 +76,7 @@ def run_campaign(
     if workers is not None and workers < 0:
         raise InputError(f"the number of processes cannot be {workers}", "give 0 or more")
     for needed in ("pandas", "pyarrow"):  # pandas imports pyarrow only when it writes
-        optional_module(needed, "campaign")
+        optional_module(needed)
     wanted = missions(campaign)
     every = [mission.settings for mission in wanted]
     names = (name for one in every for name in (one.field_name, *(its.field_name for its in one.properties)))

@@ -41,7 +41,7 @@ def results_table(stored: Stored, every_s: float) -> pd.DataFrame:
 
     :param every_s: time between two rows of the time grid [s]
     """
-    pandas = optional_module("pandas", "campaign")
+    pandas = optional_module("pandas")
     grids = [time_grid(mission.settings.hours, every_s) for mission, _ in stored]
     found = [metrics_at(*one, times_s) for one, times_s in zip(_runs(stored), grids, strict=True)]
     heads = [{"key": mission.key, **mission.settings.as_texts()} for mission, _ in stored]
@@ -77,7 +77,7 @@ def missions_table(stored: Stored) -> pd.DataFrame:
     ]  # fmt: skip
     columns = ["key", "experiments", *SETTINGS, "field_title", "end_s", *_metric_names(found), "mse_quarter"]
     columns += ["ended", "efficiency"]
-    return optional_module("pandas", "campaign").DataFrame(rows, columns=columns).astype(_NUMBERS)
+    return optional_module("pandas").DataFrame(rows, columns=columns).astype(_NUMBERS)
 
 
 def write_tables(out: Path, stored: Stored, every_s: float) -> list[Path]:

@@ -42,7 +42,7 @@ def write_sheet(source: RunSource, folder: Path, settings: ExportSettings) -> li
     """
     plan = irrigation_plan(source, settings)
     path = folder / "irrigation.pdf"
-    with optional_module("matplotlib", "reports").rc_context(_FONTS):
+    with optional_module("matplotlib").rc_context(_FONTS):
         sheet(source, plan, settings).savefig(path, format="pdf", metadata={"CreationDate": None})
     return [path]
 
@@ -61,7 +61,7 @@ def headline(plan: Plan, units: Units) -> str:
 
 def sheet(source: RunSource, plan: Plan, settings: ExportSettings) -> Figure:
     """The page as a figure of matplotlib."""
-    figure: Figure = optional_module("matplotlib.figure", "reports").Figure(figsize=A4_IN)
+    figure: Figure = optional_module("matplotlib.figure").Figure(figsize=A4_IN)
     wide, units, left = 1 - 2 * MARGIN, Units.of(settings.rate_unit), plan.capped[1]
     figure.text(MARGIN, 0.945, textwrap.shorten(source.title, 42), size=20, weight="bold", color=INK)
     figure.text(MARGIN, 0.918, headline(plan, units), size=14 if plan.certain else 11, color=INK)
