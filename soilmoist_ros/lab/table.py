@@ -43,7 +43,9 @@ def results_table(stored: Stored, every_s: float) -> pd.DataFrame:
     """
     pandas = optional_module("pandas")
     grids = [time_grid(mission.settings.hours, every_s) for mission, _ in stored]
-    found = [metrics_at(*one, times_s) for one, times_s in zip(_runs(stored), grids, strict=True)]
+    found = [
+        metrics_at(mission.settings, run, times_s) for (mission, run), times_s in zip(stored, grids, strict=True)
+    ]
     heads = [{"key": mission.key, **mission.settings.as_texts()} for mission, _ in stored]
     head = pandas.DataFrame(heads, columns=["key", *SETTINGS]).astype(_NUMBERS)
     table = head.loc[head.index.repeat([len(times_s) for times_s in grids])].reset_index(drop=True)
@@ -63,8 +65,8 @@ def missions_table(stored: Stored) -> pd.DataFrame:
     mission ended, and ``efficiency`` is that of its plan (:class:`Efficiency`).
     """
     found = [
-        metrics_at(settings, run, np.array([QUARTER * 3600 * settings.hours, np.inf]))
-        for settings, run in _runs(stored)
+        metrics_at(mission.settings, run, np.array([QUARTER * 3600 * mission.settings.hours, np.inf]))
+        for mission, run in stored
     ]
     rows = [
         {
@@ -122,10 +124,6 @@ def metrics_at(settings: MissionSettings, run: CampaignRun, times_s: Array) -> d
     with np.errstate(invalid="ignore", divide="ignore"):
         share = np.where(time_s > 0, counting_s / (time_s * settings.robots), np.nan)
     return {**state, "samples": state["samples"].astype(int), "counting_share": share}
-
-
-def _runs(stored: Stored) -> list[tuple[MissionSettings, CampaignRun]]:
-    return [(mission.settings, run) for mission, run in stored]
 
 
 def _metric_names(values: Iterable[Mapping[str, Any]]) -> list[str]:
