@@ -346,8 +346,7 @@ class FieldMap:
         self._timed = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m, WINDOW_S)
         timed = None
         if self._finds_drift and len(samples) <= MAX_EXACT_SAMPLES:
-            for record, spread in zip(records, spreads, strict=True):
-                self._timed.add_record(record, spread)
+            self._timed.add_records(records, spreads)
             timed = self._timed_samples
         fit_timed = None if timed is None else (timed, samples, end_s)
         self.state = MapState(

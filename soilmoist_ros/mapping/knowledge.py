@@ -49,8 +49,7 @@ def samples_at_end(
     if len(samples) > MAX_SAMPLES:
         return samples
     merger = SampleMerger(radius_m, footprint_radius_m, WINDOW_S)
-    for record, path in zip(records, spread, strict=True):
-        merger.add_record(record, path)
+    merger.add_records(records, spread)
     timed, one = TimedSamples(merger.samples, merger.time_s), merger.samples
     fit = estimate_variogram(
         samples.xy, samples.counts, samples.exposure_s, extent_m=extent_m, spread=samples.spread, local_noise=True

@@ -211,6 +211,11 @@ class SampleMerger:
         middle_s = record.stamp_s - record.exposure_s / 2
         self.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread, middle_s)
 
+    def add_records(self, records: Sequence[CountRecord], spreads: Array) -> None:
+        """Add records, each with its spread, shape (n, 4) [m^2]."""
+        for record, spread in zip(records, spreads, strict=True):
+            self.add_record(record, spread)
+
     @property
     def samples(self) -> Samples:
         """The samples so far, as they began, a copy; spreads that noise may have made count as none."""
@@ -254,6 +259,5 @@ def survey_samples(
     :param spread: along the path of each, shape (n, 4) [m^2]; computed by default
     """
     merger = SampleMerger(radius_m, footprint_radius_m)
-    for record, path in zip(records, driven_spreads(records) if spread is None else spread, strict=True):
-        merger.add_record(record, path)
+    merger.add_records(records, driven_spreads(records) if spread is None else spread)
     return merger.samples
