@@ -93,7 +93,8 @@ def compare_side_by_side(
         (sum(r.raw_counts for r in used), math.fsum(r.effective_exposure_s for r in used))
         for used in ((slow_used, fast_used) if swapped else (fast_used, slow_used))
     )
-    counted_s = math.fsum(r.stamp_s - begin for r, begin in zip(slow_used, _begins(slow)[kept], strict=True))
+    begins = _begins(slow)[kept]
+    counted_s = math.fsum(r.stamp_s - begin for r, begin in zip(slow_used, begins, strict=True))
     for counts, logs in ((own_counts, own), (other_counts, other)):
         if not counts:
             raise InputError("has no counts in the time that both counted", "check the detector", logs[0].path)
@@ -109,10 +110,8 @@ def compare_side_by_side(
     if scatter < MIN_SCATTER and chance < SAME_CHANCE:
         what = f"counts as {other[0].path.name} does, record by record: they are of one sensor"
         raise InputError(what, _OTHERS_LOG, own[0].path)
-    begins, ends = _begins(slow)[kept], np.array([record.stamp_s for record in slow_used])
-    return SideBySide(
-        ratio, ratio * relative, own_counts, other_counts, counted_s, float(begins[0]), float(ends[-1]), scatter
-    )
+    first_s, last_s = float(begins[0]), slow_used[-1].stamp_s
+    return SideBySide(ratio, ratio * relative, own_counts, other_counts, counted_s, first_s, last_s, scatter)
 
 
 def _scatter(counts: Array) -> tuple[float, float]:
