@@ -272,7 +272,7 @@ class SoilMap:
 
     @property
     def pooling(self) -> str:
-        """What the map is made of if its samples are very many, in words; empty if it is made of all of them."""
+        """Numbers of samples and of their pools, in words; empty if the map is made of all samples."""
         count = len(self.samples)
         return f"of {count} samples in {len(self.kriging.places)} pools" if count > MAX_EXACT_SAMPLES else ""
 
