@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.samples import Samples, Surveys, noise_rate, spatial_blocks
-from soilmoist_ros.mapping.variogram.farm_prior import GUESSED_NUGGET, GUESSED_VARIATION, FarmPrior
+from soilmoist_ros.mapping.variogram.farm_prior import GUESS_LOG_SD, GUESSED_NUGGET, GUESSED_VARIATION, FarmPrior
 from soilmoist_ros.mapping.variogram.model import ModelName, Variogram, correlation_model, isotropic_plane
 from soilmoist_ros.mapping.variogram.support import correlation_by_range
 
@@ -45,6 +45,7 @@ ISOTROPIC = (1.0, 0.0)  # anisotropy and angle of an isotropic variogram
 _DIRECTED_PLACES = 120  # number of places used to weigh the directions
 _DIRECTED_STEP = 1.5
 """Maximum change of a parameter, in prior standard deviations, between the peaks of two directions."""
+_OF_VARIANCE = (2.0, 1.0, 1.0)  # a log-variance has twice the standard deviation of the variation's logarithm
 _LARGEST_STEP = 5.0  # search bounds of the parameters, in prior standard deviations
 _TOLERANCE = 1e-4  # distance from the mode at which the optimiser stops, in posterior standard deviations
 OTHER_FIELDS = ("unlike the other fields: the usual prior", "like the other fields")
@@ -215,14 +216,14 @@ class Prior:
             extent_m / cls.RANGES_PER_EXTENT / correlation_model(model).practical,
             cls.GUESSED_NUGGET * structured,
         ]
-        usual = cls(np.log(medians), np.array([1.0, 1.0, 1.5]))
+        usual = cls(np.log(medians), np.multiply(GUESS_LOG_SD, _OF_VARIANCE))
         if farm is None:
             return usual
         practical, square = np.log(correlation_model(model).practical), np.log(m**2)
         means = [np.log(cls.GUESSED_VARIATION), usual.log_median[1] + practical, np.log(cls.GUESSED_NUGGET)]
         mean, sd = farm.expected(np.array(means))
         structured = 2 * mean[0] + square
-        return cls(np.array([structured, mean[1] - practical, structured + mean[2]]), sd * [2.0, 1.0, 1.0])
+        return cls(np.array([structured, mean[1] - practical, structured + mean[2]]), sd * _OF_VARIANCE)
 
     def position(self, variogram: Variogram) -> Array:
         """A variogram in prior standard deviations from the medians, shape (3,)."""
