@@ -97,8 +97,10 @@ def process_logs(
     :param track: positions of a separate GNSS receiver; if ``None``, the positions in the logs are used
     :param arms: where antenna and sensor sit on the robot
     :param times_s: begin and end of the part that is used, by the clock of the logger [s since 1970-01-01 UTC]
-    :raises InputError: if the logs are of different probes, or no record can be placed and corrected
+    :raises InputError: if the logs are of different probes, or were read with another clock than that of the site,
+        or no record can be placed and corrected
     """
+    _require_clock(logs, site.logger_clock)
     entries = [one for one in _in_order_of_time(logs) if times_s[0] < one[1].stamp_s <= times_s[1]]
     problems = [*(problem for log in logs for problem in log.problems), *log_doubts(logs)]
     entries = _without_duplicates(entries, problems)
@@ -157,6 +159,18 @@ def _require_same_time(records: Sequence[LoggerRecord], track: Track | None, sit
         raise InputError([why])
     message = f"the positions of the separate receiver are not used: {why.message}"
     return [Problem(Kind.DOUBTFUL_POSITIONS, replace(why, message=message))]
+
+
+def _require_clock(logs: Sequence[LogFile], clock: float | str | None) -> None:
+    """Check that logs were read with the site's clock: otherwise all times are wrong by hours."""
+    if clock is None:
+        return
+    for log in logs:
+        read = log.logger.time.zone or log.logger.time.utc_offset_hours
+        if read != clock:
+            used, wanted = (one if isinstance(one, str) else f"UTC{one:+g} h" for one in (read, clock))
+            remedy = "read_log(path, utc_offset_hours=site.logger_clock)"
+            raise InputError(f"was read with a clock of {used}, and the site has {wanted}", remedy, log.path)
 
 
 @dataclass(frozen=True)

@@ -159,6 +159,19 @@ def doubts(tmp_path, text, **options):
     return [(one.kind, str(one)) for one in log_doubts([read_log(path, **options)])]
 
 
+def test_a_log_that_was_read_with_another_clock_than_the_site_s_is_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(
+        FINAPP + "".join(f"2024-05-01 {hour:02d}:00:00,17{hour},3600,1000\n" for hour in range(10, 20))
+    )
+    here = {"corrections": NO_CORRECTIONS.corrections, "location": {"latitude_deg": 50.0, "longitude_deg": 10.0}}
+    site, of_utc = Site(logger_utc_offset_hours=-6, **here), read_log(path)
+    with pytest.raises(InputError, match=r"clock of UTC\+0 h, and the site has UTC-6 h -> read_log"):
+        process_logs([of_utc], site)
+    late, early = process_logs([read_log(path, utc_offset_hours=-6)], site), process_logs([of_utc], Site(**here))
+    assert late.records[0].stamp_s - early.records[0].stamp_s == 21600
+
+
 def night(hours):
     return FINAPP + "".join(f"2023-10-{stamp}:00:00,17{n:02d},3600,1000\n" for n, stamp in enumerate(hours))
 
