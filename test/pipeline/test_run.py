@@ -10,7 +10,8 @@ from datetime import UTC, datetime
 
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.exploration import Visit
+from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.pipeline.results import curve_of, read_features, read_summary, shape_of
 from soilmoist_ros.pipeline.run import FailedRun, InputFile, LossRow, Trouble
 from soilmoist_ros.recording.stored_records import read_records
@@ -18,6 +19,7 @@ from soilmoist_ros.reporting.outputs import write_failed
 from soilmoist_ros.reporting.page.report import failed_facts, render_failed
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
+from soilmoist_ros.simulation import MissionResult, MissionSettings
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 RECORD = CountRecord(1.77e9, 1.0, 2.0, NAN, 40, 10.0, 9.0)
@@ -72,6 +74,13 @@ def test_the_page_says_why_first_and_escapes_names():
     assert "<1>" not in html
     assert "2 February 2026" in html
     assert "The mission" not in html
+    visit = Visit("s17", 1.0, 2.0, 60.0, 30.0, 90, "lowers the variance most", outcome="no record came")
+    settings = MissionSettings(field="smooth")
+    mission = MissionResult(settings, [], [visit], [], [], LocalFrame(52.0, 5.0), "aborted", log=["0 s  start"])
+    html = render_failed(replace(FAILED, mission=mission))
+    assert [text in html for text in ("s17", "no record came", "lowers the variance")] == [True, True, False]
+    html = render_failed(replace(FAILED, mission=replace(mission, visits=[])))
+    assert ("Stops in order" in html, "0 s  start" in html) == (False, True)
 
 
 # Results ---------------------------------------------------------------------------------------------------------
