@@ -85,13 +85,14 @@ def writable(names: Sequence[str]) -> tuple[str, ...]:
 
 
 @contextmanager
-def replaced_together(folder: Path, names: Sequence[str] | None = None) -> Iterator[Path]:
+def replaced_together(folder: Path, names: Sequence[str], whole: bool = True) -> Iterator[Path]:
     """Replace the results in a folder together: write them to the hidden folder that the context gives.
 
     After an error the folder is as it was. What a killed process left is removed, and results of an earlier run
     that this run has not.
 
-    :param names: results of this run; without them all files that were written are replaced, and none is removed
+    :param names: files to replace, known when all are written
+    :param whole: whether they are all results of a run; else results of an earlier run stay
     :raises InputError: if the folder cannot be written
     """
     try:
@@ -104,13 +105,12 @@ def replaced_together(folder: Path, names: Sequence[str] | None = None) -> Itera
         raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", folder) from None
     try:
         yield workshop
-        written = sorted(path.name for path in workshop.iterdir()) if names is None else names
-        for name in written:
+        for name in names:
             sync_file(workshop / name)
-        earlier = set() if names is None else earlier_outputs(folder)
-        for name in written:
+        earlier = earlier_outputs(folder) if whole else set()
+        for name in names:
             os.replace(workshop / name, folder / name)
-        remove_earlier(folder, earlier, written)
+        remove_earlier(folder, earlier, names)
         sync_folder(folder)
     finally:
         shutil.rmtree(workshop, ignore_errors=True)

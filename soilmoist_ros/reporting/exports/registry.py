@@ -117,7 +117,7 @@ def export_run(
     :param names: names of exports, see :data:`EXPORTS`
     :param folder: folder for the files; made if missing; by default ``export`` in the folder of the run
     :param note: is called with what the user should know, such as what the run lacks
-    :param overwrite: whether other files of earlier exports may be replaced; when all are complete
+    :param overwrite: whether files of earlier exports that differ may be replaced
     :param refused: gets the name of each export that the run does not allow, and the reason, while others are
         written; without a list, the first of them is an error
     :raises InputError: for an unknown name, a run without a map, exports that are all refused, a missing library,
@@ -130,21 +130,22 @@ def export_run(
     target = folder or source.run.folder / "export"
     if (target / SUMMARY).is_file() and not target.samefile(source.run.folder):
         raise InputError("holds another run", "choose another folder for the exports", target)
-    paths, failed = list[Path](), list[InputError]()
-    with replaced_together(target) as workshop:
+    written, failed = list[str](), list[InputError]()
+    with replaced_together(target, written, whole=False) as workshop:
         for name, kind in kinds.items():
             try:
-                paths += _written(name, kind.write(source, workshop, settings or ExportSettings()))
+                paths = _written(name, kind.write(source, workshop, settings or ExportSettings()))
+                written += [path.name for path in paths if path.name not in written]
             except InputError as error:
                 failed.append(error)
                 if refused is None or len(failed) == len(kinds):
                     raise InputError([mistake for one in failed for mistake in one.mistakes]) from None
                 refused.append(f"{name}: {error}")
-        final = {path: target / path.name for path in paths}
-        held = [end.name for path, end in final.items() if end.exists() and not cmp(path, end, shallow=False)]
+        there = [name for name in written if (target / name).exists()]
+        held = [name for name in there if not cmp(workshop / name, target / name, shallow=False)]
         if held and not overwrite:
             message = f"has {', '.join(held)} of an earlier export"
             raise InputError(message, "choose another folder, or give --overwrite to replace them", target)
     for text in dict.fromkeys(source.notes):
         note(text)
-    return list(final.values())
+    return [target / name for name in written]

@@ -53,6 +53,17 @@ def test_a_failure_leaves_earlier_files(exported, tmp_path, monkeypatch):
         export_run(exported.folder, ["bad"], tmp_path)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("map.nc", "whole")]
 
+    def refuse(source, folder, settings):
+        (folder / "map.nc").write_text("half")
+        raise InputError("there is no dose", "give one")
+
+    monkeypatch.setitem(EXPORTS._objects(), "bad", Export(refuse, "bad", "a test", ".nc"))
+    refused = []
+    paths = export_run(exported.folder, ["bad", "zones"], tmp_path, refused=refused)
+    assert [path.name for path in paths] == ["zones.zip", "zones_salt.zip"]
+    assert {path.name for path in tmp_path.iterdir()} == {"map.nc", "zones.zip", "zones_salt.zip"}
+    assert ((tmp_path / "map.nc").read_text(), refused) == ("whole", ["bad: there is no dose -> give one"])
+
 
 @pytest.mark.parametrize(
     ("summary", "message"),
