@@ -309,10 +309,11 @@ def print_knowledge(run: MapRun) -> None:
         remarks = "".join(f". {remark.rstrip('.')}" for remark in one.remarks)
         say(f"earlier    {dated(one)}: {len(one.survey.samples)} samples{relation}{remarks}")
     if run.change is not None:
-        say(f"          {contribution(run.change)}")
+        say(f"           {contribution(run.change)}")
         say(f"change     {change_text(run.change)}")
     for name, effect, share, _ in covariate_rows(run):
-        say(f"covariate  {name}: {effect} {unit} per standard deviation, {share} of the variance")
+        about = f"{effect} {unit} per standard deviation, {share} of the variance"
+        say(f"covariate  {name}: {about if effect else 'left out'}")
 
 
 def print_losses(run: MapRun) -> None:

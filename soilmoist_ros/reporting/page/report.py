@@ -110,13 +110,13 @@ def budget_part(run: MapRun) -> Part | None:
 
 
 def covariate_rows(run: MapRun) -> list[tuple[str, str, str, str]]:
-    """Name, effect, share of the variance and coverage of each covariate, as texts."""
+    """Name, effect, share of the variance and coverage of each covariate, as texts; one left out has no effect."""
     rows = []
     for one in covariate_importance(run):
         effect, digits = (one.rate_cps, 2) if one.vwc is None else (one.vwc.times(100), 1)
         change = f"{effect.value:+.{digits}f} ({effect.p025:+.{digits}f} to {effect.p975:+.{digits}f})"
         if not any(one.rate_cps):
-            rows.append((one.name, "left out", "none found", percent(one.covered_share)))
+            rows.append((one.name, "", "", percent(one.covered_share)))
             continue
         share, low, high = (percent(value) for value in one.variance_share)
         rows.append((one.name, change, f"{share} ({low} to {high})", percent(one.covered_share)))
@@ -220,8 +220,8 @@ def earlier_part(run: MapRun) -> Part | None:
         )
         for one in run.earlier
     ]  # fmt: skip
-    text = "The counts of earlier surveys inform this map."
-    return Part(text=text + (contribution(found) if found else ""), change=found and change_text(found), rows=rows)
+    text = "The counts of earlier surveys inform this map." + (f" {contribution(found)}" if found else "")
+    return Part(text=text, change=found and change_text(found), rows=rows)
 
 
 def relations(run: MapRun) -> dict[str, float]:
@@ -239,7 +239,7 @@ def contribution(found: RunChange) -> str:
     if persistence.decay_days < 1e6:
         fades = f" It falls to a third in {number(persistence.decay_days, 2)} days."
     return (
-        f" The patterns of two surveys of this field have a correlation of {persistence.share:.2f} ± "
+        f"The patterns of two surveys of this field have a correlation of {persistence.share:.2f} ± "
         f"{persistence.sd:.2f}.{fades} They lower the standard deviation of the smooth rate from "
         f"{number(found.sd_alone, 2)} to {number(found.sd, 2)} counts/s, by {percent(share)}."
     )

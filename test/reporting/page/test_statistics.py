@@ -6,10 +6,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
 
+from soilmoist_ros.cli.answer import print_knowledge
 from soilmoist_ros.mapping import Covariates, FieldMap, FieldMapSettings, PoissonKriging, Samples, make_soil_map
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.grid import FieldGrid
@@ -176,14 +178,20 @@ def test_the_covariate_that_matters_comes_first_with_its_effect(explained, make_
     assert (relief.covered_share, useless.covered_share) == (1, pytest.approx(0.7, abs=0.03))
 
 
-def test_summary_report_and_notes_state_it(explained, make_run):
+def test_summary_report_notes_and_command_state_it(explained, make_run, capsys):
     soil_map, covariates = explained
     run = make_run(soil_map=soil_map, covariates=covariates)
     told = json.loads(json.dumps(summary(run)))["covariates"]
     assert [one["name"] for one in told] == ["relief", "useless"]
     assert told[0]["rate_cps_per_sd"]["p025"] > 0
     assert set(told[0]) == {"name", "rate_cps_per_sd", "vwc_per_sd", "variance_share", "covered_share"}
-    assert "What explains the map" in render_report(run)
+    assert '<td class="n">left out</td><td class="n">none found</td>' in render_report(run)
+    print_knowledge(run)
+    first, second = re.findall("^covariate  (.*)$", capsys.readouterr().out, re.MULTILINE)
+    assert re.fullmatch(
+        r"relief: -\S+ \(-\S+ to -\S+\) % by volume per standard deviation, .* of the variance", first
+    )
+    assert second == "useless: left out"
     (note,) = [note for note in notes(run) if note.code is NoteCode.COVARIATE_GAPS]
     assert "useless (68" in note.message
     assert "relief" not in note.message
