@@ -18,6 +18,7 @@ from soilmoist_ros.reporting.colours import WATER, hex_ramp
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.page.frame import percent, ranges
 from soilmoist_ros.reporting.page.irrigation import IrrigationZone
+from soilmoist_ros.reporting.page.statistics import normal_draws
 from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve
 
 Array = NDArray[np.float64]
@@ -110,8 +111,7 @@ def _band(
     chosen, rng = spread_cells(np.isfinite(number), BAND_CELLS), np.random.default_rng(0)
     xy = soil_map.grid.cells[chosen[soil_map.grid.mask]]
     (rate, variance), covariance = kriging.predict(xy), kriging.covariance(xy)
-    values, vectors = np.linalg.eigh(covariance)
-    drawn = vectors * np.sqrt(np.maximum(values, 0.0)) @ rng.standard_normal((len(xy), BAND_DRAWS))
+    drawn = normal_draws(covariance, BAND_DRAWS, rng)
     fixed = np.sqrt(np.maximum(variance - np.diag(covariance), 0.0))
     drawn += rate[:, None] + fixed[:, None] * rng.standard_normal(drawn.shape)
     if curve is not None:

@@ -37,6 +37,12 @@ UNCERTAIN_RATE_SHARE = 0.05  # the same of the rate, as a share of it [-]
 INTERVAL_SD = 1.96  # half width of a 95 % interval
 
 
+def normal_draws(covariance: Array, count: int, rng: np.random.Generator) -> Array:
+    """Draws of normal errors with a covariance of shape (n, n), shape (n, count)."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)) @ rng.standard_normal((len(values), count)))
+
+
 class BandStatistics(NamedTuple):
     """Distribution of one band over the cells of the field; all NaN if no cell has a value."""
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.mapping import Samples, SoilMap, Variogram, default_edges, sample_correlation
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, Mark
 from soilmoist_ros.reporting.page.frame import number, percent
+from soilmoist_ros.reporting.page.statistics import normal_draws
 
 Array = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def sample_variogram(soil_map: SoilMap) -> Classes | None:
     noise, t, rate = np.asarray(soil_map.noise_variance)[every], places.exposure_s, places.rate_cps
     covariance = _sample_covariance(variogram, places)
     likely = covariance if soil_map.fit is None else _sample_covariance(soil_map.fit.mode, places)
-    simulated = _simulated(covariance + np.diag(noise))
+    simulated = normal_draws(covariance + np.diag(noise), SIMULATIONS, np.random.default_rng(SEED))
     one, other = np.triu_indices(len(places), 1)
     h = np.hypot(*(places.xy[other] - places.xy[one]).T)
     edges = default_edges(places.xy)
@@ -93,13 +94,6 @@ def _sample_covariance(variogram: Variogram, places: Samples) -> Array:
     """Covariance of the samples' true rates, averaged over their supports."""
     smooth = sample_correlation(variogram, places.xy, places.spread)
     return np.asarray(variogram.structured_sill * smooth + variogram.nugget * np.eye(len(places)))
-
-
-def _simulated(covariance: Array) -> Array:
-    """Rates of simulated surveys, shape (places, surveys); repeatable."""
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return np.asarray(root @ np.random.default_rng(SEED).standard_normal((len(root), SIMULATIONS)))
 
 
 def variogram_chart(soil_map: SoilMap, classes: Classes) -> Chart:
