@@ -106,8 +106,9 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
     unit = unit.model_copy(update={**fresh, "curve": options.curve or unit.curve})
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
-    about = {} if run is None else reporting.open_run(run).summary
-    counted = _counted(known, options) if run is None else _no_counts(about, options)
+    opened = None if run is None else reporting.open_run(run)
+    about = {} if opened is None else opened.summary
+    counted = _counted(known, options) if opened is None else _no_counts(about, options)
     _require_days_of_counts(table.days or dates, counted, cores)
     if run is not None and not (table.days or dates) and math.isfinite(counted.last_s):
         dates = (f"{datetime.fromtimestamp(counted.last_s, UTC):%Y-%m-%d}",)
@@ -118,8 +119,8 @@ def _calibrate(options: Options, cores: Path, site: Path) -> None:
     unit_curve = unit.curve_of(soil, known.reference_humidity_gm3)
     try:
         mean = sensing.mean_of_cores(sampled, weighting, air, bound_water, soil.bulk_density_gcm3)
-        if run is not None:
-            source = reporting.open_source(reporting.open_run(run))
+        if opened is not None:
+            source = reporting.open_source(opened)
             level = reporting.n0_at_places(source, sampled, unit_curve, weighting, air)
             estimate, rate = level.estimate, level.rate_cps
             rate_sd = rate * estimate.from_counting_cps / estimate.n0_cps
