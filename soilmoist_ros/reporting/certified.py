@@ -141,10 +141,14 @@ def check_certificate(folder: Path) -> tuple[Certificate, str]:
             if not _same(value, stated.get(name)):
                 wrong = f"{name} of the certificate is not what seed, records and visits give"
                 raise InputError(wrong, "do not trust it", file)
-    compared = f"the seed draws the sample, and its visits, {RECORDS}, {SUMMARY} and {CERTIFICATE_NAME} agree"
+    agree = f"the times of its visits, {RECORDS}, {SUMMARY} and {CERTIFICATE_NAME} agree"
+    compared = f"the seed draws the sample, and {agree}"
     if knowledge:
         compared += ", but for the statements: other surveys or covariates informed the map, replay to compare"
-    return made, f"{compared}; not checked: report.html, map, pictures, and the bag if there is one"
+    return (
+        made,
+        f"{compared}; not checked: report.html, map, pictures, counts in visits.csv, and the bag if there is one",
+    )
 
 
 def _same(made: object, stated: object) -> bool:
