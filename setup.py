@@ -67,7 +67,7 @@ setup(
     ],
     # soilmoist_ros/foundation/registry.py names the extra of each module in messages.
     extras_require={
-        # Reports, GeoTIFFs, reference systems, GIS exports, and the nearest town of a field (GeoNames).
+        # Reports, GeoTIFFs, reference systems and GIS exports.
         "reports": [
             "matplotlib>=3.6",
             "jinja2>=3.1",

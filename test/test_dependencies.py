@@ -83,7 +83,7 @@ def test_nothing_is_installed_in_vain():
     }
 
 
-WITHOUT_A_KEY = "pykrige pyvrp pyogrio mcap rosbags lz4 zstandard pandas pyarrow distributed xarray geopandas"
+WITHOUT_A_KEY = "pykrige pyvrp pyogrio mcap rosbags lz4 zstandard pandas pyarrow distributed"
 """Imports that rosdep cannot install: pip does on a robot, and the nodes but the recorder do without."""
 WITHOUT = f"""
 import importlib, sys

@@ -47,7 +47,6 @@ CHANGES: dict[str, tuple[str, str]] = {
 DOSE = {"dose": ("mm", "gross irrigation dose of the zone, as in the report")}
 """Unit and meaning of the last band of a map with a dose."""
 CELLS_AT_ONCE = 2**20
-"""Many, since tiles of a large map that lie in two parts are computed twice."""
 MAX_CELLS = 25_000_000
 
 

@@ -252,6 +252,8 @@ def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) ->
 
 def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
     """Field and calibration: from files, else from the last run that has a folder."""
+    from shapely import get_parts, union_all
+
     summaries = [(path, read_summary(path)) for path in runs if (path / SUMMARY).is_file()]
     if not summaries:
         what = "a season of recordings alone does not know field and calibration"
@@ -265,8 +267,6 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> SeasonField:
         curve, time_zone = site.curve, site.time_zone or time_zone
         illustrative = site.calibration is not None and site.calibration.illustrative
         method = "cores" if site.calibration is None else site.calibration.method
-    from shapely import get_parts, union_all
-
     given_m = settings.cell_m
     if settings.field:
         field = load_field(settings.field)
