@@ -145,10 +145,7 @@ def check_certificate(folder: Path) -> tuple[Certificate, str]:
     compared = f"the seed draws the sample, and {agree}"
     if knowledge:
         compared += ", but for the statements: other surveys or covariates informed the map, replay to compare"
-    return (
-        made,
-        f"{compared}; not checked: report.html, map, pictures, counts in visits.csv, and the bag if there is one",
-    )
+    return made, f"{compared}; not checked: report.html, map, pictures, counts in visits.csv, and any bag"
 
 
 def _same(made: object, stated: object) -> bool:

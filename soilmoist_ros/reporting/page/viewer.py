@@ -90,7 +90,7 @@ def map_data(
     frame: LocalFrame, edges: tuple[float, float, float, float], grids: Sequence[FieldGrid],
     layers: Iterable[dict[str, Any]], **more: Any,
 ) -> dict[str, Any]:  # fmt: skip
-    """Data that every map of a page needs, as plain JSON values; the first grid has the field's edge and no-go areas.
+    """Data of every map of a page, as plain JSON values; the first grid has the field's edge and no-go areas.
 
     :param edges: west, east, south, north of the view [m]
     :param more: what lies on top of the layers
