@@ -141,8 +141,7 @@ def check_certificate(folder: Path) -> tuple[Certificate, str]:
             if not _same(value, stated.get(name)):
                 wrong = f"{name} of the certificate is not what seed, records and visits give"
                 raise InputError(wrong, "do not trust it", file)
-    agree = f"the times of its visits, {RECORDS}, {SUMMARY} and {CERTIFICATE_NAME} agree"
-    compared = f"the seed draws the sample, and {agree}"
+    compared = f"the seed draws the sample, and times of visits, {RECORDS}, {SUMMARY} and {CERTIFICATE_NAME} agree"
     if knowledge:
         compared += ", but for the statements: other surveys or covariates informed the map, replay to compare"
     return made, f"{compared}; not checked: report.html, map, pictures, counts in visits.csv, and any bag"
