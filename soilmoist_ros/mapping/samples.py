@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Samples: counts and exposures at places, checked; and records merged into them.
+"""Samples: counts and exposures at places, checked; joined at exactly one place, or with neighbours in pools.
 
 A record that was counted while driving, or over a footprint, is a mean over an area: its *spread*. Of the path
 only the covariance matrix (sxx, sxy, syy) [m^2] of a place drawn from it is kept: a straight path of length l
