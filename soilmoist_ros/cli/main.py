@@ -41,7 +41,8 @@ RENAMED = {
     "--also-truth": "use --truth PROPERTY=FIELD", "--speed": f"use --time-factor, or {_PLAY}",
     **dict.fromkeys(("--live", "--topics", "--start"), _PLAY),
     "--figures": "print report.html, or draw map.tif", "--local": "the variance is alike everywhere",
-    "--formats": "soilmoist list exports shows the formats",
+    "--formats": "soilmoist list exports shows the formats", "--step": "a GIS draws contours from map.tif",
+    "--reference": "maps allow for a change during a survey by themselves",
     **dict.fromkeys(("--exact", "--scheduler", "--workers"), "of more than 2000 samples, neighbours are pooled"),
 }  # fmt: skip
 """Options of earlier releases, and what to do."""

@@ -167,6 +167,8 @@ def test_an_unknown_command_suggests_the_nearest():
         ("replay", "--live"),
         ("replay", "--speed"),
         ("export", "--formats"),
+        ("export", "--step"),
+        ("map", "--reference"),
     ],
 )
 def test_options_of_earlier_releases_are_errors_that_name_the_new_ones(command, option, tmp_path):
