@@ -28,6 +28,11 @@ Place = tuple[float, float]
 ROUNDED_M = 0.02
 """Largest error of a corner that a message or a page has rounded [m]."""
 TARGETS = ("rate", "vwc", "decision")  # which map is to be good
+_LACKS = {
+    "vwc": ("is no calibration", "a calibrated site file"),
+    "decision": ("are no thresholds", "target decision and threshold"),
+}
+"""What there is not where a target cannot be chosen, and with what to start the planner."""
 
 
 class ReplyCode(StrEnum):
@@ -266,13 +271,10 @@ class Requests:
         if target not in TARGETS:
             remedy = f"use one of: {', '.join(TARGETS)}{did_you_mean(target, TARGETS)}"
             raise RequestError(ReplyCode.BAD_SETTING, f"there is no target {target!r}", remedy)
-        for name, has, lacks, remedy in (
-            ("vwc", self.settings.calibration, "is no calibration", "a calibrated site file"),
-            ("decision", self.settings.thresholds, "are no thresholds", "target decision and threshold"),
-        ):
-            if target == name and has is None:
-                message = f"target is {target}, but there {lacks}"
-                raise RequestError(ReplyCode.BAD_SETTING, message, f"start the planner with {remedy}")
+        if target not in self.settings.targets:
+            lacks, remedy = _LACKS[target]
+            message = f"target is {target}, but there {lacks}"
+            raise RequestError(ReplyCode.BAD_SETTING, message, f"start the planner with {remedy}")
         return target
 
     def _home(self, request: OperatorRequest) -> Stop | None:
