@@ -143,8 +143,11 @@ class Forecast:
     @property
     def band_end(self) -> tuple[float, float]:
         """Band of the standard deviation at the end of the mission."""
-        factor = self.factors[-1] if self.factors else 1.0
-        return self.sd_end / factor, self.sd_end * factor
+        return self.sd_end / self._factor_end, self.sd_end * self._factor_end
+
+    @property
+    def _factor_end(self) -> float:
+        return self.factors[-1] if self.factors else 1.0
 
     @property
     def unit(self) -> str:
@@ -172,7 +175,7 @@ class Forecast:
     @property
     def wrong_ends(self) -> tuple[float, float, float] | None:
         """Share in the wrong zone at the end, and its band: that of the standard deviation, which fits."""
-        factor, end = self.factors[-1] if self.factors else 1.0, self.wrong_end  # 21 of 24 missions, from half way
+        factor, end = self._factor_end, self.wrong_end  # 21 of 24 missions, from half way
         return None if end is None else (end, end / factor, min(end * factor, 1.0))
 
     @property

@@ -60,7 +60,7 @@ class SwathFile:
 def read_swaths(path: Path) -> SwathFile:
     """Swaths and turns of a file.
 
-    :raises InputError: if it is none of the two, or has no swath
+    :raises InputError: if it is neither of the two, or has no swath
     """
     try:
         text = read_limited(path, limit=MAX_MAP_BYTES).decode("utf-8-sig")
