@@ -26,7 +26,7 @@ from msg_adapters.environment import diagnostics_from_message
 from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import FRAME, to_seconds
 from msg_adapters.soil_map import soil_map_from_message
-from soilmoist_ros.mapping import FieldMap, FieldMapSettings, map_cells
+from soilmoist_ros.mapping import FieldMap, map_cells
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS
 from soilmoist_ros.pipeline import open_survey
 from soilmoist_ros.reporting import write_outputs
@@ -176,7 +176,7 @@ def test_a_planner_has_the_map_of_the_mapper_when_the_rate_drifts(ros, start, fi
     assert soil_map.change.drift is not None
     model = model_from_message(outputs.model[-1])
     assert model.changing.change.drift == soil_map.change.drift
-    planner = FieldMap(core.grid, FieldMapSettings())
+    planner = FieldMap(core.grid)
     planner.set_samples(samples_from_message(outputs.samples[-1]), model.fit, model.changing)
     planned = planner.update()
     np.testing.assert_array_equal(planned.rate, soil_map.rate)

@@ -27,7 +27,7 @@ from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
 from soilmoist_ros.foundation import SoilmoistError
-from soilmoist_ros.mapping import Changing, FieldMap, FieldMapSettings, Samples, VariogramFit
+from soilmoist_ros.mapping import Changing, FieldMap, Samples, VariogramFit
 
 SAME_TIME_S = 1e-3  # times that differ by less are the same: they have been through messages [s]
 OTHER_SENSOR_S = 10.0  # the last record of another sensor at a stop may have ended this much earlier [s]
@@ -197,7 +197,7 @@ def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:
     for each in maps:
         samples = each.samples[0] if each.samples is not None else Samples.none()
         held = known.get(each.name) if each.required else None
-        held = held or Property(FieldMap(explorer.grid, FieldMapSettings()), name=each.name)
+        held = held or Property(FieldMap(explorer.grid), name=each.name)
         held.weight, held.factor = each.weight, each.factor
         properties.append(held)
         if len(samples):  # the places are known without a map, too
@@ -226,15 +226,9 @@ class Terms(NamedTuple):
 
 def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
     """An explorer for one mission."""
-    planning = FieldMapSettings()
+    field_map = FieldMap(access.grid, knowledge=settings.knowledge)
     return Explorer(
-        [
-            Property(
-                FieldMap(access.grid, planning, settings.knowledge),
-                curve=settings.curve,
-                thresholds=settings.thresholds,
-            )
-        ],
+        [Property(field_map, curve=settings.curve, thresholds=settings.thresholds)],
         access.stops,
         access.travel,
         make_strategy(settings.strategy, settings.preset),

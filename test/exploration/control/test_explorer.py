@@ -20,7 +20,7 @@ from soilmoist_ros.exploration.planning.prospect import MAX_STOPS
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping import Field, FieldGrid, FieldMap, FieldMapSettings, estimate_variogram
+from soilmoist_ros.mapping import Field, FieldGrid, FieldMap, estimate_variogram
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
@@ -32,7 +32,7 @@ PLACE = (2.5, 2.5)
 
 
 def explorer(factor=1.0, dwell="optimal", strategy="greedy", stops=None):
-    mapped = Property(FieldMap(GRID, FieldMapSettings()), factor=factor)
+    mapped = Property(FieldMap(GRID), factor=factor)
     mapped.field_map.set_samples(SAMPLES, FIT)
     mapped.field_map.update()
     return Explorer(
@@ -65,7 +65,7 @@ def test_a_dwell_by_counts_is_expected_shorter_where_more_neutrons_arrive():
 
 def test_before_the_first_map_the_dwell_follows_the_nominal_rate():
     planner = explorer(dwell="ami:0.05")
-    planner.properties = [Property(FieldMap(GRID, FieldMapSettings()))]
+    planner.properties = [Property(FieldMap(GRID))]
     look = planner.situation(REQUEST, PLACE)
     assert look.expected_dwell_s == 400 / planner.nominal_rate_cps
     assert (look.map_variance == 1).all()

@@ -23,7 +23,7 @@ from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strat
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import Level
-from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, PoissonKriging, estimate_variogram
+from soilmoist_ros.mapping import FieldGrid, FieldMap, PoissonKriging, estimate_variogram
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.records import CountRecord
@@ -38,7 +38,7 @@ FIT = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, extent_
 
 
 def field_map(known=True):
-    found = FieldMap(GRID, FieldMapSettings())
+    found = FieldMap(GRID)
     if known:
         found.set_samples(SAMPLES, FIT)
         found.update()

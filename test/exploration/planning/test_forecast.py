@@ -22,7 +22,7 @@ from soilmoist_ros.exploration.planning.forecast import (
 )
 from soilmoist_ros.exploration.planning.properties import zones_right
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.mapping import EarlierSurvey, FieldGrid, FieldMap, FieldMapSettings, Knowledge, Variogram
+from soilmoist_ros.mapping import EarlierSurvey, FieldGrid, FieldMap, Knowledge, Variogram
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
@@ -175,7 +175,7 @@ def samples_of(rate, seed=0, exposure_s=100.0, places=PLACES):
 
 
 def mapped(rate=4.0, variogram=None, curve=None, **more):
-    samples, field_map = samples_of(rate, **more), FieldMap(GRID, FieldMapSettings())
+    samples, field_map = samples_of(rate, **more), FieldMap(GRID)
     fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=40.0)
     variogram = variogram or Variogram("matern32", 0.02, 9.0, 0.3)
     field_map.set_samples(samples, replace(fit, variogram=variogram, mean_rate=4.0))
@@ -228,7 +228,7 @@ def test_forecasts_are_not_made_more_often_than_useful():
 
 
 def test_a_uniform_field_is_told_after_a_fifth_of_the_time_and_never_again_once_it_varies():
-    uniform = Property(FieldMap(GRID, FieldMapSettings()))
+    uniform = Property(FieldMap(GRID))
     uniform.field_map.set_samples(samples_of(4.0, 3, 200.0))
     uniform.field_map.update()
     maker = Forecaster(CELLS, GRID.extent_m, 4.0)

@@ -16,12 +16,11 @@ from soilmoist_ros.exploration.planning.planning_model import best_dwell
 from soilmoist_ros.exploration.planning.properties import Property, property_name, property_weights, variation
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Variogram, estimate_variogram
+from soilmoist_ros.mapping import FieldGrid, FieldMap, Variogram, estimate_variogram
 from soilmoist_ros.mapping.samples import as_samples
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [40, 0], [40, 20], [0, 20]], float), 2.5)
 STOPS = cell_stops(GRID)
-PLANNING = FieldMapSettings()
 LATTICE = [(x, y) for x in (3.0, 11.0, 19.0, 27.0, 35.0) for y in (4.0, 16.0)]
 FIT = estimate_variogram(
     np.array(LATTICE), [250, 300, 350, 380, 300, 260, 420, 500, 480, 300], [100.0] * 10, extent_m=40.0
@@ -32,7 +31,7 @@ MAPPED = [name for name in STRATEGIES.names() if STRATEGIES.get(name).needs_map]
 def field_map(places=LATTICE, rate=4.0, seed=0, sill=1.0, range_m=8.0, nugget=0.01):
     rng = np.random.default_rng(seed)
     exposure_s = np.full(len(places), 100.0)
-    found = FieldMap(GRID, PLANNING)
+    found = FieldMap(GRID)
     variogram = Variogram("matern32", nugget * rate**2, range_m, sill * rate**2 / 16)
     samples = as_samples(places, rng.poisson(rate * exposure_s), exposure_s)
     found.set_samples(samples, replace(FIT, variogram=variogram, mean_rate=rate))
@@ -61,7 +60,7 @@ def plan(strategy, properties=(), first=None, dwell="optimal", seed=0, place=(20
     seed=st.integers(0, 99),
 )
 def test_a_property_without_weight_or_map_changes_nothing(strategy, dwell, seed):
-    for unimportant in (Property(field_map(seed=seed), 0.0), Property(FieldMap(GRID, PLANNING), 1.0)):
+    for unimportant in (Property(field_map(seed=seed), 0.0), Property(FieldMap(GRID), 1.0)):
         assert plan(strategy, [unimportant], dwell=dwell, seed=seed) == plan(strategy, dwell=dwell, seed=seed)
 
 
@@ -89,7 +88,7 @@ def test_the_unit_of_a_property_does_not_matter(strategy):
     plans = []
     for unit in (1.0, 100.0):
         variogram = Variogram("matern32", 0.01 * unit**2, 8.0, unit**2)
-        other = FieldMap(GRID, PLANNING)
+        other = FieldMap(GRID)
         samples = as_samples(few, counts, [100.0 / unit] * 6)
         other.set_samples(samples, replace(FIT, variogram=variogram, mean_rate=4.0 * unit))
         other.update()

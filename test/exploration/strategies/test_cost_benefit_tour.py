@@ -21,12 +21,11 @@ from soilmoist_ros.exploration.strategies.cost_benefit_tour import (
 )
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import open_lattice
-from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings
+from soilmoist_ros.mapping import FieldGrid, FieldMap
 from soilmoist_ros.simulation.fields.catalogue import known_field
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [60, 0], [60, 50], [0, 50]], float), 5.0)
 PLACE = (2.5, 2.5)
-PLANNING = FieldMapSettings()
 OPTIMAL, MOTION = Optimal(), RobotMotion()
 
 
@@ -36,7 +35,7 @@ def situation(left_s=3600.0, on_way=True, graph=False, place=PLACE, dwell=OPTIMA
         lattice = open_lattice(known_field("synthetic-high"), 8.0).graph
         travel, stops = GraphTravel(lattice, RobotMotion()), lattice.stops
     planner = Explorer(
-        [Property(FieldMap(GRID, PLANNING))], stops, travel, make_strategy("gcb"), make_strategy("random"),
+        [Property(FieldMap(GRID))], stops, travel, make_strategy("gcb"), make_strategy("random"),
         MissionRules(budget_s=left_s, dwell=dwell, until=aim), np.random.default_rng(1),
         counting=Counting(on_way=on_way),
     )  # fmt: skip
