@@ -45,21 +45,15 @@ class FaultyWorld(World):
         self.quarantined = self.node.create_publisher(PointCloud2, "quarantined_counts", RECORDS)
         self.quarantine = ""
         self.noise = np.random.default_rng(1)
-        self.fixing, self.shift_m, self.drift_m = True, 0.0, 0.0
-        self.charge, self.use, self.has_battery = 0.9, 0.0, True
-        self.used_until = lambda: False
+        self.charge, self.has_battery = 0.9, True
 
     def publish_fix(self):
-        self.shift_m += self.drift_m
-        self.use = 0.0 if self.used_until() else self.use
-        self.charge = max(0.0, self.charge - self.use)
         if self.has_battery:
             self.batteries.publish(BatteryState(present=True, percentage=self.charge))
         true = self.place
         noise_m = self.noise.normal(0.0, 0.02, 2)  # without noise, a robot that stands has a frozen receiver
-        self.place = (true[0] - self.shift_m + float(noise_m[0]), true[1] + float(noise_m[1]))
-        if self.fixing:
-            super().publish_fix()
+        self.place = (true[0] + float(noise_m[0]), true[1] + float(noise_m[1]))
+        super().publish_fix()
         self.place = true
 
     def publish_record(self):
@@ -231,14 +225,10 @@ def map_changed(watched):
 
 
 def battery_low(watched):
+    """The mission ends; then the battery is charged, and another one begins."""
     watched.world.charge = 0.055
     watched.alarm(Cause.BATTERY_LOW)
-    returned(watched)
-
-
-def returned(watched, end=Phase.FINISHED):
-    """The mission ends; then the battery is charged, and another one begins."""
-    watched.stands(end)
+    watched.stands(Phase.FINISHED)
     assert watched.status.ended is MissionEnd.FAILSAFE
     watched.world.charge = 0.9
     watched.all_over()

@@ -71,7 +71,6 @@ class World:
     def __init__(self, ros, rate=45.0, namespace="", clock=True, mapper=True):
         self.rate, self.mapper = rate, mapper
         self.now_s, self.place, self.goal = START_S, (-10.0, 5.0), None
-        self.sensor = True
         self.stamped_ahead_s = 0.0
         self.counted = Counter()
         self.exposed = Counter()
@@ -109,8 +108,7 @@ class World:
                 self.publish_fix()
             if self.now_s >= next_record_s:
                 next_record_s += CADENCE_S
-                if self.sensor:
-                    self.publish_record()
+                self.publish_record()
 
     def drive(self, step_m):
         goal = self.goal
