@@ -189,16 +189,16 @@ def current_names(table: Mapping[str, Parameter], given: Mapping[str, Any]) -> t
         warnings.append(f"failsafe.CAUSE is read in this release only: set failsafes: [{', '.join(responses)}]")
     of_planner = "strategy" in table
     if of_planner and (silent := values.pop("on_silence", None)) is not None:
-        text, remedy = "on_silence is read in this release only", "leave it out"
+        remedy = "leave it out"
         if silent not in ("wait", "pause", "abort"):
             raise InputError(f"parameter on_silence must be wait, pause or abort; got {silent!r}", remedy)
         if silent != "wait":
             values["failsafes"] = [f"records_old:{silent}", *(values.get("failsafes") or [])]
             remedy = f"set failsafes: [records_old:{silent}]"
-        if silent != "wait" and values.get("records_old_s") == 0:  # it did not rule the silence at a stop
-            values["records_old_s"] = SILENCE_S
-            remedy += f" and records_old_s: {SILENCE_S:g}, which is used instead of 0"
-        warnings.append(f"{text}: {remedy}")
+            if values.get("records_old_s") == 0:  # it did not rule the silence at a stop
+                values["records_old_s"] = SILENCE_S
+                remedy += f" and records_old_s: {SILENCE_S:g}, which is used instead of 0"
+        warnings.append(f"on_silence is read in this release only: {remedy}")
     if of_planner and values.get("strategy") == "ivr":
         values["strategy"] = "gcb"
         warnings.append("strategy ivr is gone: gcb, which replaces it, is used; set strategy: gcb")
