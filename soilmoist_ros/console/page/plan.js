@@ -92,9 +92,9 @@ function renderKnown() {
 
 // The form ----------------------------------------------------------------------------------------------
 
-function input(name, text, attributes, hint = "") {
+function input(name, text, attributes) {
   const node = element("input", { id: `plan-${name}`, type: "number", ...attributes });
-  return [element("label", { for: node.id }, text), node, ...(hint ? [element("p", { class: "small", id: `plan-${name}-hint` }, hint)] : [])];
+  return [element("label", { for: node.id }, text), node];
 }
 
 function choice(name, text, options) {
@@ -105,7 +105,7 @@ function choice(name, text, options) {
 function makeForm() {
   const part = (id, ...nodes) => element("div", { id, class: "grid" }, ...nodes);
   $("plan-form").append(
-    ...input("hours", t("plan_hours"), { step: "0.1", min: "0.1", max: "12", value: "2", required: true }),
+    ...input("hours", t("plan_hours"), { step: "0.1", min: "0.1", value: "2", required: true }),
     ...choice("strategy", t("strategy"), []),
     ...choice("dwell", t("dwell"), Object.keys(DWELLS).map((key) => [key, t(`dwell_${key}`)])),
     part("plan-dwell-part", ...input("dwell-by", "", { step: "any", min: "0.1" })),
