@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``soilmoist export``: files for GIS, phones and farm terminals."""
+"""``soilmoist export``: files for GIS, paper and farm terminals."""
 
 from __future__ import annotations
 
@@ -19,12 +19,8 @@ from soilmoist_ros.foundation import InputError, SoilmoistError
 @click.option("--to", "names", type=Parsed("format"), multiple=True,
               help="Format, repeatable. soilmoist list exports shows them.")  # fmt: skip
 @click.option("--out", type=FILE, help="Folder for the files; made if missing. Default: RUN/export.")
-@click.option("--zones", type=click.IntRange(1, 20), default=3, show_default=True,
-              help="Management zones of equal area, where the site file has no limits.")  # fmt: skip
 @click.option("--min-zone", "min_zone_ha", type=click.FloatRange(min=0),
               help="Area from which a part of the field is a zone [ha]. Default: 5 % of the field.")  # fmt: skip
-@click.option("--root-depth", "root_depth_mm", type=click.FloatRange(min=0, min_open=True),
-              help="Depth of the root zone for the water of zones [mm]; a dose has the run's.")  # fmt: skip
 @click.option("--rate-column", default="RATE", show_default=True,
               help="Column of the irrigation rate in dose, at most ten characters.")  # fmt: skip
 @click.option("--rate-unit", type=click.Choice(["mm", "l/m2", "m3/ha", "in", "gal/ac"]), default="mm",
@@ -42,7 +38,7 @@ from soilmoist_ros.foundation import InputError, SoilmoistError
 @overwrite_option("Replace the files of an earlier export.")
 @answering
 def command(run: Path, names: tuple[str, ...], out: Path | None, overwrite: bool, **choices: Any) -> None:
-    """Export a RUN for GIS, phones and farm terminals.
+    """Export a RUN for GIS, paper and farm terminals.
 
     RUN is the output folder of map, simulate, replay or demo. Files of each property have its name.
     """

@@ -24,7 +24,7 @@ COMMANDS = {
     "campaign": "Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).",
     "replay": "Map the records of a BAG again: the folder of a run or bag, or an MCAP, db3 or ROS 1 .bag file.",
     "bag": "Inspect recordings, play them, and recover interrupted ones.",
-    "export": "Export a RUN for GIS, phones and farm terminals.",
+    "export": "Export a RUN for GIS, paper and farm terminals.",
     "season": "Make a time series of all RUNS of one field.",
     "calibrate": "Find N0 from soil CORES (a CSV file) and the counts at the calibration.",
     "graph": "Build a travel graph for a FIELD: a topological map, or a graph of Nav2.",
@@ -88,7 +88,7 @@ EXAMPLES = {
     "bag verify": ("bag verify out/demo", "bag verify runs/may/bag runs/june/bag"),
     "bag recover": ("bag recover broken.mcap --out whole",),
     "bag play": ("bag play out/demo --time-factor 10", "bag play out/demo --start 600 --topics '/counts|/fix'"),
-    "export": ("export out/farm --to qgis --to kmz", "export out/farm --to zones --zones 4 --out farm_terminal"),
+    "export": ("export out/farm --to qgis --to sheet", "export out/farm --to zones --min-zone 1 --out terminal"),
     "season": ("season out/may out/june --out out/season", "season out --title 'Home field' --out out/season"),
     "calibrate": (
         "calibrate cores.csv --site my_site.yaml --log survey.log --dry-run",

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError, LocalFrame, __version__
 from soilmoist_ros.mapping import FieldChange, FieldGrid
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, guess_text
-from soilmoist_ros.reporting.dose import DoseZone, dose_at
 from soilmoist_ros.reporting.geometry import field_polygon
 
 if TYPE_CHECKING:
@@ -44,8 +43,6 @@ CHANGES: dict[str, tuple[str, str]] = {
     ),
 }  # fmt: skip
 """Unit and meaning of each band of a change by its name; the survey that it compares with may be a later one."""
-DOSE = {"dose": ("mm", "gross irrigation dose of the zone, as in the report")}
-"""Unit and meaning of the last band of a map with a dose."""
 CELLS_AT_ONCE = 2**20
 MAX_CELLS = 25_000_000
 
@@ -79,7 +76,6 @@ def write_geotiff(
     frame: LocalFrame,
     crs: CRS | str | int | None = None,
     tags: Mapping[str, str] | None = None,
-    zones: Sequence[DoseZone] = (),
 ) -> Path:
     """Write the map as a cloud-optimised GeoTIFF, north up, in a projected coordinate reference system.
 
@@ -89,7 +85,6 @@ def write_geotiff(
 
     :param crs: anything that pyproj accepts; default the UTM zone of the datum
     :param tags: more tags for the file
-    :param zones: zones of an irrigation dose; they give the band ``dose`` [mm]
     :raises InputError: if the field has no place in ``crs``, or no raster of sensible size
     """
     from shapely import contains_xy, prepare
@@ -105,10 +100,6 @@ def write_geotiff(
             found = soil_map.evaluate(local[inside])
             layers[:, start + np.flatnonzero(inside)] = np.stack([getattr(found, name) for name in names])
     bands = dict(zip(names, layers.reshape(-1, target.y.size, target.x.size), strict=True))
-    if zones:
-        inside = np.isfinite(bands["rate"])
-        bands["dose"] = np.full(inside.shape, np.nan, np.float32)
-        bands["dose"][inside] = dose_at(zones, target.local()[inside.ravel()])
     support = (tags or {}).get("SOILMOIST_SUPPORT")
     about = {**_map_tags(soil_map, frame), **(tags or {})}
     return _write(path, target, bands, about, {"support": support} if support else {}, "average")
@@ -144,7 +135,7 @@ def _write(
     with rasterio.open(path, "w", **profile) as raster:
         raster.write(np.stack(list(bands.values())))
         for number, name in enumerate(bands, start=1):
-            unit, meaning = {**BANDS, **CHANGES, **DOSE}[name]
+            unit, meaning = {**BANDS, **CHANGES}[name]
             if name.startswith("vwc"):
                 meaning += guess_text(tags.get(CALIBRATION_TAG, ""))
             raster.set_band_description(number, name)

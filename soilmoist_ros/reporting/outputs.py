@@ -43,7 +43,6 @@ from soilmoist_ros.reporting.output_folder import (
     replaced_together,
     writable,
 )
-from soilmoist_ros.reporting.page.field_dose import FieldDose, field_dose
 from soilmoist_ros.reporting.page.report import render_failed, render_report
 from soilmoist_ros.reporting.page.statistics import resolution_m
 from soilmoist_ros.reporting.run_summary import failed_summary, settings_summary, summary
@@ -85,9 +84,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
         for number, one in enumerate(run.properties):
             of_map, of_samples, of_records = property_names(one.name if number else "")
             if target is not None:
-                dose = None if number else field_dose(run)
-                zones = dose.zones if isinstance(dose, FieldDose) else ()
-                write_geotiff(workshop / of_map, one.soil_map, one.frame, target, _tags(one), zones)
+                write_geotiff(workshop / of_map, one.soil_map, one.frame, target, _tags(one))
             write_samples(workshop / of_samples, one)
             write_records(workshop / of_records, one.all_records)
             if one.change is not None and target is not None:

@@ -129,7 +129,7 @@ def run(*arguments):
 def test_bad_input_is_named(tmp_path):
     for arguments, message in (
         ((), "Missing argument 'RUN'"),
-        ((tmp_path, "--to", "kmz"), "holds no summary.json"),
+        ((tmp_path, "--to", "gpkg"), "holds no summary.json"),
         ((tmp_path, "--to", "kml"), "there is no export 'kml'"),
         ((tmp_path,), "no export is given"),
     ):
@@ -142,15 +142,18 @@ def test_files_of_an_earlier_export_are_replaced_only_when_asked_to(tmp_path):
     home = tmp_path / "run"
     simulated = ("simulate", "--field", "smooth", "--hours", "0.2", "--cell", "6", "--out", home)
     assert CliRunner().invoke(main, [*map(str, simulated)]).exit_code == 0
-    assert run(home, "--to", "kmz").exit_code == 0
-    path = home / "export" / "map.kmz"
+    assert run(home, "--to", "gpkg").exit_code == 0
+    path = home / "export" / "soilmoist.gpkg"
     path.write_text("mine")
-    refused = run(home, "--to", "kmz", "--to", "zones")
+    refused = run(home, "--to", "gpkg", "--to", "zones")
     assert refused.exit_code == 2
-    assert "has map.kmz of an earlier export -> choose another folder, or give --overwrite" in refused.output
+    assert "has soilmoist.gpkg of an earlier export -> choose another folder, or give --over" in refused.output
     assert (path.read_text(), (home / "export" / "zones.zip").exists()) == ("mine", False)
-    assert run(home, "--to", "kmz", "--overwrite").exit_code == 0
-    assert path.read_bytes()[:2] == b"PK"
+    assert run(home, "--to", "gpkg", "--overwrite").exit_code == 0
+    assert path.read_bytes()[:6] == b"SQLite"
+    partly = run(home, "--to", "zones", "--to", "dose", "--overwrite")
+    assert (partly.exit_code, (home / "export" / "zones.zip").exists()) == (1, True)
+    assert "there is no dose: the sensor is not calibrated" in partly.output
 
 
 # campaign --------------------------------------------------------------------------------------------------------

@@ -99,8 +99,8 @@ def test_reports_exports_and_comparisons_are_made_by_the_commands(folder):
     assert make(folder, what="report", runs=["second"]) == [
         ("report second", [*cli, "replay", "second", "--out", "second"])
     ]
-    assert make(folder, what="export", runs=["first"], formats=["kmz"]) == [
-        ("export first", [*cli, "export", "first", "--to", "kmz"])
+    assert make(folder, what="export", runs=["first"], formats=["sheet"]) == [
+        ("export first", [*cli, "export", "first", "--to", "sheet"])
     ]
     ((_, words),) = make(folder, what="compare", runs=["second", "first"])
     assert words[2:] == ["season", "first", "second", "--out", "compared-first-second", "--overwrite"]

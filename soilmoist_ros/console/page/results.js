@@ -52,7 +52,7 @@ function card(run) {
   if (run.report) actions.append(element("a", { class: "button", href: address(run.name, "report.html"), target: "_blank", rel: "noopener" }, t("open_map_page")));
   else if (run.recording && page.maySteer()) actions.append(button(t("make_report"), () => make("report", [run.name]), "primary"));
   if (run.report && page.maySteer()) {
-    const format = element("select", { id: `format-${run.name}` }, ...list.formats.map((one) => element("option", { value: one, selected: one === "kmz" }, one)));
+    const format = element("select", { id: `format-${run.name}` }, ...list.formats.map((one) => element("option", { value: one }, one)));
     actions.append(element("label", { for: format.id }, t("export_for")), element("div", { class: "buttons" }, format, button(t("export"), () => make("export", [run.name], { formats: [format.value] }))));
   }
   const more = files.length > SHOWN_FILES ? [element("p", { class: "small" }, t("more_files", { n: files.length - SHOWN_FILES }))] : [];

@@ -84,24 +84,17 @@ class Plan(DosePlan):
         }  # fmt: skip
 
 
-def irrigation_plan(source: RunSource, settings: ExportSettings) -> Plan:
+def irrigation_plan(source: RunSource) -> Plan:
     """The plan of the first property with moisture: that of the report.
 
-    :raises InputError: if the run has no dose, and says what is missing; or if it is for another root depth
+    :raises InputError: if the run has no dose, and says what is missing
     """
     one = next((one for one in source.properties if one.quantity is MOISTURE), source.properties[0])
     date = source.survey[1].date().isoformat() if source.survey else ""
     about = source.run.summary
     zones = saved_zones(about, source.run.folder)
     used, sure = DoseSettings(**about["dose"]["settings"]), float(about["dose"]["sure_share"])
-    plan = Plan(used, zones, sure, about["dose"].get("blurred", ""), one, date)
-    depth_mm = plan.settings.root_depth_mm
-    if settings.root_depth_mm not in (None, depth_mm):
-        raise InputError(
-            f"the dose is for roots of {depth_mm:g} mm, not {settings.root_depth_mm:g} mm",
-            "set root_depth_mm in the site file and make the map again, or leave out --root-depth",
-        )
-    return plan
+    return Plan(used, zones, sure, about["dose"].get("blurred", ""), one, date)
 
 
 def dose_layer(source: RunSource, plan: Plan, settings: ExportSettings) -> Layer:
@@ -152,7 +145,7 @@ def write_dose(source: RunSource, folder: Path, settings: ExportSettings) -> lis
     """
     from pyproj import CRS
 
-    layer = dose_layer(source, irrigation_plan(source, settings), settings)
+    layer = dose_layer(source, irrigation_plan(source), settings)
     crs = CRS.from_epsg(4326)
     return [
         write_shapefile(folder / "dose.zip", layer, source.frame),

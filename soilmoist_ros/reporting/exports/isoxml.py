@@ -79,7 +79,7 @@ def write_isoxml(source: RunSource, folder: Path, settings: ExportSettings) -> l
 
     :raises InputError: if there is no dose, a rate does not fit, or the task exceeds the limits of the terminal
     """
-    plan = irrigation_plan(source, settings)
+    plan = irrigation_plan(source)
     xml, grid = task_data(source, plan, settings)
     path = folder / "taskdata.zip"
     with zipfile.ZipFile(path, "w") as archive:

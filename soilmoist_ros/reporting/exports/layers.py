@@ -27,7 +27,7 @@ from soilmoist_ros.reporting.exports.source import (
     ExportSettings,
     RunSource,
 )
-from soilmoist_ros.reporting.exports.zones import Zone, management_zones
+from soilmoist_ros.reporting.exports.zones import Zone, management_zones, thirds
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -213,31 +213,30 @@ def records_layers(one: ExportedProperty) -> list[Layer]:
 def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettings) -> Layer:
     """Management zones as single polygons; zone 1 has the lowest values.
 
-    Limits of the site file come before classes of equal area. A class of the report is as certain as there, small
-    parts of others included. A zone of the advice that has lost area, because its
-    parts are too small, is named in the notes of the source.
+    They are those of the report: by the limits of the site file, else thirds of the area. A class is as certain
+    as there, small parts of others included, and lacks as much water. A zone of the advice that has lost area,
+    because its parts are too small, is named in the notes of the source.
 
     :raises InputError: if the settings are out of range
     """
     about: Mapping[str, Any] = source.run.summary.get("irrigation") or {}
     moist, usable = one.quantity is MOISTURE and not one.name, about.get("moisture_usable") is not False
     absolute = moist and usable and one.calibration not in ("none", *NO_LEVEL)
-    limits = [100 * limit for limit in about.get("zone_limits_vwc") or ()] if absolute else []
+    limits = np.array(about.get("zone_limits_vwc") or () if absolute else (), float)
     ground = source.root_zone if absolute else None
-    depth = settings.root_depth_mm or float(about.get("root_depth_mm") or ROOT_DEPTH_MM)
-    if ground is not None and depth != ground.root_depth_mm:
-        share = max(1 - (1 - ground.below_share) * ground.root_depth_mm / depth, 0.0)
-        ground = ground.model_copy(update={"root_depth_mm": depth, "below_share": share})
+    shift = 0.0 if ground is None else ground.shift
+    by_plant = ground is not None and len(limits) and np.allclose(limits, ground.limits[0])
+    shown = 100 * (limits - shift if by_plant else limits) if len(limits) else thirds(one.values)
     smallest = None if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
-    zones = management_zones(one, source.boundary, settings.zones, smallest, limits or None, ground)
+    direction_deg = None if ground is None else ground.direction_deg
+    zones = management_zones(one, source.boundary, shown, smallest, direction_deg)
     known = usable or not moist
     if not known:
         source.notes.append("the moisture is impossible on much of the area, see the report: no zone is certain")
-    thirds = settings.zones == 3 and moist and usable and about.get("zone_limits_vwc") is None
-    of_report = list(about.get("zones") or ()) if limits or thirds else []
-    names = [str(zone["name"]) for zone in of_report] if limits else []
+    as_told = moist and usable and (len(limits) > 0 or about.get("zone_limits_vwc") is None)
+    of_report = list(about.get("zones") or ()) if as_told else []
     sure = _certainties(zones, of_report)
-    source.notes.extend(_lost(zones, of_report if limits else []))
+    source.notes.extend(_lost(zones, of_report if len(limits) else []))
     columns: dict[str, NDArray[Any]] = {
         "ZONE": np.array([zone.number for zone in zones], np.int32),
         one.quantity.column: np.round([zone.mean for zone in zones], 3),
@@ -248,14 +247,15 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
         "AREA_HA": np.round([zone.area_ha for zone in zones], 4),
     }
     if absolute:
-        shift = 0.0 if ground is None else ground.shift
-        columns["WATER_MM"] = np.round([zone.water_mm(depth, shift) for zone in zones], 1)
-        if ground is not None:
-            missing = np.array([zone.missing for zone in zones]).reshape(-1, 3)
-            columns |= dict(zip(("MISS_MM", "MISS_P05", "MISS_P95"), np.round(missing, 1).T, strict=True))
+        depth = float(about.get("root_depth_mm") or ROOT_DEPTH_MM)
+        columns["WATER_MM"] = np.round([(zone.mean / 100 + shift) * depth for zone in zones], 1)
         columns["ROOT_MM"] = np.full(len(zones), depth)
-    if names:
-        columns["NAME"] = texts([names[zone.number - 1] for zone in zones])
+    if len(limits) and of_report:
+        told = [of_report[zone.number - 1] for zone in zones]
+        if ground is not None:
+            for name, end in (("MISS_MM", ""), ("MISS_P05", "_p05"), ("MISS_P95", "_p95")):
+                columns[name] = np.round(np.array([one.get(f"missing_mm{end}") for one in told], float), 1)
+        columns["NAME"] = texts([str(one["name"]) for one in told])
     columns |= origin(source, one, len(zones))
     return Layer(f"zones{one.suffix}", "Polygon", [zone.shape for zone in zones], columns)
 

@@ -15,7 +15,6 @@ from soilmoist_ros.mapping import FarmPrior
 from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.exports.irrigation import write_dose
 from soilmoist_ros.reporting.exports.isoxml import write_isoxml
-from soilmoist_ros.reporting.exports.kmz import write_kmz
 from soilmoist_ros.reporting.exports.layers import write_zones
 from soilmoist_ros.reporting.exports.qgis import write_geopackage, write_qgis
 from soilmoist_ros.reporting.exports.sheet import write_sheet
@@ -72,9 +71,6 @@ BUILT_IN = {
     "sheet": Export(
         write_sheet, "irrigation sheet",
         "one page to print: where to irrigate how much, and how sure that is", ".pdf",
-    ),
-    "kmz": Export(
-        write_kmz, "KMZ", "the map for Google Earth on a phone, without network", ".kmz",
     ),
     "prior": Export(
         write_prior, "prior of the farm",

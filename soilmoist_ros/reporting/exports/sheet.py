@@ -40,7 +40,7 @@ def write_sheet(source: RunSource, folder: Path, settings: ExportSettings) -> li
 
     :raises InputError: if there is no dose, or matplotlib is missing
     """
-    plan = irrigation_plan(source, settings)
+    plan = irrigation_plan(source)
     path = folder / "irrigation.pdf"
     with optional_module("matplotlib").rc_context(_FONTS):
         sheet(source, plan, settings).savefig(path, format="pdf", metadata={"CreationDate": None})

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, install
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S, calibration_method, curve_of, is_illustrative, shape_of
-from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, calibration_state, class_probability, guess_text
+from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, calibration_state, guess_text
 from soilmoist_ros.reporting.dose import DoseSettings
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
 from soilmoist_ros.sensing import MoistureCurve
@@ -33,9 +33,7 @@ ROOT_DEPTH_MM = 300.0
 class ExportSettings:
     """Settings of exports.
 
-    :param zones: number of classes of management zones, where the site file has no limits
     :param min_zone_ha: minimum area of a part of the field that is a zone [ha]; by default 5 % of the field
-    :param root_depth_mm: depth of the root zone for its water [mm]; by default that of the run, else 300
     :param rate_column: name of the column with the irrigation rate, at most ten characters
     :param rate_unit: its unit, and the unit that a terminal shows: ``mm``, ``l/m2``, ``m3/ha``, ``in``, ``gal/ac``
     :param isoxml_version: version of ISO 11783-10, 3 or 4; terminals for version 4 read version 3 too
@@ -45,9 +43,7 @@ class ExportSettings:
     :param max_zones: most zones that the terminal takes, at most 254
     """
 
-    zones: int = 3
     min_zone_ha: float | None = None
-    root_depth_mm: float | None = None
     rate_column: str = "RATE"
     rate_unit: str = "mm"
     isoxml_version: int = 3
@@ -141,19 +137,6 @@ class ExportedProperty:
     def sd(self) -> Array:
         """Standard deviation of :attr:`values`."""
         return np.asarray(self.bands[f"{self.quantity.band}_sd"] * self.quantity.scale, float)
-
-    def probability(self, number: int, edges: Array, relative: bool, zone: DoseSettings | None = None) -> Array:
-        """Probability of a class at each cell, see :func:`class_probability`; 0 outside the field.
-
-        :param zone: root zone whose limits the edges are
-        """
-        if self.quantity is MOISTURE and self.curve is not None and "rate_sd" in self.bands:
-            rate, sd = self.bands["rate"], self.bands["rate_sd"]
-            sds, shift = ((), 0.0) if zone is None else (zone.limits[1], zone.shift)
-            return class_probability(
-                rate, sd, number, edges / self.quantity.scale, self.curve, relative, sds, shift
-            )
-        return class_probability(self.values, self.sd, number, edges, None, relative)
 
     @cached_property
     def _from_crs(self) -> Transformer:

@@ -11,14 +11,11 @@ from fractions import Fraction
 import numpy as np
 import pyogrio
 import pytest
-import rasterio
 import shapely
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
 from reporting.exports.irrigated import OUTLINE, irrigated
-from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import BorderSource
 from soilmoist_ros.reporting.exports import irrigation, isoxml, sheet
@@ -154,17 +151,11 @@ def test_a_run_is_exported_as_its_zones(make_run, tmp_path):
     assert [path.name for path in paths] == ["dose.zip", "dose.geojson", "taskdata.zip", "irrigation.pdf"]
     assert any("run the task 3 times" in text for text in notes)
     source = open_source(open_run(folder))
-    plan = irrigation_plan(source, ExportSettings())
+    plan = irrigation_plan(source)
     assert plan.volume_m3 == pytest.approx(about["volume_m3"], rel=1e-12), "as the report has it"
     assert plan.certain is about["certain"]
     assert plan.capped[0] == max(zone.gross_mm for zone in plan.zones) == 20
     assert plan.capped[1] > 2
-    one = source.properties[0]
-    at, band = one.cells[1], one.bands["dose"][one.cells[0]]
-    for zone in plan.zones:
-        assert (band[shapely.contains_xy(zone.shape, *at.T)] == zone.gross_mm).all()
-    assert set(band.tolist()) == {zone.gross_mm for zone in plan.zones}
-    assert (rasterio.open(folder / "map.tif").units[-1], MM.depth) == ("mm", "mm")
     assert sum(zone.area_m2 for zone in plan.zones) == pytest.approx(source.boundary.area, rel=1e-3)
     about, _, _, values = pyogrio.raw.read(paths[1])
     columns = dict(zip(about["fields"], values, strict=True))
@@ -174,21 +165,6 @@ def test_a_run_is_exported_as_its_zones(make_run, tmp_path):
     rings = [source.frame.to_local(ring[:, 1], ring[:, 0]) for ring in (border.outline, *border.no_go)]
     found = shapely.Polygon(rings[0], rings[1:])
     assert found.symmetric_difference(source.boundary).area < 0.01, "the task can be the border of the next survey"
-    out = tmp_path / "deep"
-    asked = [word for name in ("dose", "zones", "sheet") for word in ("--to", name)]
-    result = CliRunner().invoke(
-        main, ["export", str(folder), *asked, "--root-depth", "500", "--out", str(out), "--json"]
-    )
-    answer = json.loads(result.stdout)
-    assert (result.exit_code, answer["written"]) == (1, [str(out / "zones.zip")])
-    (error,) = answer["errors"]
-    for name in ("dose", "sheet"):
-        assert f"{name}: the dose is for roots of 300 mm, not 500 mm -> set root_depth_mm" in error["message"]
-    settings = ExportSettings(root_depth_mm=500)
-    with pytest.raises(InputError) as refused:
-        export_run(folder, ["dose", "isoxml"], tmp_path / "none", settings, refused=[])
-    assert len(refused.value.mistakes) == 2
-    assert not list((tmp_path / "none").iterdir())
 
 
 def test_sheet_task_and_report_tell_of_the_same_ground(make_run):

@@ -83,7 +83,7 @@ def test_field_and_no_go_area(gpkg, exported):
 
 
 def test_zones_are_single_valid_polygons_with_their_areas(exported, tmp_path):
-    paths = write_zones(exported.source, tmp_path, ExportSettings(root_depth_mm=500.0))
+    paths = write_zones(exported.source, tmp_path, ExportSettings())
     assert [path.name for path in paths] == ["zones.zip", "zones_salt.zip"]
     assert len(list(tmp_path.iterdir())) == 2
     about, shapes, columns = read(paths[0])
@@ -94,7 +94,7 @@ def test_zones_are_single_valid_polygons_with_their_areas(exported, tmp_path):
     areas = [abs(Geod(ellps="WGS84").geometry_area_perimeter(shape)[0]) / 1e4 for shape in shapes]
     np.testing.assert_allclose(columns["AREA_HA"], areas, atol=6e-5)
     assert sum(areas) == pytest.approx(field_polygon(exported.run.soil_map.grid).area / 1e4, rel=1e-3)
-    np.testing.assert_allclose(columns["WATER_MM"], 5 * columns["VWC_PCT"], atol=0.06)
+    np.testing.assert_allclose(columns["WATER_MM"], 3 * columns["VWC_PCT"], atol=0.06)
     assert set(columns["DATE"]) == {np.datetime64("2023-11-14")}
     mean = np.average(columns["VWC_PCT"], weights=areas)
     assert mean == pytest.approx(100 * np.nanmean(exported.run.soil_map.vwc), rel=0.02)

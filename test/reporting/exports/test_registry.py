@@ -18,7 +18,7 @@ WITH_DOSE = ["dose", "isoxml", "sheet"]
 
 
 def test_each_export_has_its_traits():
-    assert EXPORTS.names() == ["qgis", "gpkg", "zones", *WITH_DOSE, "kmz", "prior"]
+    assert EXPORTS.names() == ["qgis", "gpkg", "zones", *WITH_DOSE, "prior"]
     for name in EXPORTS.names():
         kind = EXPORTS.get(name)
         assert kind.label
@@ -38,7 +38,7 @@ def test_another_run_is_not_overwritten(exported, tmp_path):
     assert (other / "map.tif").read_bytes() == before
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
-        export_run(other, ["kmz"], tmp_path / "file")
+        export_run(other, ["zones"], tmp_path / "file")
 
 
 @pytest.mark.slow
@@ -63,6 +63,10 @@ def test_a_failure_leaves_earlier_files(exported, tmp_path, monkeypatch):
     assert [path.name for path in paths] == ["zones.zip", "zones_salt.zip"]
     assert {path.name for path in tmp_path.iterdir()} == {"map.nc", "zones.zip", "zones_salt.zip"}
     assert ((tmp_path / "map.nc").read_text(), refused) == ("whole", ["bad: there is no dose -> give one"])
+    with pytest.raises(InputError) as error:
+        export_run(exported.folder, ["dose", "isoxml"], tmp_path / "none", refused=[])
+    assert len(error.value.mistakes) == 2
+    assert not list((tmp_path / "none").iterdir())
 
 
 @pytest.mark.parametrize(
@@ -82,7 +86,7 @@ def test_a_failure_leaves_earlier_files(exported, tmp_path, monkeypatch):
 def test_the_reason_for_a_missing_map_is_named(summary, message, tmp_path):
     (tmp_path / "summary.json").write_text(json.dumps(summary))
     with pytest.raises(InputError, match=message):
-        export_run(tmp_path, ["kmz"])
+        export_run(tmp_path, ["zones"])
 
 
 @pytest.mark.slow
