@@ -8,7 +8,7 @@ from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
     # fmt: off
-    from msg_adapters.counts import counts_from_message as counts_from_message, counts_to_message as counts_to_message, counts_to_messages as counts_to_messages, line_to_message as line_to_message, quarantined_to_message as quarantined_to_message, require_plane as require_plane, samples_from_message as samples_from_message, samples_to_message as samples_to_message
+    from msg_adapters.counts import counts_from_message as counts_from_message, counts_to_message as counts_to_message, line_to_message as line_to_message, quarantined_to_message as quarantined_to_message, require_plane as require_plane, samples_from_message as samples_from_message, samples_to_message as samples_to_message
     from msg_adapters.environment import battery_from_message as battery_from_message, diagnostics_from_message as diagnostics_from_message, diagnostics_to_message as diagnostics_to_message, fix_to_message as fix_to_message, health_from_status as health_from_status, weather_to_messages as weather_to_messages
     from msg_adapters.mission import mission_from_message as mission_from_message, mission_to_message as mission_to_message
     from msg_adapters.model import Model as Model, model_from_message as model_from_message, model_to_message as model_to_message
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "counts": "counts_from_message counts_to_message counts_to_messages line_to_message quarantined_to_message require_plane samples_from_message samples_to_message",
+        "counts": "counts_from_message counts_to_message line_to_message quarantined_to_message require_plane samples_from_message samples_to_message",
         "environment": "battery_from_message diagnostics_from_message diagnostics_to_message fix_to_message health_from_status weather_to_messages",
         "mission": "mission_from_message mission_to_message",
         "model": "Model model_from_message model_to_message",

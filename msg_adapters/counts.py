@@ -23,8 +23,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Final
+from collections.abc import Sequence
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
@@ -37,8 +36,6 @@ from msg_adapters.point_cloud import (
     points_from_message,
     points_to_message,
     require_frame,
-    to_seconds,
-    to_time,
 )
 from soilmoist_ros.foundation import LatLon, LocalFrame, other_datum
 from soilmoist_ros.mapping import Samples
@@ -55,8 +52,6 @@ from soilmoist_ros.recording import (
 from soilmoist_ros.recording import points as read_points
 from soilmoist_ros.sensing import CountRecord
 
-_MANY: Final = 500
-
 
 def counts_to_message(
     records: Sequence[CountRecord], frame_id: str = FRAME, datum: LatLon | None = None
@@ -69,18 +64,6 @@ def counts_to_message(
     """
     points, stamp_s = count_points(records, datum)
     return points_to_message(points, stamp_s, frame_id)
-
-
-def counts_to_messages(
-    records: Sequence[CountRecord], frame_id: str = FRAME, datum: LatLon | None = None
-) -> Iterator[PointCloud2]:
-    """Messages of many records, of at most 500 each. Receivers get each stamp to the last bit."""
-    for begin in range(0, len(records), _MANY):
-        part = records[begin : begin + _MANY]
-        stamp_s = to_seconds(to_time(part[-1].stamp_s))
-        exact = all(stamp_s + (record.stamp_s - stamp_s) == record.stamp_s for record in part)
-        for some in [part] if exact else [[record] for record in part]:
-            yield counts_to_message(some, frame_id, datum)
 
 
 def require_plane(message: PointCloud2, frame: str, plane: LocalFrame) -> None:

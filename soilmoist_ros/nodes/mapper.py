@@ -4,14 +4,11 @@
 
 from __future__ import annotations
 
-import json
 import threading
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from threading import Lock
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -25,7 +22,6 @@ from msg_adapters import (
     Model,
     OtherFrameError,
     counts_from_message,
-    counts_to_messages,
     diagnostics_to_message,
     model_to_message,
     require_plane,
@@ -33,27 +29,15 @@ from msg_adapters import (
     soil_map_to_message,
     uncertainty_to_message,
 )
-from soilmoist_ros.foundation import Batches, Health, InputError, Level, foreign_text, other_datum, read_json
-from soilmoist_ros.mapping import Field, MapState, MapWorker, Skip, SoilMap, map_health
+from soilmoist_ros.foundation import Batches, Health, InputError, Level
+from soilmoist_ros.mapping import MapState, MapWorker, Skip, SoilMap, map_health
 from soilmoist_ros.nodes.node_process import Aside, run
 from soilmoist_ros.nodes.parameter_tables import MAPPER as PARAMETERS
 from soilmoist_ros.nodes.parameter_tables import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.parameters import Parameters, Value, other_namespaces
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, VISITS, every, interface_class, ros_now_s
 from soilmoist_ros.pipeline import open_survey
-from soilmoist_ros.recording import (
-    HELD,
-    LIST_S,
-    MAX_RECORDS,
-    MISSED,
-    START,
-    TEAM_S,
-    MapRecords,
-    MapSources,
-    RecordExchange,
-    quarantined_topic,
-    read_earlier,
-)
+from soilmoist_ros.recording import START, TEAM_S, MapRecords, MapSources, quarantined_topic, read_earlier
 from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt
 
@@ -62,9 +46,6 @@ __all__ = ["PARAMETERS", "Mapper", "main"]
 _POLL_S: Final = 1.0
 _FLUSH_S: Final = 5.0
 _SLICE: Final = 500  # records that are added at a time, so that reports and services need not wait for a flood
-_REPEAT: Final = 6  # one of this many unchanged lists is published, for receivers that have lost one
-_SETTLED: Final = 3
-"""Unchanged lists before one more is published: other mappers skip spans with records of the last seconds."""
 
 
 class Mapper(Node):
@@ -111,7 +92,6 @@ class Mapper(Node):
         )
         if earlier := parameters.text("start_from"):
             self._records.take(START, read_earlier(Path(earlier).expanduser(), named))
-        self._exchange = MapperExchange(self, others, self._records, self._guard, self._survey.field, self._frame)
         self._arrived = Batches(self._add, "records", _POLL_S)
         for robot, topic in zip(("", *others), topics, strict=True):
             for name in (topic, quarantined_topic(topic)):
@@ -161,7 +141,6 @@ class Mapper(Node):
         self._worker.close()
         with self._guard:
             self._survey, self._online = survey, survey.map
-            self._exchange.field = survey.field
             self._records.use(self._online)
             self._worker = MapWorker(self._online.compute, self._publish)
             state = self._online.state
@@ -184,8 +163,6 @@ class Mapper(Node):
 
     def _add(self, messages: Sequence[tuple[str | None, PointCloud2 | String]]) -> None:
         """Add the records of messages, and what is new on the disk; called once a second without messages."""
-        sent = (record for message in self._exchange.take() for record in self._decoded(message))
-        again = [record for record in sent if not self._fault(record, stored=True)]
         records: list[CountRecord] = []
         doubts: list[tuple[Doubt, str | None]] = []
         for robot, message in messages:
@@ -207,7 +184,6 @@ class Mapper(Node):
             with self._guard:
                 self._sources.received(records[start : start + _SLICE])
         with self._guard:
-            self._exchange.added += self._sources.sent_again(again)
             for doubt, robot in doubts:
                 self._records.doubt(doubt, robot)
             if messages or self._online.state.records:
@@ -266,9 +242,10 @@ class Mapper(Node):
         now_s = ros_now_s(self)
         with self._guard:
             parts = [map_health(self._online, self._worker, now_s), *self._survey.health(self._online.state)]
-        parts += self._exchange.health
         lost = f"{self._arrived.lost} messages with counts came too fast" if self._arrived.lost else ""
-        faults = {"records": self._sources.problem, "field": self._refused, "messages": lost}
+        counts = self.resolve_topic_name("counts") if self._several and self.count_publishers("counts") > 1 else ""
+        twice = f"several nodes publish {counts}: give each robot a namespace of its own" if counts else ""
+        faults = {"records": self._sources.problem, "field": self._refused, "messages": lost, "others": twice}
         parts += [Health(name, Level.ERROR, fault) for name, fault in faults.items() if fault]
         self._diagnostics.publish(diagnostics_to_message(parts, now_s, self.get_fully_qualified_name()))
 
@@ -278,95 +255,6 @@ class Mapper(Node):
         self._arrived.close()
         self._worker.close()
         self._sources.close()
-
-
-# Exchange of records between the mappers of several robots, so that none misses any for good --------------------
-
-
-class MapperExchange:
-    """Lists the records of a map, hears the lists of other mappers, and sends what these lack.
-
-    ``guard`` is held while records change. ``field`` may be changed; ``added`` counts records from other mappers
-    that were missing here.
-    """
-
-    def __init__(
-        self, node: Node, others: Sequence[str], records: MapRecords, guard: Lock, field: Field, frame: str
-    ) -> None:
-        self.field, self.added = field, 0
-        self._node, self._guard, self._frame = node, guard, frame
-        self._exchange = RecordExchange(records)
-        self._strangers: dict[str, str] = {}
-        self._fields: dict[str, str] = {}  # of mappers that map another field about the same datum
-        self._arrived: list[PointCloud2] = []
-        self._last, self._unchanged = "", 0
-        if not others:
-            return
-        self._held = node.create_publisher(String, HELD, LATCHED)
-        self._missed = node.create_publisher(PointCloud2, MISSED, RECORDS)
-        for name in others:
-            node.create_subscription(String, f"{name}/{HELD}", partial(self._on_held, name), LATCHED)
-            node.create_subscription(PointCloud2, f"{name}/{MISSED}", self._arrived.append, RECORDS)
-        every(node, LIST_S, self._publish)
-
-    def take(self) -> list[PointCloud2]:
-        """Messages of other mappers with records that some mapper lacks, once each."""
-        taken = self._arrived[:]
-        del self._arrived[: len(taken)]
-        return taken
-
-    @property
-    def health(self) -> list[Health]:
-        """Mappers of another field or about another datum, and robots in one namespace."""
-        faults = [f"{name} is not mapped: {fault}" for name, fault in self._strangers.items()]
-        faults += [f"{name} maps the field {field}, not {self.field.name}" for name, field in self._fields.items()]
-        twice = [name for name in (HELD, "counts") if self._node.count_publishers(name) > 1] if self._last else []
-        if twice:
-            topic = self._node.resolve_topic_name(twice[0])
-            faults.append(f"several nodes publish {topic}: give each robot a namespace of its own")
-        if faults:
-            return [Health("others", Level.ERROR, "; ".join(faults))]
-        return [Health("others", Level.OK, f"{self.added} missed records came later")] if self._last else []
-
-    def _list(self) -> dict[str, Any]:
-        with self._guard:
-            self._exchange.update(time.monotonic())
-            held = self._exchange.held()
-        frame = self.field.frame
-        return {"field": self.field.name, "datum": [frame.latitude_deg, frame.longitude_deg], **held}
-
-    def _publish(self) -> None:
-        text = json.dumps(self._list())
-        self._unchanged = self._unchanged + 1 if text == self._last else 0
-        if self._unchanged % _REPEAT == 0 or self._unchanged == _SETTLED:
-            self._held.publish(String(data=text))
-        self._last = text
-
-    def _on_held(self, name: str, message: String) -> None:
-        """Send what another mapper lacks."""
-        try:
-            held = read_json(message.data)
-            latitude, longitude = held["datum"]
-            fault = other_datum((float(latitude), float(longitude)), self.field.frame)
-            if fault:
-                self._strangers[name] = fault
-                return
-            self._strangers.pop(name, None)
-            self._fields.pop(name, None)
-            if (theirs := str(held.get("field", self.field.name))) != self.field.name:
-                self._fields[name] = foreign_text(theirs)
-            now_s = time.monotonic()
-            with self._guard:
-                self._exchange.update(now_s)
-                missed = self._exchange.missed(name, held, now_s)[: 2 * MAX_RECORDS]
-        except (ValueError, TypeError, LookupError, AttributeError) as error:
-            self._node.get_logger().error(f"{name}/{HELD} cannot be read: {error}", once=True)
-            return
-        datum = self.field.frame.latitude_deg, self.field.frame.longitude_deg
-        for part in counts_to_messages(missed, self._frame, datum):
-            self._missed.publish(part)
-        if missed:
-            self._node.get_logger().info(f"{len(missed)} records sent that {name} may have missed")
 
 
 def main() -> None:

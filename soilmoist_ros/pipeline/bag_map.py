@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -53,18 +52,12 @@ from soilmoist_ros.pipeline.properties import (
 )
 from soilmoist_ros.pipeline.run import FailedRun, LossRow, MapRun, NoMapError, Note, NoteCode, Trouble
 from soilmoist_ros.recording import (
-    MISSED,
-    RECEIVED,
-    TEAM,
-    TEAM_S,
     BagReader,
-    MapRecords,
     bag_of,
     bags_of,
     configuration_of,
     message_files,
     read_parameters,
-    record_key,
     recorder_notes,
 )
 from soilmoist_ros.simulation import MissionResult, surrogate_field
@@ -231,34 +224,22 @@ class _Recording:
         if "/" not in topic:
             self.robots = RunTopics.of_team(reader, topic, self._mapper.get("others", ()))
         self.robots = self.robots or [RunTopics.of_counts(reader, reader.find_topic(topic, CLOUD))]
-        others, missed = self._of_others()
+        others = self._of_others()
         self.several = len(self.robots) > 1 or bool(others)
-        found = reader.read_counts_of([*missed, *(robot.counts for robot in self.robots), *others], self._frame)
+        found = reader.read_counts_of([*(robot.counts for robot in self.robots), *others], self._frame)
         placed = self._places.records([record for _, record in found])
         counted = [(name, record) for (name, _), record in zip(found, placed, strict=True)]
-        if missed:
-            counted = _in_order(counted, missed, self.survey)
         doubts = {name: self._places.doubts(reader, name) for name in {name for name, _ in counted}}
-        return [
-            (
-                name,
-                sensing.placed_of_any(record, doubts.values()) if name in missed else doubts[name].placed(record),
-            )
-            for name, record in counted
-        ]
+        return [(name, doubts[name].placed(record)) for name, record in counted]
 
-    def _of_others(self) -> tuple[list[str], list[str]]:
-        """Topics of other robots that the mapper of the only robot has mapped: counts, and counts sent again."""
+    def _of_others(self) -> list[str]:
+        """Topics of counts of other robots that the mapper of the only robot has mapped."""
         space, _, last = self.robots[0].counts.rpartition("/")
         topics = self._reader.topics
         if len(self.robots) > 1 or not space or topics.get(f"{space}/soil_map") != CLOUD:
-            return [], []
+            return []
         names = [f"/{name.strip('/')}" for name in self._mapper.get("others", ())]
-        counts, missed = (
-            [f"{name}/{topic}" for name in names if name != space and topics.get(f"{name}/{topic}") == CLOUD]
-            for topic in (last, MISSED)
-        )
-        return counts, missed
+        return [f"{name}/{last}" for name in names if name != space and topics.get(f"{name}/{last}") == CLOUD]
 
     def properties(self) -> list[ReplayedProperty]:
         """The chosen properties with their maps; ``InputError`` if there is none, or one cannot be read."""
@@ -390,25 +371,6 @@ def replay_bag(
         mission=mission,
     )
     return Replay(run, [recording.compared(one) for one in properties])
-
-
-def _in_order(
-    counted: Sequence[tuple[str, sensing.CountRecord]], missed: Sequence[str], survey: FieldSurvey
-) -> list[tuple[str, sensing.CountRecord]]:
-    """Records in the order in which the mapper added them, each once."""
-    records, topics = MapRecords(survey.map, TEAM_S), dict[bytes, str]()
-    for again, some in groupby(counted, key=lambda each: each[0] in missed):
-        part = list(some)
-        for name, record in part:
-            if not again or record_key(record) not in topics:
-                topics[record_key(record)] = name
-        found = [record for _, record in part]
-        if again:
-            records.read_anew(TEAM, found)
-        else:
-            records.take(RECEIVED, found)
-    survey.map.reset()
-    return [(topics[record_key(record)], record) for record in records.in_order]
 
 
 def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -> RunTopics:

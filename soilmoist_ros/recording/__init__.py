@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.recording.bag.verify import bag_info as bag_info, recover_bag as recover_bag
     from soilmoist_ros.recording.bag.writer import BagWriter as BagWriter
     from soilmoist_ros.recording.journal import Journal as Journal, load_journal as load_journal
-    from soilmoist_ros.recording.map_records import HELD as HELD, LIST_S as LIST_S, MAX_RECORDS as MAX_RECORDS, MISSED as MISSED, RECEIVED as RECEIVED, START as START, TEAM as TEAM, TEAM_S as TEAM_S, MapRecords as MapRecords, RecordExchange as RecordExchange, record_key as record_key
+    from soilmoist_ros.recording.map_records import RECEIVED as RECEIVED, START as START, TEAM_S as TEAM_S, MapRecords as MapRecords, record_key as record_key
     from soilmoist_ros.recording.map_sources import DRIVER as DRIVER, MapSources as MapSources, RecordLog as RecordLog
     from soilmoist_ros.recording.run_folder import CONFIGURATION as CONFIGURATION, SUMMARY as SUMMARY, RunConfiguration as RunConfiguration, bag_of as bag_of, configuration_of as configuration_of, copy_configuration as copy_configuration, is_bag as is_bag, message_files as message_files, read_parameters as read_parameters, sync_file as sync_file, sync_folder as sync_folder, write_parameters as write_parameters, write_whole as write_whole
     from soilmoist_ros.recording.stored_mission import StoredMission as StoredMission
@@ -50,7 +50,7 @@ __getattr__, __dir__, __all__ = open_door(
         "bag.verify": "bag_info recover_bag",
         "bag.writer": "BagWriter",
         "journal": "Journal load_journal",
-        "map_records": "HELD LIST_S MAX_RECORDS MISSED MapRecords RECEIVED RecordExchange START TEAM TEAM_S record_key",
+        "map_records": "MapRecords RECEIVED START TEAM_S record_key",
         "map_sources": "DRIVER MapSources RecordLog",
         "run_folder": "CONFIGURATION RunConfiguration SUMMARY bag_of configuration_of copy_configuration is_bag message_files read_parameters sync_file sync_folder write_parameters write_whole",
         "stored_mission": "StoredMission",

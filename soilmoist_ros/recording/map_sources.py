@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 
 from soilmoist_ros.foundation import InputError, nan_as_text, read_json
 from soilmoist_ros.recording.journal import ENTRIES, Journal, LoadedJournal, decode, load_journal
-from soilmoist_ros.recording.map_records import RECEIVED, TEAM, MapRecords
+from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.run_folder import write_whole
 from soilmoist_ros.sensing import CountRecord
 
@@ -195,12 +195,6 @@ class MapSources:
         """Add records of messages; those that no log of a driver has are written to the disk."""
         self.poll()
         self._write(self._records.take(RECEIVED, records))
-
-    def sent_again(self, records: Sequence[CountRecord]) -> int:
-        """Add records that another robot has sent because the map lacked some of them; how many were new."""
-        new = self._records.read_anew(TEAM, self._usable(records, stored=True))
-        self._write(new)
-        return len(new)
 
     def _write(self, new: Sequence[CountRecord]) -> None:
         """Write records to the mapper's log, and those that the disk has refused before."""

@@ -26,7 +26,7 @@ from test_commands import Commanded
 from virtual_navigation import STOPS, VirtualNavigation, World
 
 from console.test_map_layers import SITE, meadow
-from msg_adapters.counts import counts_to_messages
+from msg_adapters.counts import counts_to_message
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS, SENSOR
 from soilmoist_ros.nodes.topics import VISITS as ROSOUT
@@ -152,7 +152,7 @@ def test_the_page_leads_with_the_dose_of_the_newest_map(ros, tmp_path, browser):
     counts = ros.node.create_publisher(PointCloud2, "counts", RECORDS)
     ros.wait_for(counts.get_subscription_count, message="the mapper")
     expect(seen.page.locator("#dose")).to_be_hidden()
-    for message in counts_to_messages(survey.map.track):
+    for message in (counts_to_message([one]) for one in survey.map.track):
         counts.publish(message)
     run = survey.run(survey.map.snapshot())
     seen.shows("dose", irrigation(run).steps[0])

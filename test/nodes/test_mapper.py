@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import signal
 from dataclasses import replace
 
@@ -315,42 +314,6 @@ def test_a_save_that_a_signal_meets_is_finished_or_leaves_the_one_before(ros, st
     assert (folder / "report.html").read_text().rstrip().endswith("</html>")
 
 
-def test_a_mapper_gets_the_records_of_another_robot_that_it_has_missed(ros, field):
-    """It starts late, and then stands still while others come."""
-    names, stops = ["/robot_1", "/robot_2"], survey_records(24)
-    params = {"field": str(field), "site": "example", "use_sim_time": True, "others": names}
-    records = [replace(stops[i % 24], stamp_s=BEGIN_S + 10 * i) for i in range(300)]
-    publisher = ros.node.create_publisher(PointCloud2, "/robot_1/counts", RECORDS)
-    samples = {name: ros.collect(PointCloud2, f"{name}/samples", LATCHED) for name in names}
-    maps = {name: ros.collect(PointCloud2, f"{name}/soil_map", LATCHED) for name in names}
-    sent = ros.collect(PointCloud2, "/robot_1/missed_counts", RECORDS)
-
-    def counts(name):
-        return int(samples_from_message(samples[name][-1]).counts.sum()) if samples[name] else 0
-
-    def count(begin, end):
-        for last in range(begin + 50, end + 1, 50):
-            publish(publisher, records[last - 50 : last])
-            total = sum(one.raw_counts for one in records[:last])
-            ros.wait_for(lambda total=total: counts(names[0]) == total, message="the map of the first")
-
-    ros.start("mapper", params=params, namespace=names[0])
-    ros.wait_for(publisher.get_subscription_count)
-    count(0, 150)  # more than a publisher keeps
-    second = ros.start("mapper", params=params, namespace=names[1])
-    ros.wait_for(lambda: counts(names[1]) == counts(names[0]), message="the records before its start")
-    assert publisher.get_subscription_count() == 2
-    os.kill(second.process.pid, signal.SIGSTOP)
-    count(150, 300)
-    os.kill(second.process.pid, signal.SIGCONT)
-    ros.wait_for(lambda: counts(names[1]) == counts(names[0]), message="the records that were missed")
-    assert 0 < sum(message.width for message in sent) <= 2 * len(records)
-    core = on_line(field, records)
-    wanted = map_cells(core.grid, core.compute(core.state)).tobytes()
-    for name in names:
-        ros.wait_for(lambda name=name: maps[name] and soil_map_from_message(maps[name][-1]).tobytes() == wanted)
-
-
 def test_records_about_another_datum_and_robots_in_one_namespace_are_named_and_not_mapped(ros, field):
     said = ros.collect(DiagnosticArray, "/diagnostics")
     params = {"field": str(field), "site": "example", "use_sim_time": True, "others": ["/robot_1", "/robot_2"]}
@@ -359,7 +322,6 @@ def test_records_about_another_datum_and_robots_in_one_namespace_are_named_and_n
         name: ros.node.create_publisher(PointCloud2, f"{name}/counts", RECORDS)
         for name in ("/robot_1", "/robot_2")
     }
-    held = ros.node.create_publisher(String, "/robot_2/held_records", LATCHED)
     for publisher in publishers.values():
         ros.wait_for(publisher.get_subscription_count)
     here, there = (53.268, -0.5245), (53.368, -0.5245)
@@ -367,7 +329,6 @@ def test_records_about_another_datum_and_robots_in_one_namespace_are_named_and_n
     for number, one in enumerate(records):
         publishers["/robot_1"].publish(counts_to_message([one], datum=here))
         publishers["/robot_2"].publish(counts_to_message([replace(one, x_m=1.0 + number)], datum=there))
-    held.publish(String(data=json.dumps({"field": "other", "datum": there})))
     own = ros.node.create_publisher(PointCloud2, "/robot_1/counts", RECORDS)
 
     def values(name):
@@ -377,7 +338,6 @@ def test_records_about_another_datum_and_robots_in_one_namespace_are_named_and_n
     ros.wait_for(lambda: values(": map")[1].get("skipped: other frame") == "8", message="records are left out")
     assert values(": map")[1]["records"] == "8"
     assert "another datum (53.368000 N, 0.524500 W, 11 km away)" in values(": map")[1]["last skipped: other frame"]
-    ros.wait_for(lambda: "/robot_2 is not mapped: its places are about another datum" in values(": others")[0])
     ros.wait_for(
         lambda: "several nodes publish /robot_1/counts" in values(": others")[0], message=process.output()
     )

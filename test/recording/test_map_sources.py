@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import math
 import os
+import shutil
 import tempfile
 from dataclasses import replace
 from datetime import datetime
@@ -26,7 +27,7 @@ from soilmoist_ros.exploration import Command, Mission, MissionRules, Moved, Rec
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap
-from soilmoist_ros.recording import RECEIVED, MapRecords, map_sources
+from soilmoist_ros.recording import RECEIVED, TEAM_S, MapRecords, map_sources
 from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
 from soilmoist_ros.recording.map_sources import DRIVER, SESSION, MapSources, RecordLog, RecordTail, open_session
 from soilmoist_ros.recording.stored_records import stored_counts
@@ -126,7 +127,25 @@ def test_a_record_of_several_sources_counts_once_and_twins_of_one_source_twice()
     assert records.take("log", [many[2], twin, twin]) == [many[2]]
     assert field_map.state.records == 5
     assert [one.stamp_s for one in field_map.track] == sorted(one.stamp_s for one in field_map.track)
-    assert records.read_anew("bag", [many[0], twin, many[3]]) == []
+
+
+def test_a_copy_of_another_robots_log_brings_what_an_outage_has_cost(tmp_path):
+    """It grows meanwhile, as by rsync, and some of its records were heard."""
+    many = published(12)
+    other, copy = tmp_path / "other", tmp_path / "session" / "robot_2"
+    log, field_map = RecordLog(other, "map"), FieldMap(GRID)
+    sources = MapSources(MapRecords(field_map, TEAM_S), tmp_path / "session", "map")
+    sources.received([many[0], many[11]])
+    for end in (6, 12):
+        log.write(many[end - 6 : end])
+        shutil.copytree(other, copy, dirs_exist_ok=True)
+        sources.poll()
+        sources.poll()
+        assert sorted(one.stamp_s for one in field_map.track) == sorted(
+            {one.stamp_s for one in (*many[:end], many[11])}
+        )
+    log.close()
+    sources.close()
 
 
 def test_a_reset_outlives_a_restart(tmp_path):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # the recorder chooses topics by this module, and reads no ba
 
 _ACTION_STATUS = "/_action/status"
 INPUTS: Final = (
-    ".*/(counts|quarantined_counts|missed_counts|place_doubts|fix|pressure|temperature|relative_humidity|raw/logger"
+    ".*/(counts|quarantined_counts|place_doubts|fix|pressure|temperature|relative_humidity|raw/logger"
     "|raw/gnss|topological_map_2|closest_node|current_node)"
 )
 """Inputs of mapper and planner, and the raw lines; without the topics that the nodes publish."""
