@@ -285,7 +285,7 @@ def _inputs(read: _Logs, settings: MapSettings) -> list[InputFile]:
 
 def count_notes(problems: Sequence[Problem], records: int) -> list[Note]:
     """Notes on tubes that were left out, and on counts that scatter."""
-    kinds = (Kind.NOISY_TUBE, Kind.DEAD_TUBE, Kind.STUCK_TUBE, Kind.IMPOSSIBLE_COUNT)
+    kinds = (Kind.NOISY_TUBE, Kind.DEAD_TUBE, Kind.IMPOSSIBLE_COUNT)
     masked = Counter(problem.kind for problem in problems if problem.kind in kinds and not problem.quarantined)
     notes = []
     if masked:

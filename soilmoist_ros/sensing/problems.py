@@ -73,7 +73,7 @@ class Kind(enum.StrEnum):
     DOUBTFUL_POSITIONS = "doubtful_positions", "positions of doubtful accuracy", Severity.WARNING
     NOISY_TUBE = "noisy_tube", "tube counts too much", Severity.WARNING
     DEAD_TUBE = "dead_tube", "tube counts too little", Severity.WARNING
-    STUCK_TUBE = "stuck_tube", "tube repeats a number", Severity.WARNING
+    STUCK_TUBE = "stuck_tube", "tube repeats a number", Severity.WARNING  # of older bags
     IMPOSSIBLE_COUNT = "impossible_count", "impossible count", Severity.WARNING
     IMPOSSIBLE_WEATHER = "impossible_weather", "impossible weather", Severity.WARNING
     FROZEN_PRESSURE = "frozen_pressure", "pressure never changes", Severity.WARNING  # of older bags

@@ -39,6 +39,7 @@ MAX_N0_FACTOR = 2.0
 """Rates above this multiple of N0 are impossible: dry soil reaches 1.08 N0 (Desilets et al. 2010)."""
 MIN_PAIRS = 20  # number of pairs from which a dispersion is reported
 HIGH_DISPERSION = 1.5  # index of dispersion from which intervals of a map are clearly too narrow: by a fifth
+LOW_DISPERSION = 0.5  # index of dispersion below which numbers are no counts, but smoothed or repeated
 SIGNIFICANCE = 1e-4
 MAX_TUBE_RATE_CPS = 1000.0
 """Rate that no tube for environmental neutrons reaches, by orders of magnitude [counts/s]."""
@@ -128,8 +129,6 @@ def _finding(bad: BadTube, live_s: float, none_left: bool) -> Finding:
     message = f"tube {bad.tube + 1} has {bad.counts:.0f} counts in {live_s:g} s"
     if bad.kind is Kind.IMPOSSIBLE_COUNT:
         message += ", which no tube can count"
-    elif bad.kind is Kind.STUCK_TUBE:
-        message += " again and again"
     elif bad.expected == bad.expected:
         message += f", the other tubes expect {bad.expected:.0f}"
     else:
@@ -157,11 +156,18 @@ class Dispersion:
     @property
     def is_high(self) -> bool:
         """True if the scatter is higher than counting statistics, clearly and significantly."""
-        if self.pairs < MIN_PAIRS or self.index <= HIGH_DISPERSION:
-            return False
         from scipy.special import chdtrc
 
-        return bool(chdtrc(self.pairs, self._sum) < SIGNIFICANCE)
+        enough = self.pairs >= MIN_PAIRS and self.index > HIGH_DISPERSION
+        return enough and bool(chdtrc(self.pairs, self._sum) < SIGNIFICANCE)
+
+    @property
+    def is_low(self) -> bool:
+        """True if the scatter is lower than counting statistics, clearly and significantly."""
+        from scipy.special import chdtr
+
+        enough = self.pairs >= MIN_PAIRS and self.index < LOW_DISPERSION
+        return enough and bool(chdtr(self.pairs, self._sum) < SIGNIFICANCE)
 
     def add(self, record: CountRecord) -> None:
         """Add a record in order of time."""
@@ -190,17 +196,16 @@ class TotalChecks:
     """
 
     def __init__(self, n0_cps: float = math.nan, typical_cps: float = math.nan, n0_from: str = N0_KEY) -> None:
-        self.recorded, self.dispersion = Dispersion(), Dispersion()
-        """Dispersion of all records as they came, and of the records in use."""
+        self.dispersion = Dispersion()
+        """Dispersion of the records in use."""
         self._n0_cps, self.typical_cps, self._n0_from = n0_cps, typical_cps, n0_from
         self._recent: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._stop: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._anchor: CountRecord | None = None
         self._odd = self._good = 0
 
-    def check(self, record: CountRecord, recorded: CountRecord | None = None) -> list[Finding]:
-        """Faults of the next record; a record that is quarantined already only counts for the dispersion."""
-        self.recorded.add(record if recorded is None else recorded)
+    def check(self, record: CountRecord) -> list[Finding]:
+        """Faults of the next record, if it is not quarantined already."""
         if record.quarantine or not (record.effective_exposure_s > 0 and record.exposure_s > 0):
             return []
         counted = _Counted(record.stamp_s, record.raw_counts, record.effective_exposure_s)
@@ -257,14 +262,14 @@ class TotalChecks:
     @property
     def findings(self) -> list[Finding]:
         """Faults of the log as a whole so far."""
-        if not (self.recorded.is_high or self.dispersion.is_high):
-            return []
-        remedy = "check the detector for noise; intervals of the map are too narrow if the records in use scatter"
-        message = (
-            f"the index of dispersion is {self.recorded.index:.4g} as recorded and {self.dispersion.index:.3g} "
-            f"without bad tubes and quarantined records; counting statistics have 1"
-        )
-        return [Finding(Kind.OVERDISPERSED, message, remedy)]
+        message = f"the index of dispersion is {self.dispersion.index:.3g}; counting statistics have 1"
+        if self.dispersion.is_high:
+            remedy = "check the detector for noise; intervals of the map are too narrow"
+            return [Finding(Kind.OVERDISPERSED, message, remedy)]
+        if self.dispersion.is_low:
+            remedy = "take raw counts, not smoothed ones; check if the counter repeats a number"
+            return [Finding(Kind.NOT_COUNTS, message, remedy)]
+        return []
 
 
 def _young(records: Iterable[_Counted], stamp_s: float) -> list[_Counted]:

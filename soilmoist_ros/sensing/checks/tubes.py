@@ -7,15 +7,13 @@
   make ``raw / exposure`` an unbiased estimate of the rate of *all* tubes, and the raw counts remain Poisson.
 
 **Bad tubes.** Given the total of a record, the counts of one tube are binomial, whatever the soil and the air do.
-  Three tests follow, each with a stated rate of false alarms:
+  Two tests follow, each with a stated rate of false alarms:
 
 * In each record the binomial tails of all tubes, with Holm's correction (Holm 1979, Scandinavian Journal of
   Statistics 6:65-70). Shares may be wrong by their uncertainty (Berger & Boos 1994, Journal of the American
   Statistical Association 89:1012-1016) and by :data:`TOLERANCE`.
 * Cumulative sums of likelihood ratios (Page 1954, Biometrika 41:100-115): a tube that counts nothing, half or
   twice its share. They find in many small counts what no single record shows.
-* Runs of one number. No Poisson distribution gives a number ``v`` more often than that of mean ``v``, so the
-  probability of a run has an upper bound that needs neither rate nor share.
 """
 
 from __future__ import annotations
@@ -53,7 +51,6 @@ MIN_LEARNED_COUNTS = 300.0
 RECOVERY = math.log(1000.0)  # logarithm of the likelihood ratio from which a masked tube counts again
 TOLERANCE = 1.2
 """Factor by which the odds of a tube may change without a fault: temperature, age, small differences in energy."""
-MAX_CHANGE = math.log(3.0)  # highest change of the rate between neighbouring records, as a logarithm
 LAST_RATES = 31  # number of last good records whose median rate decides which of two tubes is bad
 LAST_COUNTED = 300  # number of last records that show since when a tube is bad, and which of two
 
@@ -163,12 +160,11 @@ class TubeChecks:
     ) -> None:
         self.tubes = tubes
         self.spans: list[BadSpan] = []
-        """Bad periods that the cumulative sums and runs have found."""
+        """Bad periods that the cumulative sums have found."""
         self._known = tuple(spans)
         self._masked: dict[int, Kind] = {}
         self._rates: deque[float] = deque([] if math.isnan(rate_cps) else [rate_cps], maxlen=LAST_RATES)
         self._counted: deque[tuple[float, Array, Array]] = deque(maxlen=LAST_COUNTED)
-        self._learned: deque[tuple[float, Array, Array]] = deque(maxlen=LAST_COUNTED)
         counting = np.array([tube not in unused for tube in range(tubes)], float)
         self.shares = counting / max(counting.sum(), 1.0) if learned is None else learned
         """Share of each tube in the rate of the whole sensor, shape (tubes,)."""
@@ -176,7 +172,6 @@ class TubeChecks:
         self._start, self._seen, self._expected = self.shares, np.zeros(tubes), np.zeros(tubes)
         self._sums, self._begin_s = np.zeros((len(FACTORS), tubes)), np.zeros((len(FACTORS), tubes))
         self._recovery, self._recovered_s = np.zeros(tubes), np.zeros(tubes)
-        self._runs = [_Run() for _ in range(tubes)]
 
     @property
     def rate_cps(self) -> float:
@@ -193,18 +188,18 @@ class TubeChecks:
         counts, live_s = np.where(use, counts, 0.0), np.where(use, live_s, 0.0)
         bad = {span.tube: span.kind for span in self._known if span.begin_s <= record.stamp_s <= span.end_s}
         bad |= self._masked
-        bad |= self._repeating(record.stamp_s, counts, use, alarm_threshold(period_s, int(use.sum())))
-        trusted = use.copy()
-        trusted[list(bad)] = False
-        good, found = self._consistent(counts, live_s, trusted, alarm_probability(period_s))
+        good = use.copy()
+        good[list(bad)] = False
+        found = self._inconsistent(counts, live_s, good, alarm_probability(period_s))
         bad |= found
+        good[list(found)] = False
         if good.any():
             good = self._follow(record.stamp_s, counts, live_s, use, good, period_s)
             bad |= self._masked
         rate_cps = math.nan
         if good.any():
             if good.sum() > 1:  # shares are known from tubes compared with each other
-                self._learn(record.stamp_s, np.where(good, counts, 0.0), np.where(good, live_s, 0.0))
+                self._learn(np.where(good, counts, 0.0), np.where(good, live_s, 0.0))
             rate_cps = counts[good].sum() / (self.shares * live_s)[good].sum()
             self._rates.append(rate_cps)
         expected = rate_cps * self.shares * live_s
@@ -214,42 +209,16 @@ class TubeChecks:
             if use[tube]
         ]
 
-    def _learn(self, stamp_s: float, counts: Array, live_s: Array) -> None:
+    def _learn(self, counts: Array, live_s: Array) -> None:
         """Add the good counts of a record to the shares; one step of expectation and maximisation."""
         expected = counts.sum() / (self.shares * live_s).sum() * live_s
         self._seen = _KEEP * self._seen + counts
         self._expected = _KEEP * self._expected + expected
-        self._learned.append((stamp_s, counts, expected))
         known = self._start > 0
         new = np.zeros(self.tubes)
         before = self._prior_counts / self._start[known]
         new[known] = (self._prior_counts + self._seen[known]) / (before + self._expected[known])
         self.shares = new / new.sum()
-
-    def _repeating(self, stamp_s: float, counts: Array, use: Mask, limit: float) -> dict[int, Kind]:
-        """Tubes that repeat a number."""
-        bad = {}
-        for tube in np.flatnonzero(use).tolist():
-            run = self._runs[tube]
-            was_stuck = run.surprise > limit
-            run.add(float(counts[tube]), stamp_s)
-            if run.surprise > limit:
-                bad[tube] = Kind.STUCK_TUBE
-                if not was_stuck:
-                    self._open(tube, Kind.STUCK_TUBE, run.begin_s)
-            elif was_stuck:
-                self._close(tube, Kind.STUCK_TUBE, stamp_s)
-        return bad
-
-    def _open(self, tube: int, kind: Kind, begin_s: float) -> None:
-        """Begin a period of a bad tube, and take back what its share has learned since then."""
-        self.spans.append(BadSpan(tube, kind, begin_s))
-        for age, (stamp_s, counts, expected) in enumerate(reversed(self._learned)):
-            if stamp_s < begin_s:
-                break
-            self._seen[tube] -= _KEEP**age * counts[tube]
-            self._expected[tube] -= _KEEP**age * expected[tube]
-            counts[tube] = expected[tube] = 0.0  # once: another check may find the same counts
 
     def _close(self, tube: int, kind: Kind, stamp_s: float) -> None:
         """End the open period of a tube before a record."""
@@ -259,50 +228,24 @@ class TubeChecks:
 
     # Tube against tube in one record -------------------------------------------------------------------------
 
-    def _consistent(self, counts: Array, live_s: Array, use: Mask, level: float) -> tuple[Mask, dict[int, Kind]]:
-        """The tubes that agree, and the others with the reason."""
+    def _inconsistent(self, counts: Array, live_s: Array, use: Mask, level: float) -> dict[int, Kind]:
+        """Tubes that do not agree with the others; all if nobody can say which are good.
+
+        The tube farthest from the median rate is left out until the rest agree; of two, the one farther from the
+        rate of the records before.
+        """
         weights = self.shares * live_s
-        tubes = np.flatnonzero(use)
-        if len(tubes) < 2 or self._smallest(counts, weights, tubes, level) > level:
-            return use, {}
-        groups = {self._agreeing(counts, weights, tubes, anchor, level) for anchor in tubes.tolist()}
-        scores = sorted(((self._score(counts, weights, tubes, group), group) for group in groups), reverse=True)
-        good = np.zeros(self.tubes, bool)
-        if len(scores) > 1 and scores[0][0] - scores[1][0] < 1e-3:  # nobody can say which tubes are good
-            return good, dict.fromkeys(tubes.tolist(), Kind.NOISY_TUBE)
-        good[list(scores[0][1])] = True
-        more = counts > counts[good].sum() / weights[good].sum() * weights
-        kinds = {tube: Kind.NOISY_TUBE if more[tube] else Kind.DEAD_TUBE for tube in tubes.tolist()}
-        return good, {tube: kind for tube, kind in kinds.items() if not good[tube]}
-
-    def _agreeing(self, counts: Array, weights: Array, tubes: Tubes, anchor: int, level: float) -> tuple[int, ...]:
-        """Tubes that agree with the anchor and, together, with each other."""
-        pair = level / len(tubes)
-        group = [
-            tube
-            for tube in tubes.tolist()
-            if tube == anchor or self._smallest(counts, weights, np.array([anchor, tube]), pair) > pair
-        ]
-        while len(group) > 2:
-            p_values = self._p_values(counts, weights, np.array(group), level)
-            if len(group) * p_values.min() > level:
-                break
-            p_values[group.index(anchor)] = 1.0
-            del group[int(np.argmin(p_values))]
-        return tuple(group)
-
-    def _score(self, counts: Array, weights: Array, tubes: Tubes, group: Sequence[int]) -> float:
-        """Credibility of a group of tubes as the good one: many tubes, and a rate as before."""
-        chosen = list(group)
-        size = float(weights[chosen].sum() / weights[tubes].sum())
-        if not self._rates:
-            return size
-        ratio = max(counts[chosen].sum(), 0.5) / weights[chosen].sum() / max(self.rate_cps, 1e-9)
-        return size - min(abs(math.log(ratio)) / MAX_CHANGE, 1.0)
-
-    def _smallest(self, counts: Array, weights: Array, tubes: Tubes, level: float) -> float:
-        """Holm's adjusted p-value of the most extreme tube."""
-        return float(len(tubes) * self._p_values(counts, weights, tubes, level).min())
+        tubes, found = np.flatnonzero(use), dict[int, Kind]()
+        while len(tubes) > 1 and len(tubes) * self._p_values(counts, weights, tubes, level).min() <= level:
+            usual = float(np.median(counts[tubes] / weights[tubes])) if len(tubes) > 2 else self.rate_cps
+            if math.isnan(usual):
+                return dict.fromkeys(np.flatnonzero(use).tolist(), Kind.NOISY_TUBE)
+            mean = usual * weights[tubes]
+            away = (counts[tubes] - mean) / np.sqrt(np.maximum(mean, 1.0))
+            worst = int(np.abs(away).argmax())
+            found[int(tubes[worst])] = Kind.NOISY_TUBE if away[worst] > 0 else Kind.DEAD_TUBE
+            tubes = np.delete(tubes, worst)
+        return found
 
     def _p_values(self, counts: Array, weights: Array, tubes: Tubes, level: float) -> Array:
         """Two-sided binomial p-values of some tubes given their total."""
@@ -350,7 +293,7 @@ class TubeChecks:
                 tube, too_many = next(each for each in np.flatnonzero(good).tolist() if each != tube), not too_many
             kind = Kind.NOISY_TUBE if too_many else Kind.DEAD_TUBE
             self._masked[tube] = kind
-            self._open(tube, kind, begin_s)
+            self.spans.append(BadSpan(tube, kind, begin_s))
             self._restart(tube)
             good[tube] = False
         return good
@@ -389,22 +332,3 @@ class TubeChecks:
         rates = [np.maximum(sum(c for c, _ in part), 0.5) / sum(w for _, w in part) for part in (before, after)]
         changes = np.abs(np.log(rates[1] / rates[0]))
         return bool(changes[tube] >= changes[good].max())
-
-
-@dataclass
-class _Run:
-    """Repetitions of one number by a tube; ``surprise`` is minus the logarithm of their highest probability."""
-
-    value: float = math.nan
-    begin_s: float = math.nan
-    surprise: float = 0.0
-    step: int = 0
-
-    def add(self, value: float, stamp_s: float) -> None:
-        if value == self.value:
-            likeliest = value * math.log(value) - value - math.lgamma(value + 1) if value > 0 else 0.0
-            self.surprise += max(-likeliest - math.log(max(self.step, 1)), 0.0)
-            return
-        if not math.isnan(self.value):  # counts of some loggers are multiples of a number
-            self.step = math.gcd(self.step, round(abs(value - self.value)))
-        self.value, self.begin_s, self.surprise = value, stamp_s, 0.0

@@ -44,10 +44,9 @@ MAX_ALTITUDE_AGE_S = 300.0  # maximum time between a record and a position that 
 
 @dataclass(frozen=True)
 class _Waiting:
-    """A corrected record that waits for its position since a monotonic time; ``recorded`` has bad tubes, too."""
+    """A corrected record that waits for its position since a monotonic time."""
 
     record: CountRecord
-    recorded: CountRecord
     raw: LoggerRecord
     interval_s: float
     since_s: float
@@ -147,7 +146,7 @@ class Survey:
         :param now_s: monotonic time [s]
         :param unused_tubes: indices of the tubes that the format leaves out
         """
-        original, checked = record, self.checks.check(record, unused_tubes)
+        checked = self.checks.check(record, unused_tubes)
         record = checked.record
         if self._grows:
             self._weather.add(record)
@@ -166,11 +165,7 @@ class Survey:
                 return
             corrected = uncorrected_record(record, shares, weather.value)
         self._list(findings, record, path)
-        recorded = corrected
-        if record.tube_counts != original.tube_counts:
-            with suppress(LostRecordError):
-                recorded = self._correct(replace(record, tube_counts=original.tube_counts), shares)
-        self._waiting.append(_Waiting(corrected, recorded, record, interval_s, now_s, path))
+        self._waiting.append(_Waiting(corrected, record, interval_s, now_s, path))
 
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
@@ -227,8 +222,7 @@ class Survey:
                 return None
             record = waiting.record
         if not findings:
-            recorded = replace(waiting.recorded, x_m=record.x_m, y_m=record.y_m)
-            findings = self.checks.totals.check(record, recorded)
+            findings = self.checks.totals.check(record)
         self._list(findings, raw, path)
         return replace(record, quarantine=record.quarantine or findings[0].kind.value) if findings else record
 

@@ -66,16 +66,28 @@ def test_the_index_of_dispersion_is_1_for_counts_whose_mean_changes_slowly():
     assert not dispersion.is_high
 
 
-def test_a_log_that_scatters_more_than_counting_statistics_is_reported():
-    rng = np.random.default_rng(6)
+def scattered(counts):
     checks = TotalChecks()
-    counts = rng.negative_binomial(50, 50 / (50 + 200.0), 400)  # variance 5 times the mean
     for record in log(counts, 3600.0):
         checks.check(record)
-    [finding] = checks.findings
-    assert checks.dispersion.index == pytest.approx(5.0, rel=0.3)
+    return checks
+
+
+def test_a_log_that_scatters_more_or_less_than_counting_statistics_is_reported():
+    rng = np.random.default_rng(6)
+    noisy = scattered(rng.negative_binomial(50, 50 / (50 + 200.0), 400))  # variance 5 times the mean
+    [finding] = noisy.findings
+    assert noisy.dispersion.index == pytest.approx(5.0, rel=0.3)
+    assert (finding.kind, finding.bad) == (Kind.OVERDISPERSED, False)
     assert "the index of dispersion is" in finding.message
-    assert not finding.bad
+    counts = rng.poisson(400.0, 400)
+    assert scattered(counts).findings == []
+    smoothed, stuck = np.convolve(counts, np.full(5, 0.2), "valid"), np.full(60, 41.0)
+    for numbers in (smoothed, stuck):
+        [finding] = scattered(numbers).findings
+        assert (finding.kind, finding.bad) == (Kind.NOT_COUNTS, False)
+    hourly = rng.poisson(2000.0, 300)
+    assert scattered(np.round(hourly / 100) * 100).findings == []  # rounded by the logger
 
 
 # Checks ----------------------------------------------------------------------------------------------------------

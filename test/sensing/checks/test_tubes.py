@@ -61,26 +61,6 @@ def test_a_tube_that_leaves_its_share_is_masked_and_returns_when_it_is_well(tube
     assert {tube for bad in found for tube in bad} == {1}
 
 
-def test_a_stuck_tube_is_found_by_its_number_alone_even_without_another_tube():
-    counts = draw(60, tubes=1)
-    counts[30:50] = 41.0
-    found = check(counts)
-    assert not any(found[:33])
-    assert found[36:50] == [{0: Kind.STUCK_TUBE}] * 14
-    assert not any(found[50:])
-
-
-def test_counts_that_a_logger_rounds_are_not_stuck():
-    hourly = np.random.default_rng(5).poisson(2000.0, (300, 1))
-    assert not any(check(np.round(hourly / 100.0) * 100.0, period_s=3600.0))
-
-
-def test_two_bad_tubes_of_three_leave_the_one_that_counts_as_before():
-    counts = draw(100, tubes=3, period_s=3600.0, rate_cps=0.6, seed=2)
-    counts[60] = counts[60] * (4, 1, 4)
-    assert [bad for bad in check(counts, period_s=3600.0) if bad] == [{0: Kind.NOISY_TUBE, 2: Kind.NOISY_TUBE}]
-
-
 def test_without_a_record_before_nobody_can_say_which_of_two_tubes_is_bad():
     assert check(np.array([[40.0, 40000.0]]))[0] == {0: Kind.NOISY_TUBE, 1: Kind.NOISY_TUBE}
 
@@ -163,18 +143,3 @@ def test_a_tube_alone_says_nothing_about_its_share() -> None:
     checks = TubeChecks(2)
     check(counts, checks=checks)
     assert checks.shares == pytest.approx(counts[50:].sum(axis=0) / counts[50:].sum(), abs=0.002)
-
-
-def test_what_two_checks_find_is_taken_back_once() -> None:
-    counts = np.random.default_rng(2).poisson(40.0, (200, 3)).astype(float)
-    counts[10:, 1] = 20.0
-    checks = TubeChecks(3)
-    check(counts, checks=checks)
-    assert [(span.kind, span.begin_s) for span in checks.spans] == [
-        (Kind.DEAD_TUBE, T0 + 100),
-        (Kind.STUCK_TUBE, T0 + 100),
-    ]
-    good = np.where((np.arange(200) < 10)[:, None] | (np.arange(3) != 1), counts, NAN)
-    clean = TubeChecks(3)
-    check(good, checks=clean)
-    np.testing.assert_allclose(checks.shares, clean.shares, atol=0.01)
