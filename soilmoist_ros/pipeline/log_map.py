@@ -163,7 +163,7 @@ def map_logs(
             **({"log: longitudes": f"{site.longitude} of Greenwich: written without a sign"} if unsigned else {}),
             **({"kriging": soil_map.pooling} if soil_map.pooling else {}),
         },
-        title=settings.title or ("Soil moisture over time" if site.curve and len(soil_map.samples) == 1 else None),
+        title=settings.title or ("Moisture at one place" if site.curve and len(soil_map.samples) == 1 else None),
         inputs=_inputs(read, settings), logger_format=logs[0].logger.title,
         losses=[*loss_rows([*survey.problems, *read.track_problems]), *loss_rows_of(field_map.snapshot())],
         simulated=simulated, earlier=earlier, covariates=field_map.knowledge.covariates,

@@ -28,7 +28,7 @@ from soilmoist_ros.foundation import duration
 from soilmoist_ros.mapping import PoissonKriging, SoilMap, common_rate_sd, level_of, possible_moisture
 from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import absolute, calibration_of, once_a_run
-from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
+from soilmoist_ros.reporting.one_place import at_one_place, moisture_of_all
 from soilmoist_ros.sensing import UNKNOWN_SENSOR, MoistureCurve, UncertaintyPart, soil_limits
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from soilmoist_ros.recording import SUMMARY, sync_file, sync_folder
 PROJECT_NAME = "soilmoist.qgs"
 NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv", PROJECT_NAME)
 MISSION_NAMES = ("series.csv", "visits.csv")
-SERIES_NAME, CERTIFICATE_NAME = "moisture.csv", "certificate.json"
+CERTIFICATE_NAME = "certificate.json"
 _NEEDS = {
     ".tif": ("pyproj", "rasterio"), ".qgs": ("pyproj", "rasterio", "jinja2"), ".html": ("jinja2", "matplotlib"),
 }  # fmt: skip
@@ -30,7 +30,15 @@ _LOG = logging.getLogger(__name__)
 _WORKSHOP = ".writing-"
 _LEFT_S = 3600.0
 """Age from which nobody writes such a folder any more [s]."""
-_FURTHER = ("map_*.tif", "change.tif", "change_*.tif", "samples_*.geojson", "records_*.csv", "survey_*.tif")
+_FURTHER = (
+    "map_*.tif",
+    "change.tif",
+    "change_*.tif",
+    "samples_*.geojson",
+    "records_*.csv",
+    "survey_*.tif",
+    "moisture.csv",
+)  # the last one is of earlier releases
 
 
 def _results_in(folder: Path) -> str:
@@ -130,7 +138,7 @@ def remove_earlier(folder: Path, earlier: Iterable[str], kept: Iterable[str]) ->
 
 def _held(folder: Path) -> list[str]:
     """Names of results in a folder, whoever wrote them."""
-    patterns = (*NAMES, *MISSION_NAMES, SERIES_NAME, CERTIFICATE_NAME, *_FURTHER)
+    patterns = (*NAMES, *MISSION_NAMES, CERTIFICATE_NAME, *_FURTHER)
     return [path.name for pattern in patterns for path in sorted(folder.glob(pattern))]
 
 

@@ -32,14 +32,12 @@ from soilmoist_ros.reporting.certified import certificate_content
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import ExportedProperty
 from soilmoist_ros.reporting.geotiff import CHANGES, write_cell_raster, write_geotiff
-from soilmoist_ros.reporting.moisture_steps import at_one_place, write_moisture
 from soilmoist_ros.reporting.opened_run import OpenedRun
 from soilmoist_ros.reporting.output_folder import (
     CERTIFICATE_NAME,
     MISSION_NAMES,
     NAMES,
     PROJECT_NAME,
-    SERIES_NAME,
     replaced_together,
     writable,
 )
@@ -65,7 +63,7 @@ UNUSED_COUNTS = 0.01
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
     """Write summary, ``map.tif``, ``samples.geojson``, ``report.html``, ``records.csv`` and ``soilmoist.qgs``.
 
-    Records that all lie at one place add ``moisture.csv``, a mission ``series.csv`` and ``visits.csv``. Each
+    A mission adds ``series.csv`` and ``visits.csv``. Each
     property after the first adds ``map_NAME.tif``, ``samples_NAME.geojson`` and ``records_NAME.csv``. Earlier
     surveys add ``change.tif``. Without the extra ``reports``, a warning names the GeoTIFFs, the report and the
     project, which are left out. See :func:`replaced_together`.
@@ -74,7 +72,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     :raises InputError: if the folder cannot be written, or the field has no place in ``crs``
     """
     names = writable((
-        *NAMES, *(MISSION_NAMES if run.mission else ()), *((SERIES_NAME,) if at_one_place(run) else ()),
+        *NAMES, *(MISSION_NAMES if run.mission else ()),
         *((CERTIFICATE_NAME,) if run.mission and run.mission.certificate else ()),
         *(name for other in run.others for name in property_names(other.name)),
         *(_change_name(run, one) for one in run.properties if one.change is not None),
@@ -104,8 +102,6 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
             write_run_project(workshop / PROJECT_NAME, run.field_name or run.title, maps)
         if "report.html" in names:
             (workshop / "report.html").write_text(render_report(run), encoding="utf-8")
-        if at_one_place(run):
-            write_moisture(workshop / SERIES_NAME, run)
         if run.mission is not None:
             write_series(workshop / "series.csv", run.mission)
             write_visits(workshop / "visits.csv", run.mission)

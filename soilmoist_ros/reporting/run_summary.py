@@ -21,7 +21,7 @@ from soilmoist_ros.reporting.budget import make_budget
 from soilmoist_ros.reporting.certified import certificate_of
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
-from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all
+from soilmoist_ros.reporting.one_place import at_one_place, moisture_of_all
 from soilmoist_ros.reporting.page import statistics
 from soilmoist_ros.reporting.page.decision import DecisionMap, decision
 from soilmoist_ros.reporting.page.field_dose import has_level, root_zone

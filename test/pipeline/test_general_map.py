@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``soilmoist map`` of a log whose site has no N0."""
 
-import csv
 import json
 import math
 from dataclasses import replace
@@ -118,8 +117,6 @@ def test_the_command_says_where_the_moisture_is_from(tmp_path):
     assert "unknown_sensor" in about["warning_codes"]
     assert "--sensor MODEL" in about["budget"]["remedy"]
     assert "nearly unknown" in (tmp_path / "rate" / "report.html").read_text()
-    rows = list(csv.DictReader((tmp_path / "rate" / "moisture.csv").read_text().splitlines()))
-    assert {row["calibrated"] for row in rows} == {"unknown sensor"}
     off = CliRunner().invoke(main, ["export", str(tmp_path / "rate"), "--to", "isoxml", "--overwrite"])
     assert off.exit_code != 0
     assert "name the sensor with --sensor MODEL" in off.output
@@ -141,12 +138,10 @@ def test_the_command_says_where_the_moisture_is_from(tmp_path):
     assert "general_calibration" in about["warning_codes"]
     report = (tmp_path / "moist" / "report.html").read_text()
     assert "Default ranges, not measured: intensity, biomass, bulk density" in report
-    rows = list(csv.DictReader((tmp_path / "moist" / "moisture.csv").read_text().splitlines()))
-    assert {row["calibrated"] for row in rows} == {"general"}
-    of_cores = [row for row in rows if row["begin_utc"].startswith("2021-10-22")]
-    assert len(of_cores) == 2
-    for row in of_cores:  # 56 soil cores of this day
-        assert float(row["vwc_p05"]) < 0.292 < float(row["vwc_p95"])
+    of_day = ["--from", "2021-10-22T06:00", "--to", "2021-10-23T06:00", "--out", str(tmp_path / "day")]
+    assert CliRunner().invoke(main, [*command, *of_day, "--sensor", "lifoil2"]).exit_code == 0
+    mean = json.loads((tmp_path / "day" / "summary.json").read_text())["map"]["mean_vwc"]
+    assert mean["p05"] < 0.292 < mean["p95"], "56 soil cores of this day"
 
 
 DATA = Path(__file__).parents[1] / "data"
@@ -169,9 +164,8 @@ def test_a_day_of_a_public_station_holds_its_cores(record, sensor, place, soil, 
     command = ["map", str(DATA / record), "--site", str(tmp_path / "site.yaml"), "--sensor", sensor]
     found = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "out")])
     assert found.exit_code == 0, found.output
-    rows = list(csv.DictReader((tmp_path / "out" / "moisture.csv").read_text().splitlines()))
-    for row in rows:
-        assert float(row["vwc_p05"]) < of_cores < float(row["vwc_p95"])
+    mean = json.loads((tmp_path / "out" / "summary.json").read_text())["map"]["mean_vwc"]
+    assert mean["p05"] < of_cores < mean["p95"]
 
 
 @pytest.mark.parametrize("sensor", ["CRS-3000", "0", "-1", "nan", "101"])

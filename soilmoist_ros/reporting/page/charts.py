@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S
-from soilmoist_ros.reporting.moisture_steps import MoistureSeries, interrupted
 from soilmoist_ros.reporting.page.frame import duration, number, percent, round_step
 from soilmoist_ros.reporting.page.statistics import LeaveOneOut
 from soilmoist_ros.sensing import CountRecord
@@ -231,7 +230,7 @@ def limits_of(*values: ArrayLike, margin: float = 0.06, zero: bool = False) -> L
     return (low if zero and low == 0 else low - gap), high + gap
 
 
-# Charts of a survey: rate, moisture and factors over time, cross-validation -------------------------------------
+# Charts of a survey: rate and factors over time, cross-validation -----------------------------------------------
 
 
 def rate_chart(track: Sequence[CountRecord]) -> Chart:
@@ -249,26 +248,13 @@ def rate_chart(track: Sequence[CountRecord]) -> Chart:
     )  # fmt: skip
 
 
-def moisture_chart(series: MoistureSeries) -> Chart:
-    """Soil moisture of one place over time; the band is the 90 % interval."""
-    bands = (100 * values for values in (series.bands.vwc_p05, series.bands.vwc, series.bands.vwc_p95))
-    middle_s, low, vwc, high = interrupted(series.begin_s + series.step_s / 2, 1.5 * series.step_s, *bands)
-    x, ticks, label = time_axis(middle_s)
-    name = f"mean of {duration(series.step_s)}"
-    return Chart(
-        "moisture-series", "Soil moisture over time", "Soil moisture over time with its 90 % interval",
-        [Area(middle_s, low, high, "line", "90 % interval"), Line(middle_s, vwc, "line", name)],
-        x, limits_of(low, high), label, "Soil moisture [% by volume]",
-        "Records added up in steps of time. The band holds the true moisture nine times in ten; the uncertainty "
-        "of the calibration, where it is known, shifts all values together.", x_ticks=ticks,
-    )  # fmt: skip
-
-
 def _without_gaps(time_s: Array, *values: Array) -> tuple[Array, ...]:
-    """Times and values, interrupted where a step is much longer than usual."""
+    """Times and values, with NaN in each gap: no line is drawn where nothing was counted."""
     steps_s = np.diff(time_s)
-    steps_s = steps_s[steps_s > 0]  # records of several robots have equal stamps
-    return interrupted(time_s, MAX_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0, *values)
+    usual_s = steps_s[steps_s > 0]  # records of several robots have equal stamps
+    gaps = np.flatnonzero(steps_s > (MAX_STEPS * np.median(usual_s) if len(usual_s) else 0.0)) + 1
+    middle = (time_s[gaps - 1] + time_s[gaps]) / 2
+    return np.insert(time_s, gaps, middle), *(np.insert(each, gaps, np.nan) for each in values)
 
 
 def factor_chart(track: Sequence[CountRecord]) -> Chart:

@@ -28,7 +28,7 @@ from soilmoist_ros.reporting.dose import (
     zones_of_dose,
 )
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
-from soilmoist_ros.reporting.moisture_steps import at_one_place
+from soilmoist_ros.reporting.one_place import at_one_place
 from soilmoist_ros.reporting.page.frame import percent
 from soilmoist_ros.reporting.page.statistics import is_usable
 from soilmoist_ros.sensing import UNKNOWN_SENSOR, Irrigation, MoistureCurve

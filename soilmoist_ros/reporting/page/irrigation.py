@@ -27,7 +27,7 @@ from soilmoist_ros.reporting.certainty import (
 )
 from soilmoist_ros.reporting.dose import missing_mm, zones_by_dose, zones_mean
 from soilmoist_ros.reporting.geometry import compass_part, field_polygon
-from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
+from soilmoist_ros.reporting.one_place import at_one_place, moisture_of_all
 from soilmoist_ros.reporting.page.field_dose import (
     FEW_PLACES,
     MEASURED_BELOW,
@@ -250,17 +250,10 @@ def _range_text(run: MapRun, index: int, edges: Array) -> str:
 
 
 def _water(run: MapRun) -> str:
-    """Water in the root zone with its 90 % interval; in the last step of a series at one place."""
-    if not has_level(run):
+    """Water in the root zone of the field with its 90 % interval."""
+    if not has_level(run) or at_one_place(run):
         return ""
     depth = run.irrigation.root_depth_mm
-    if at_one_place(run):
-        bands = moisture_series(run.track, run.soil_map.curve).bands
-        low, middle, high = (float(band[-1]) * depth for band in (bands.vwc_p05, bands.vwc, bands.vwc_p95))
-        return (
-            f"At the end the upper {depth:g} mm of the soil held {middle:.0f} mm of water (90 % interval "
-            f"{low:.0f} to {high:.0f} mm), if the soil below the reach of the sensor was as moist as above."
-        )
     mean, zone = mean_moisture(run.soil_map), root_zone(run)
     if mean is None or not math.isfinite(mean.value):
         return ""
@@ -332,8 +325,6 @@ def _steps(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> Iterator[st
         )
         yield f"Next: {todo}. Until then the map says where it is drier and wetter, not if water is needed."
     elif at_one_place(run):
-        if found.edges:
-            yield _on_place(run, found, limits)
         yield "Next: for a map of the surroundings, drive the sensor over the field or move it between places."
     elif samples < FEW_PLACES:
         yield f"Next: measure at more places; {samples} are too few to know how sure the map is."
@@ -350,20 +341,6 @@ def _steps(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> Iterator[st
         )
     else:
         yield "Next: compare the zones with what you see in the field, and measure again after rain or irrigation."
-
-
-def _on_place(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> str:
-    """Advice for a probe that stays at one place, by the last step of its series."""
-    bands, curve = moisture_series(run.track, run.soil_map.curve).bands, run.soil_map.curve
-    rate, sd = bands.rate[-1:], bands.rate_sd[-1:]
-    of_limits = limits.edges, curve, False, limits.sds, limits.shift
-    dry = float(class_probability(rate, sd, 0, *of_limits)[0])
-    is_dry = float(bands.vwc[-1]) + limits.shift < limits.edges[0]
-    seen = f"at the end it was {'' if is_dry else 'not '}{found.zones[0].name} here"
-    if max(dry, 1 - dry) < CERTAIN:
-        todo = _remedy(run, limits, rate, sd) or "count longer first"
-        return f"{seen.capitalize()}, but that is not certain: {todo}."
-    return f"{'Irrigate' if is_dry else 'No irrigation needed now'}: {seen}."
 
 
 def _on_dry(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> Iterator[str]:

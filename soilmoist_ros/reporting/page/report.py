@@ -17,7 +17,7 @@ from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, RunChange, tra
 from soilmoist_ros.reporting.budget import make_budget
 from soilmoist_ros.reporting.certainty import has_no_level
 from soilmoist_ros.reporting.certified import certificate_text
-from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
+from soilmoist_ros.reporting.one_place import at_one_place
 from soilmoist_ros.reporting.page import wording
 from soilmoist_ros.reporting.page.charts import (
     Chart,
@@ -27,7 +27,6 @@ from soilmoist_ros.reporting.page.charts import (
     factor_chart,
     forecast_chart,
     limits_of,
-    moisture_chart,
     rate_chart,
 )
 from soilmoist_ros.reporting.page.decision import decision
@@ -63,7 +62,6 @@ def render_report(run: MapRun) -> str:
         when=wording.survey_time(run), where=wording.place(run), simulated=run.simulated, run=run, curve=curve,
         facts=wording.facts(run), headline=wording.headline(run), notes=notes(run), irrigation=found,
         guessed=has_no_level(run), decision=decision(run),
-        series=moisture_chart(moisture_series(run.track, curve)) if still and curve is not None else None,
         covariates=covariate_rows(run), map_data=None if still else viewer_data(run, found),
         pictures=() if still else list(pictures(run)),
         budgets=[part for one in run.properties if (part := budget_part(one)) is not None],

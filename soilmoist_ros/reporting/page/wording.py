@@ -29,7 +29,7 @@ from soilmoist_ros.pipeline import (
 from soilmoist_ros.reporting.budget import level_remedy, make_budget, place_remedy
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.geometry import distances_m, field_polygon
-from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
+from soilmoist_ros.reporting.one_place import at_one_place, moisture_of_all
 from soilmoist_ros.reporting.page import statistics
 from soilmoist_ros.reporting.page.frame import area, duration, length, percent, volume
 from soilmoist_ros.reporting.page.statistics import band_statistics, undefined_share
@@ -126,15 +126,11 @@ def _mean(run: MapRun) -> float:
 
 
 def _facts_of_place(run: MapRun) -> list[Fact]:
-    mean, series = moisture_of_all(run.track, run.soil_map.curve), moisture_series(run.track, run.soil_map.curve)
+    mean = moisture_of_all(run.track, run.soil_map.curve)
     counting = _effort_facts(run)[1:2]
     if not run.calibrated:
         return [Fact(f"{mean.rate:.3f} ± {mean.rate_sd:.3f}", "counts/s", "mean corrected count rate"), *counting]
-    low, high = volume(series.bands.vwc.min()), volume(series.bands.vwc.max())
-    return [
-        _fact_of_moisture(_of_place(run, mean)),
-        Fact(f"{low} to {high}", "% vol.", f"lowest to highest of {duration(series.step_s)}"), *counting,
-    ]  # fmt: skip
+    return [_fact_of_moisture(_of_place(run, mean)), *counting]
 
 
 def _rate(rate_cps: float | None) -> str:
@@ -399,8 +395,8 @@ def _on_model(run: MapRun) -> Iterator[Note]:
     if at_one_place(run):
         yield Note(
             NoteCode.ONE_PLACE,
-            "All records lie at one place: its value is not a map of the surroundings. The series over time is "
-            "what was measured.",
+            "All records lie at one place: the value is their mean over the whole time, which --from and --to "
+            "choose, and no map of the surroundings.",
         )
         return
     if run.blurred:

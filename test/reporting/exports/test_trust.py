@@ -16,7 +16,7 @@ import rasterio
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.pipeline.run import CalibrationInfo
 from soilmoist_ros.reporting import EXPORTS, ExportSettings, export_run, open_run, write_outputs
-from soilmoist_ros.reporting.moisture_steps import moisture_of_all
+from soilmoist_ros.reporting.one_place import moisture_of_all
 from soilmoist_ros.reporting.page.field_dose import field_dose
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.sensing import Irrigation

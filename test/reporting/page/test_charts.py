@@ -9,20 +9,18 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, make_soil_map
-from soilmoist_ros.reporting.moisture_steps import moisture_series
 from soilmoist_ros.reporting.page.charts import (
     Area,
     Chart,
     Line,
     binned,
     factor_chart,
-    moisture_chart,
     rate_chart,
     round_ticks,
     time_axis,
 )
 from soilmoist_ros.reporting.page.variogram_chart import _sample_covariance, sample_variogram, variogram_chart
-from soilmoist_ros.sensing import CalibrationCurve, CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 
 def chart(*marks, **changes):
@@ -80,8 +78,7 @@ def test_counts_are_kept_when_records_are_added_up():
 def test_no_line_is_drawn_where_nothing_was_counted():
     days = [*range(9), *range(107, 116)]
     track = [CountRecord(1.6e9 + 86_400 * day, 0.0, 0.0, 0.0, 10_000 + day, 86_400.0, 86_000.0) for day in days]
-    series = moisture_series(track, CalibrationCurve(0.2, 1.4))
-    for chart in (moisture_chart(series), rate_chart(track), factor_chart(track)):
+    for chart in (rate_chart(track), factor_chart(track)):
         assert {path.d.count("M") for path in chart.paths} == {2}
 
 

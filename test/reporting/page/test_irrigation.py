@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.pipeline.run import CalibrationInfo
 from soilmoist_ros.reporting import mean_moisture
-from soilmoist_ros.reporting.moisture_steps import moisture_series
 from soilmoist_ros.reporting.page.irrigation import BY_PLANT, RELATIVE, irrigation
 from soilmoist_ros.sensing import CountRecord, Irrigation
 
@@ -92,24 +91,11 @@ def test_water_of_the_root_zone_has_an_interval(make_run, the_map):
     assert "upper 300 mm" in text
 
 
-def test_a_probe_at_one_place_has_its_water_at_the_end(make_run, map_of):
+def test_a_probe_at_one_place_says_nothing_of_the_field(make_run, map_of):
     track = [CountRecord(1.7e9 + 900 * i, 0.0, 0.0, 0.0, 4300 - 20 * i, 900.0, 900.0) for i in range(40)]
     found = irrigation(make_run(soil_map=map_of(n=1), track=track))
-    assert found.water.startswith("At the end the upper 300 mm of the soil held ")
-    assert "drive the sensor over the field" in found.advice
-    for dry_below, first in ((0.6, "Irrigate: at the end it was dry here."), (0.01, "No irrigation needed now:")):
-        limits = Irrigation(dry_below=dry_below, moist_above=0.9)
-        steps = irrigation(make_run(soil_map=map_of(n=1), track=track, irrigation=limits)).steps
-        assert steps[0].startswith(first)
-    end = float(moisture_series(track, map_of(n=1).curve).bands.vwc[-1])
-    limits = Irrigation(dry_below=end + 1e-4, moist_above=0.9)
-    unsure = irrigation(make_run(soil_map=map_of(n=1), track=track, irrigation=limits)).steps[0]
-    said = "At the end it was dry here, but that is not certain: "
-    level = "first get more soil cores, on another day, since this, not the counts, leaves it open."
-    assert unsure == said + level
-    soil = dataclasses.replace(map_of(n=1), curve=dataclasses.replace(map_of(n=1).curve, n0_sd_cps=1e-3))
-    unsure = irrigation(make_run(soil_map=soil, track=track, irrigation=limits)).steps[0]
-    assert unsure == said + "count longer first."
+    assert found.water == ""
+    assert found.steps[0].startswith("Next: for a map of the surroundings, drive the sensor over the field")
 
 
 LIMITS = Irrigation(dry_below=0.21, moist_above=0.30, wilting_point=0.12, field_capacity=0.30, width_m=90)
