@@ -165,11 +165,6 @@ def prepare_output(out: Path, overwrite: bool) -> None:
 
 # Positions ------------------------------------------------------------------------------------------------------
 
-gnss_shift_option = click.option(
-    "--gnss-shift", "gnss_shift_s", type=Parsed("duration", _duration_s), default=0.0, show_default=False,
-    help="Time added to that of the positions, such as 1024w, 2h or -18s. Default: none.",
-)  # fmt: skip
-
 
 def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add ``--gnss-shift``, ``--logger-topic`` and ``--fix-topic``."""
@@ -178,7 +173,10 @@ def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ("--logger-topic", "In bags: topic with the logger's lines. Default: raw/logger, or the only text."),
     ):
         command = click.option(name, default="", metavar="TOPIC", help=text)(command)
-    return gnss_shift_option(command)
+    return click.option(
+        "--gnss-shift", "gnss_shift_s", type=Parsed("duration", _duration_s), default=0.0, show_default=False,
+        help="Time added to that of the positions, such as 1024w, 2h or -18s. Default: none.",
+    )(command)  # fmt: skip
 
 
 # Earlier surveys and covariates ---------------------------------------------------------------------------------

@@ -38,18 +38,6 @@ if TYPE_CHECKING:
               help="Surrogate field to compare with: a built-in one, or a field file with a truth. "
               "PROPERTY defaults to the first one. Repeatable.")  # fmt: skip
 @options.map_options("as in the run")
-@click.option("--source", type=click.Choice(["counts", "raw"]), default="counts", show_default=True,
-              help="counts: records as the driver corrected them; raw: raw lines, corrected again.")  # fmt: skip
-@click.option(
-    "--logger",
-    type=options.named("logger"),
-    help="Logger format of the raw lines. Default: detected from the header.",
-)
-@click.option("--logger-topic", default="", metavar="TOPIC",
-              help="Topic with the logger's lines; implies --source raw. Default: raw/logger.")  # fmt: skip
-@click.option("--fix-topic", default="", metavar="TOPIC",
-              help="Topic with positions for raw lines, fixes or NMEA. Default: raw/gnss, or fix.")  # fmt: skip
-@options.gnss_shift_option
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @options.earlier_option(" Default: as in the run; none for a map without.")
 @options.covariate_option(" Default: as in the run; none for those of the field only.")

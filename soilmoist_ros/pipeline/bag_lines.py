@@ -57,27 +57,6 @@ class RunTopics:
         return cls(reader, counts, not set(clouds) - {counts})
 
     @classmethod
-    def of_raw_lines(cls, reader: BagReader, counts: str) -> Self:
-        """The topics of the robot whose raw lines are in the bag; the namespace of ``counts`` selects it.
-
-        :raises InputError: if there are no raw lines, or raw lines of several robots without a selection
-        """
-        named = counts if counts.startswith("/") else f"/{counts}"
-        ending = "/raw/logger"
-        spaces = [name.removesuffix(ending) for name in _of_kinds(reader.topics, (TEXT,), ending)]
-        meant = [space for space in spaces if space == named.rpartition("/")[0]] if counts[:1] == "/" else spaces
-        if len(meant) == 1:
-            return cls(reader, f"{meant[0]}/{named.rpartition('/')[2]}", len(spaces) == 1)
-        if meant:
-            names = ", ".join(f"{space}/{named[1:]}" for space in sorted(meant))
-            raise InputError("has the raw lines of several robots", f"name one of: {names}", reader.path)
-        raise InputError(
-            f"has no raw lines of a logger (topic raw/logger of type {TEXT})",
-            "map its counts instead, or record raw/logger and raw/gnss",
-            reader.path,
-        )
-
-    @classmethod
     def of_team(cls, reader: BagReader, counts: str, namespaces: Sequence[str]) -> list[Self]:
         """The topics of each robot of a team with a mapper in the outermost namespace; empty for another bag."""
         names = [f"/{namespace.strip('/')}/{counts}" for namespace in namespaces]

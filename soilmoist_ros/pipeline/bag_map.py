@@ -10,26 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 from soilmoist_ros import sensing
 from soilmoist_ros.foundation import IllConditionedError, InputError, Mistake, SoilmoistError, duration
 from soilmoist_ros.mapping import MappingSettings
-from soilmoist_ros.pipeline.bag_lines import (
-    CLOUD,
-    FIX,
-    TEXT,
-    RunTopics,
-    fix_topic,
-    logger_topic,
-    read_fixes,
-    text_lines,
-    unread_positions,
-)
+from soilmoist_ros.pipeline.bag_lines import CLOUD, TEXT, RunTopics, text_lines
 from soilmoist_ros.pipeline.field_survey import FieldSurvey, input_file, loss_rows_of, open_survey, require_crs
-from soilmoist_ros.pipeline.file_facts import position_notes
-from soilmoist_ros.pipeline.log_map import loss_rows
-from soilmoist_ros.pipeline.logs import LogSettings, log_times, shifted_track, with_position_doubts
 from soilmoist_ros.pipeline.mission import (
     RobotMission,
     last_mission,
@@ -50,7 +37,7 @@ from soilmoist_ros.pipeline.properties import (
     team_properties,
     why_nothing,
 )
-from soilmoist_ros.pipeline.run import FailedRun, LossRow, MapRun, NoMapError, Note, NoteCode, Trouble
+from soilmoist_ros.pipeline.run import FailedRun, MapRun, NoMapError, Note, NoteCode, Trouble
 from soilmoist_ros.recording import (
     BagReader,
     bag_of,
@@ -62,8 +49,6 @@ from soilmoist_ros.recording import (
 )
 from soilmoist_ros.simulation import MissionResult, surrogate_field
 
-Source = Literal["counts", "raw"]
-
 Progress = Callable[[str, float], None]
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 MAX_TROUBLES = 12
@@ -74,45 +59,44 @@ _REPLAY = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReplaySettings(LogSettings):
+class ReplaySettings(MappingSettings):
     """Choices of a replay; settings of :class:`MappingSettings` that are ``None`` are taken from the mapper.
 
-    A ``site`` with other corrections needs the source ``raw``.
-
+    :param field: field file, or the name of a shipped one; ``None`` for that of the mapper
+    :param site: site file, or the name of a shipped one; the records keep the corrections of the driver
+    :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     :param properties: names of the properties to map; empty for all in the bag
     :param truths: surrogate fields to compare with, by name of the property or its index in the list of
         properties, from 0; built-in names, or field files with a truth
-    :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw``, or a
-        ``logger_topic``, corrects and places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`; ``None`` for those of the robot
     :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field; ``None`` for
         those of the robot
     """
 
+    field: Path | str | None = None
+    site: Path | str | None = None
+    crs: str | None = None
     properties: Sequence[str] = ()
     truths: Mapping[str | int, str] = dataclasses.field(default_factory=dict)
     counts_topic: str = "counts"
-    source: Source = "counts"
     earlier: Sequence[Path | str] | None = None
     covariates: Sequence[str] | None = None
-
-    @property
-    def from_lines(self) -> bool:
-        """True if the raw lines are the source."""
-        return self.source == "raw" or bool(self.logger_topic)
 
 
 def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
     """The map of the robot's own records, still without records, and remarks for the user."""
     had = read_parameters(configuration, "mapper")
     survey = _open(bag, had, chosen, chosen.site)
-    if chosen.from_lines or not chosen.site or not had.get("site"):
+    if not chosen.site or not had.get("site"):
         return survey, []
     recorded = sensing.load_site(had["site"]).corrections
     if recorded == survey.site.corrections:
         return survey, []
     corrected = survey.site.model_copy(update={"corrections": recorded})
-    message = "The counts are corrected as on the robot, not as this site file says: that needs the raw lines."
+    message = (
+        "The counts are corrected as on the robot, not as this site file says: where the bag has the lines of the "
+        "logger, soilmoist map corrects them anew."
+    )
     return replace(survey, site=corrected), [Note(NoteCode.OTHER_CORRECTIONS, message)]
 
 
@@ -134,44 +118,6 @@ def _open(
         )  # fmt: skip
     except ValueError as error:
         raise InputError(str(error), "change this setting") from None
-
-
-class RawSurvey(NamedTuple):
-    """Records of raw lines in order of time, with quarantined ones, and the problems of lines and of positions."""
-
-    records: Sequence[sensing.CountRecord]
-    problems: Sequence[sensing.Problem]
-    format_title: str
-    position_problems: Sequence[sensing.Problem] = ()
-
-
-def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: sensing.LeverArms) -> RawSurvey:
-    """Process the raw lines of a robot; raises ``InputError`` if the lines contain no usable record."""
-    reader, site, shift_s = topics.reader, survey.site, chosen.gnss_shift_s
-    name = logger_topic(reader, chosen.logger_topic or f"{topics.counts.rpartition('/')[0]}/raw/logger")
-    lines = text_lines(reader, name)
-    form = sensing.load_logger_format(
-        chosen.logger or next(iter(sensing.matching_formats(lines)), sensing.FORMAT_NAME)
-    )
-    # In messages, a topic stands in place of a file name.
-    log = sensing.parse_log(lines, form.on_clock(site.logger_clock), site.longitude, Path(name.lstrip("/")))
-    gnss = topics.find("raw/gnss", TEXT) or topics.find("fix", FIX)
-    if chosen.logger_topic or chosen.fix_topic or (gnss is None and topics.alone):
-        gnss = fix_topic(reader, chosen.fix_topic)
-    track = None
-    if gnss is None:
-        problems = unread_positions(reader)
-    else:
-        fixes, problems = read_fixes(reader, gnss, log_times([log]), shift_s)
-        track, noted = shifted_track(fixes, shift_s, Path(gnss.lstrip("/")))
-        problems += noted
-        if (why := track.heard.why_none()) is not None:
-            raise InputError(f"{gnss} {why.message}", f"{why.remedy}; or map its counts instead", reader.path)
-    try:
-        records = sensing.process_logs([log], site, survey.field.frame, track, arms)
-    except InputError as fault:
-        raise with_position_doubts(fault, problems) from None
-    return RawSurvey(records.all_records, [*records.problems, *problems], log.logger.title, problems)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,25 +144,9 @@ class _Recording:
         self._frame = str(self._mapper.get("frame", ""))  # the mapper skips counts of others
         self._places = recorded_places(configuration, survey.field)
         self.survey = survey
-        self.raw: RawSurvey | None = None
         self.robots: list[RunTopics] = []
         self.several = False
-        self.counted = self._from_lines() if chosen.from_lines else self._from_counts()
-
-    def _from_lines(self) -> list[tuple[str, sensing.CountRecord]]:
-        """Records made of the raw lines, each with its topic."""
-        chosen = self._chosen
-        if chosen.logger_topic:
-            space = logger_topic(self._reader, chosen.logger_topic).rpartition("/")[0]
-            robot = RunTopics.of_counts(self._reader, f"{space}/counts")
-        else:
-            robot = RunTopics.of_raw_lines(self._reader, chosen.counts_topic)
-        arms = sensing.LeverArms.of(read_parameters(self._configuration, "sensor_driver"))
-        self.robots, self.raw = [robot], read_raw(robot, self.survey, chosen, arms)
-        doubts = position_notes(self.raw.position_problems, None)
-        self._remarks += [Note(NoteCode.POSITIONS, f"{one}.") for one in doubts]
-        trusted = self._places.doubts(self._reader, robot.counts)
-        return [(robot.counts, trusted.placed(record)) for record in self.raw.records]
+        self.counted = self._from_counts()
 
     def _from_counts(self) -> list[tuple[str, sensing.CountRecord]]:
         """Records as the drivers sent them, each with its topic, in the order in which the mapper added them."""
@@ -294,12 +224,6 @@ class _Recording:
         lines = (line for name in loggers for line in text_lines(self._reader, name))
         return any(line.startswith(b"#simulated=yes") for line in lines)
 
-    def compared(self, one: ReplayedProperty) -> PropertyComparison:
-        """Comparison of a property with the map that its mapper published."""
-        if one.survey is self.survey and self.raw is not None:
-            return PropertyComparison(None, "not compared: made again from the raw lines")
-        return one.compared(self.several)
-
 
 def replay_bag(
     bag: Path, settings: ReplaySettings | None = None, progress: Progress = lambda step, share: None
@@ -324,14 +248,13 @@ def replay_bag(
         lost_messages = "; ".join(f"{name}: {value}" for name, value in recorder_notes(one_bag).items())
         if lost_messages:
             remarks.append(Note(NoteCode.LOST_MESSAGES, f"The recorder noted of {one_bag.name}: {lost_messages}."))
-    first, raw = properties[0], recording.raw
-    lost = loss_rows(raw.problems if raw else ())
+    first = properties[0]
     inputs = [input_file(path, "bag") for one_bag in bags_of(bag) for path in message_files(one_bag)]
 
     def failure(error: SoilmoistError | None = None) -> NoMapError:
         mission = replay_mission([first], missions, configuration, lambda step, share: None) if missions else None
         run = FailedRun("", (), datetime.now(UTC), inputs=inputs, mission=mission, simulated=simulated)
-        return _no_map(bag, first, lost, error, run)
+        return _no_map(bag, first, error, run)
 
     if not first.states:
         raise failure()
@@ -349,7 +272,6 @@ def replay_bag(
         mapped.append((one, replace(run, name=one.name, label=label, truth_rate=one.truth_rate)))
     properties = [one for one, _ in mapped]
     run, *others = (run for _, run in mapped)
-    quarantined = {row.kind for row in lost if row.consequence == "quarantined"}
     mission = None
     if missions:
         mission = replay_mission(properties, missions, configuration, progress)
@@ -361,16 +283,11 @@ def replay_bag(
         run,
         inputs=[*inputs, *run.inputs],
         notes=[*run.notes, *remarks],
-        losses=[  # the map has the quarantined records of the lines, too
-            *lost,
-            *(row for row in run.losses if row.consequence != "quarantined" or row.kind not in quarantined),
-        ],
-        logger_format=raw.format_title if raw else "",
         simulated=run.simulated or simulated or any(one.truth is not None for one in properties),
         others=others,
         mission=mission,
     )
-    return Replay(run, [recording.compared(one) for one in properties])
+    return Replay(run, [one.compared(recording.several) for one in properties])
 
 
 def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -> RunTopics:
@@ -382,9 +299,7 @@ def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -
     return RunTopics(robot.reader, one.counts[0].removeprefix(shared), alone=False)
 
 
-def _no_map(
-    bag: Path, first: ReplayedProperty, lost: Sequence[LossRow], error: SoilmoistError | None, run: FailedRun
-) -> NoMapError:
+def _no_map(bag: Path, first: ReplayedProperty, error: SoilmoistError | None, run: FailedRun) -> NoMapError:
     """The error for a run without a map, with all that its report shows."""
     survey = first.survey
     troubles = read_troubles(bag)
@@ -396,7 +311,7 @@ def _no_map(
             track=sorted(first.records, key=lambda record: record.stamp_s), site=survey.site.name,
             field_name=survey.field.name,
             inputs=[*run.inputs, *(input_file(path, role) for role, path in survey.files)],
-            losses=[*lost, *loss_rows_of(survey.map.snapshot())], troubles=troubles,
+            losses=loss_rows_of(survey.map.snapshot()), troubles=troubles,
             simulated=run.simulated or survey.simulated,
         )
     )  # fmt: skip

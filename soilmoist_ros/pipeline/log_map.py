@@ -31,7 +31,6 @@ from soilmoist_ros.pipeline.field_survey import (
 )
 from soilmoist_ros.pipeline.file_facts import far_from_site, position_notes
 from soilmoist_ros.pipeline.logs import (
-    LogSettings,
     Progress,
     log_positions,
     log_times,
@@ -44,10 +43,11 @@ from soilmoist_ros.pipeline.logs import (
     within,
 )
 from soilmoist_ros.pipeline.run import InputFile, LossRow, MapRun, Note, NoteCode
-from soilmoist_ros.recording import message_files
+from soilmoist_ros.recording import configuration_of, is_bag, message_files, read_parameters
 from soilmoist_ros.sensing import (
     Consequence,
     Kind,
+    LeverArms,
     LogFile,
     Problem,
     SensorModel,
@@ -65,9 +65,16 @@ MAX_EXTENT_M = 300_000.0  # extent of a track beyond which some of its positions
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapSettings(LogSettings):
+class MapSettings(mapping.MappingSettings):
     """Choices of a mapping run; ``None`` derives the value from the data, and maps the hull of the track.
 
+    :param field: field file, or the name of a shipped one
+    :param site: site file, or the name of a shipped one
+    :param logger: format of the lines of the logger; detected from their header if ``None``
+    :param logger_topic: topic with the lines of the logger in bags; see :func:`.logger_topic` if empty
+    :param fix_topic: topic with the positions in bags; see :func:`.fix_topic` if empty
+    :param gnss_shift_s: time added to those of the positions, such as 1024 weeks after a roll-over [s]
+    :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
     :param nmea: GNSS logs, for loggers without positions
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
     :param covariates: files with covariates, in addition to those of the field
@@ -75,6 +82,13 @@ class MapSettings(LogSettings):
     :param times_s: begin and end of the part of the logs that is mapped [s since 1970-01-01 UTC]
     """
 
+    field: Path | str | None = None
+    site: Path | str | None = None
+    logger: str | None = None
+    logger_topic: str = ""
+    fix_topic: str = ""
+    gnss_shift_s: float = 0.0
+    crs: str | None = None
     nmea: tuple[Path, ...] = ()
     title: str | None = None
     earlier: tuple[Path, ...] = ()
@@ -122,7 +136,10 @@ def map_logs(
         placement = mapping.require_near(field, read.places, reach_m, read.source)
     progress("correcting and placing records", 0.0)
     try:
-        survey = process_logs(logs, site, field.frame if field else None, read.track, times_s=settings.times_s)
+        # where antenna and sensor sit on the robot that recorded a bag
+        driver = (read_parameters(configuration_of(log.path), "sensor_driver") for log in logs if is_bag(log.path))
+        arms, frame = LeverArms.of(next(driver, {})), field.frame if field else None
+        survey = process_logs(logs, site, frame, read.track, arms, times_s=settings.times_s)
     except InputError as fault:
         raise with_position_doubts(fault, read.track_problems) from None
     require_crs(settings.crs, survey.frame)

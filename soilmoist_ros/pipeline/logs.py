@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, Mistake, distance_text, listing
-from soilmoist_ros.mapping import MappingSettings, PositionSource
-from soilmoist_ros.recording import is_bag
+from soilmoist_ros.mapping import PositionSource
+from soilmoist_ros.recording import bag_of, is_bag
 from soilmoist_ros.sensing import (
     CheckedTrack,
     Fix,
@@ -49,28 +49,6 @@ Progress = Callable[[str, float], None]
 """Called with the current step and its finished share [0..1]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LogSettings(MappingSettings):
-    """Files of a survey and the way to read them. Shipped files can be given by name.
-
-    :param field: field file
-    :param site: site file
-    :param logger: format of the lines of the logger; detected from their header if ``None``
-    :param logger_topic: topic with the lines of the logger in bags; see :func:`.logger_topic` if empty
-    :param fix_topic: topic with the positions in bags; see :func:`.fix_topic` if empty
-    :param gnss_shift_s: time added to those of the positions, such as 1024 weeks after a roll-over [s]
-    :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
-    """
-
-    field: Path | str | None = None
-    site: Path | str | None = None
-    logger: str | None = None
-    logger_topic: str = ""
-    fix_topic: str = ""
-    gnss_shift_s: float = 0.0
-    crs: str | None = None
-
-
 def read_logs(
     paths: Sequence[Path],
     logger: str | None,
@@ -88,7 +66,7 @@ def read_logs(
     :raises InputError: if a file cannot be used, or if none can
     """
     form = load_logger_format(logger) if logger else None
-    files = [one for path in paths for one in ([path] if is_bag(path) else log_files([path]))]
+    files = [one for path in map(bag_of, paths) for one in ([path] if is_bag(path) else log_files([path]))]
     mistakes, undecided = list[Mistake](), list[Path]()
     logs: dict[Path, LogFile] = {}
     for index, path in enumerate(files):

@@ -16,6 +16,7 @@ from soilmoist_ros.pipeline import MapSettings, ReplaySettings, map_logs, replay
 from soilmoist_ros.pipeline.bag_lines import fix_topic, logger_topic, read_fixes
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.sensing.position.track_file import read_positions
+from soilmoist_ros.sensing.records import CountRecord
 from virtual_survey import write_survey
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
@@ -82,12 +83,6 @@ def test_a_bag_of_ros_1_gives_the_map_of_the_logs(survey):
     np.testing.assert_allclose(of_fixes.soil_map.rate, of_logs.soil_map.rate, rtol=1e-6)
     assert len(of_fixes.track) == len(of_logs.track)
     assert of_fixes.inputs[0].name == "fixes.bag"
-    files = {"site": str(survey / "site.yaml"), "field": str(survey / "field.yaml")}
-    replayed = replay_bag(
-        survey / "fixes.bag", ReplaySettings(**files, logger_topic="/crns/line", merge_radius_m=2.5)
-    )
-    assert replayed.run.logger_format == of_logs.logger_format
-    assert len(replayed.run.track) == len(of_logs.track)
 
 
 @pytest.mark.slow
@@ -108,12 +103,14 @@ def test_counts_in_a_bag_of_ros_1_are_replayed(survey, tmp_path):
         cloud = TYPES[kind](head, 1, 1, layout, False, 8 * len(names), 8 * len(names), data, True)
         messages.append(("/counts", one.stamp_s, (kind, STORE.serialize_ros1(cloud, kind))))
     path = write(tmp_path / "counts.bag", messages)
+    fields = [name for name in CountRecord.__slots__ if name != "quarantine"]
     files = {"site": str(survey / "site.yaml"), "field": str(survey / "field.yaml")}
     replayed = replay_bag(path, ReplaySettings(**files))
-    assert len(replayed.run.track) == len(run.track)
-    assert sum(r.raw_counts for r in replayed.run.track) == sum(r.raw_counts for r in run.track)
-    again = replay_bag(survey / "fixes.bag", ReplaySettings(**files, logger_topic="/crns/line"))
-    np.testing.assert_allclose(replayed.run.soil_map.rate, again.run.soil_map.rate, rtol=1e-9)
+    own, there = (
+        [[getattr(one, f) for f in fields] for one in found] for found in (run.track, replayed.run.track)
+    )
+    np.testing.assert_allclose(there, own, rtol=1e-12)
+    np.testing.assert_allclose(replayed.run.soil_map.rate, run.soil_map.rate, rtol=0.01)
     with pytest.raises(InputError, match="has no lines of a logger") as error:
         map_logs([path], settings(survey))
     assert "soilmoist replay" in str(error.value)

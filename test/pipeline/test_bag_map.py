@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap
-from soilmoist_ros.pipeline import ReplaySettings, replay_bag
+from soilmoist_ros.pipeline import MapSettings, ReplaySettings, map_logs, replay_bag
 from soilmoist_ros.pipeline import bag_map as no_map
 from soilmoist_ros.pipeline.bag_lines import STATUS
 from soilmoist_ros.pipeline.bag_map import robot_survey
@@ -36,7 +36,7 @@ from soilmoist_ros.sensing.records import CountRecord
 GOLDEN = Path(__file__).resolve().parent.parent / "golden"
 CASES = {
     "one_stop": {"replay": {}}, "drive_and_stop": {"replay": {}}, "no_position_gap": {"replay": {}},
-    "was_reset": {"replay": {}}, "raw_lines": {"counts": {}, "raw": {"source": "raw"}},
+    "was_reset": {"replay": {}}, "raw_lines": {"counts": {}},
     "two_robots": {"robot1": {"counts_topic": "/robot1/counts"}, "robot2": {"counts_topic": "/robot2/counts"}},
 }  # fmt: skip
 REPLAYS = [(case, name) for case, replays in CASES.items() for name in replays]
@@ -101,15 +101,8 @@ def edited_site(tmp_path):
     return edit
 
 
-@pytest.mark.parametrize(
-    ("case", "name"),
-    [pytest.param(*one, marks=() if one == ("raw_lines", "raw") else pytest.mark.slow) for one in REPLAYS],
-)
-def test_golden_bags(case, name):
+def require(run, expected):
     """Numbers, not bits: another processor rounds differently."""
-    expected = json.loads((GOLDEN / case / "expected.json").read_text())[name]
-    replay = replay_bag(GOLDEN / case, ReplaySettings(**CASES[case][name]))
-    run = replay.run
     assert len(run.track) == expected["records"]
     assert len(run.soil_map.samples) == expected["samples"]
     assert run.soil_map.samples.counts.sum() == expected["raw_counts"]
@@ -117,12 +110,23 @@ def test_golden_bags(case, name):
     for band, values in bands(run.soil_map).items():
         found = [np.nanmin(values), np.nanmean(values), np.nanmax(values)]
         assert found == pytest.approx(expected["bands"][band], rel=1e-5)
+    assert run.simulated
+
+
+@pytest.mark.parametrize(
+    ("case", "name"),
+    [pytest.param(*one, marks=() if one[0] == "raw_lines" else pytest.mark.slow) for one in REPLAYS],
+)
+def test_golden_bags(case, name):
+    expected = json.loads((GOLDEN / case / "expected.json").read_text())[name]
+    replay = replay_bag(GOLDEN / case, ReplaySettings(**CASES[case][name]))
+    run = replay.run
+    require(run, expected)
     if expected["as_on_line"]:
         assert replay.comparisons[0].same or "rounding" in replay.comparisons[0].message
     else:
         # False: the robot's fit was that of an earlier version.
         assert replay.comparisons[0].same is expected["as_on_line"]
-    assert run.simulated
     mission = expected.get("mission")
     assert (run.mission is None) == (mission is None)
     if mission:
@@ -241,23 +245,25 @@ def test_a_reset_is_detected(makers, tmp_path):
     assert "it was reset" in compared.message
 
 
-@pytest.mark.slow
-def test_other_corrections_need_the_raw_lines(edited_site):
+def test_other_corrections_need_the_raw_lines(edited_site, tmp_path):
     site = edited_site(corrections="{pressure: {reference_hpa: 950.0}}")
     own = replay_bag(GOLDEN / "raw_lines").run
     counts = replay_bag(GOLDEN / "raw_lines", ReplaySettings(site=site)).run
     np.testing.assert_array_equal(own.soil_map.rate, counts.soil_map.rate)
     assert [note.code for note in counts.notes] == [NoteCode.OTHER_CORRECTIONS]
     assert next(row for row in counts.corrections if "pressure" in row.name).parameters["P0 [hPa]"] == 1013.25
-    raw = replay_bag(GOLDEN / "raw_lines", ReplaySettings(site=site, source="raw"))
+
+    run = shutil.copytree(GOLDEN / "raw_lines", tmp_path / "run")
+    files = {"field": run / "configuration" / "field.yaml", "cell_m": 4.0, "noise": "local", "drift_model": "off"}
+    raw = map_logs([run], MapSettings(**files, site=run / "configuration" / "site.yaml"))
+    require(raw, json.loads((GOLDEN / "raw_lines" / "expected.json").read_text())["raw"])
+    lines = map_logs([run], MapSettings(**files, site=site)).track
     factor = np.exp(0.0077 * (1013.25 - 950.0))
-    np.testing.assert_allclose(
-        [record.f_pressure for record in raw.run.track], [record.f_pressure * factor for record in own.track]
-    )
-    assert np.nanmin(raw.run.soil_map.rate) > np.nanmax(own.soil_map.rate)
-    assert raw.comparisons[0].same is None
-    assert not raw.run.notes
-    assert raw.run.logger_format
+    np.testing.assert_allclose([one.f_pressure for one in lines], [one.f_pressure * factor for one in own.track])
+    write_parameters(run, "sensor_driver", {"sensor_x_m": 2.0})
+    moved = map_logs([run], MapSettings(**files, site=site)).track
+    ahead = [np.hypot(a.x_m - b.x_m, a.y_m - b.y_m) for a, b in zip(moved, lines, strict=True)]
+    assert np.median(ahead) == pytest.approx(2.0), "the sensor is where it was on the robot"
 
 
 @pytest.mark.slow
@@ -266,19 +272,6 @@ def test_topics_of_another_namespace_are_found_where_there_is_one_robot(tmp_path
     rename = lambda topic: "/sensor/counts" if topic == "/counts" else topic  # noqa: E731
     bag = copy_bag(GOLDEN / "one_stop" / "bag", tmp_path / "bag", rename=rename)
     assert replay_bag(bag, with_files("one_stop")).comparisons == replay_bag(GOLDEN / "one_stop").comparisons
-
-
-@pytest.mark.slow
-def test_raw_lines_alone_and_of_a_robot(tmp_path):
-    keep = lambda topic, number: topic.startswith("/raw")  # noqa: E731
-    bag = copy_bag(GOLDEN / "raw_lines" / "bag", tmp_path / "raw", keep, lambda topic: f"/robot1{topic}")
-    replay = replay_bag(bag, with_files("raw_lines", source="raw"))
-    assert len(replay.run.track) == 26
-    assert replay.run.simulated, "the logger says so"
-    with pytest.raises(InputError, match="has no raw lines of a logger"):
-        replay_bag(bag, with_files("raw_lines", source="raw", counts_topic="/robot2/counts"))
-    with pytest.raises(InputError, match=r"has no raw lines.*map its counts instead"):
-        replay_bag(GOLDEN / "one_stop", ReplaySettings(source="raw"))
 
 
 @pytest.mark.slow
@@ -363,7 +356,7 @@ def test_quarantined_records_are_the_cause():
     survey = open_survey(str(GOLDEN / "one_stop" / "configuration" / "field.yaml"))
     first = ReplayedProperty("moisture", 1.0, survey, [bad, worse, bad], [], None, None)
     run = FailedRun("", (), datetime.now(UTC))
-    failed = no_map._no_map(GOLDEN / "one_stop" / "bag", first, [], None, run).failed
+    failed = no_map._no_map(GOLDEN / "one_stop" / "bag", first, None, run).failed
     assert failed.why == "All 3 records are quarantined: tube counts too much (2), impossible count (1)."
     assert failed.quarantined == {"noisy_tube": 2, "impossible_count": 1}
 

@@ -244,13 +244,12 @@ def test_which_topic_has_the_positions_is_shown_or_asked_for(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["map", "replay"])
-def test_records_that_are_lost_have_their_reason(tmp_path, command):
+def test_records_that_are_lost_have_their_reason(tmp_path):
     types = Types(2)
     path = bag(tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, T0 + n, status=-1 if n > 60 else 2)})
     field = GOLDEN / "one_stop" / "configuration" / "field.yaml"
     named = ("--field", field, "--logger-topic", "/crns/line", "--out", tmp_path / "out")
-    code, said = run(command, path, *named)
+    code, said = run("map", path, *named)
     assert code == 0, said
     assert "lost       5 by no position, such as " in said
     assert "60 of 121 epochs have none, 60 by status -1: no fix" in said
