@@ -26,8 +26,6 @@ COMES_WITH = {
 }  # fmt: skip
 OPTIONAL = {
     "pandas": "campaigns, on a laptop",
-    "pyarrow": "campaigns, on a laptop",
-    "distributed": "campaigns on several machines",
     "soilmoist_msgs": "interfaces/; without it the planner publishes no visits",
     "nav2_msgs": "robots with Nav2 have it; without it the planner sends no goals to Nav2",
     "topological_navigation_msgs": "the robot's own workspace has it",
@@ -83,7 +81,7 @@ def test_nothing_is_installed_in_vain():
     }
 
 
-WITHOUT_A_KEY = "pykrige pyvrp pyogrio mcap rosbags lz4 zstandard pandas pyarrow distributed"
+WITHOUT_A_KEY = "pykrige pyvrp pyogrio mcap rosbags lz4 zstandard pandas"
 """Imports that rosdep cannot install: pip does on a robot, and the nodes but the recorder do without."""
 WITHOUT = f"""
 import importlib, sys

@@ -198,11 +198,8 @@ def _print_json(answer: CommandAnswer, path: str, code: int, mistakes: Iterable[
 
 
 @contextmanager
-def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None]]:
-    """Report progress: a bar on a terminal, otherwise a line per step and tenth; nothing with ``--quiet``.
-
-    :param time_left: whether the bar states the remaining time
-    """
+def progress_bar() -> Iterator[Callable[[str, float], None]]:
+    """Report progress: a bar on a terminal, otherwise a line per step and tenth; nothing with ``--quiet``."""
     if current().quiet:
         yield lambda step, share: None
         return
@@ -224,7 +221,7 @@ def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = [TextColumn("{task.description:32}", markup=False), BarColumn(), TimeRemainingColumn()]
-    with Progress(*columns[: 2 + time_left], console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=1.0)
         yield lambda step, share: bar.update(task, description=printable(step), completed=share)
 

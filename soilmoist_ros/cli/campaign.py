@@ -6,35 +6,30 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from soilmoist_ros.cli.answer import answering, current, echo, progress_bar, put, say, warn, wrote
+from soilmoist_ros.cli.answer import answering, echo, progress_bar, put, say, warn, wrote
 from soilmoist_ros.cli.options import Parsed, output_options, prepare_output
 from soilmoist_ros.foundation import THREADS, InputError
 
 if TYPE_CHECKING:
-    from soilmoist_ros.lab import Campaign, CampaignProgress, Progress
+    from soilmoist_ros.lab import Campaign
 
 
 @click.command("campaign")
 @click.argument("campaign", type=Parsed("campaign"))
 @click.option("--runs", type=click.IntRange(min=1), help="Runs of each combination, instead of those of the file.")
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
-@click.option("--scheduler", help="Address of a Dask scheduler to use instead, such as tcp://host:8786.")
 @output_options()
 @answering
-def command(
-    campaign: str, runs: int | None, workers: int | None, scheduler: str | None, out: Path, overwrite: bool
-) -> None:
+def command(campaign: str, runs: int | None, workers: int | None, out: Path, overwrite: bool) -> None:
     """Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).
 
     The folder --out keeps finished missions: run the same command again to resume after an interruption.
-    Writes results.parquet, results.csv and report.html.
+    Writes results.csv, missions.csv and report.html.
     """
     os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy is loaded: more threads round differently
     from soilmoist_ros.lab import CampaignInterrupted, load_campaign, run_campaign, write_campaign_report
@@ -45,8 +40,11 @@ def command(
         plan = plan.model_copy(update={"runs": tuple(range(1, runs + 1))})
     _prepare(plan, out, overwrite)
     try:
-        with _progress() as progress:
-            outcome = run_campaign(plan, out, simulate_mission, workers, scheduler, progress)
+        with progress_bar() as progress:
+            outcome = run_campaign(
+                plan, out, simulate_mission, workers,
+                lambda done, total: progress(f"{total} missions", done / total),
+            )  # fmt: skip
     except CampaignInterrupted as stopped:
         echo(str(stopped), err=True)
         sys.exit(130)
@@ -62,25 +60,6 @@ def command(
     wrote((*outcome.written, *filter(None, [report])))
     if not outcome.complete:
         sys.exit(1)
-
-
-@contextmanager
-def _progress() -> Iterator[Progress]:
-    """Report the progress of a campaign: a bar on a terminal, otherwise a line per tenth."""
-    if sys.stderr.isatty() or current().quiet:
-        with progress_bar(time_left=False) as bar:
-            yield lambda state: bar(str(state), state.done / max(state.total, 1))
-        return
-    last: tuple[int, str] | None = None
-
-    def plain(state: CampaignProgress) -> None:
-        nonlocal last
-        now = 10 * state.done // max(state.total, 1), state.note
-        if now != last:
-            echo(f"... {state}", err=True)
-            last = now
-
-    yield plain
 
 
 def _prepare(plan: Campaign, out: Path, overwrite: bool) -> None:

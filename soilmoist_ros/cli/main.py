@@ -43,7 +43,8 @@ RENAMED = {
     "--figures": "print report.html, or draw map.tif", "--local": "the variance is alike everywhere",
     "--formats": "soilmoist list exports shows the formats", "--step": "a GIS draws contours from map.tif",
     "--reference": "maps allow for a change during a survey by themselves",
-    **dict.fromkeys(("--exact", "--scheduler", "--workers"), "of more than 2000 samples, neighbours are pooled"),
+    **dict.fromkeys(("--exact", "--workers"), "of more than 2000 samples, neighbours are pooled"),
+    "--scheduler": "maps pool neighbours; for a campaign, docs/campaigns.md says how several computers share it",
 }  # fmt: skip
 """Options of earlier releases, and what to do."""
 EXAMPLES = {

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.foundation.registry import Registry as Registry, install as install, is_installed as is_installed, not_installed as not_installed, optional_module as optional_module
     from soilmoist_ros.foundation.sections import Section as Section, line_of as line_of, load_model as load_model
     from soilmoist_ros.foundation.version import __version__ as __version__
-    from soilmoist_ros.foundation.workers import THREADS as THREADS, Batches as Batches, connect as connect, cores as cores, one_thread_each as one_thread_each
+    from soilmoist_ros.foundation.workers import THREADS as THREADS, Batches as Batches, cores as cores, one_thread_each as one_thread_each
     # fmt: on
 
 __getattr__, __dir__, __all__ = open_door(
@@ -28,6 +28,6 @@ __getattr__, __dir__, __all__ = open_door(
         "registry": "Registry install is_installed not_installed optional_module",
         "sections": "Section line_of load_model",
         "version": "__version__",
-        "workers": "Batches THREADS connect cores one_thread_each",
+        "workers": "Batches THREADS cores one_thread_each",
     },
 )

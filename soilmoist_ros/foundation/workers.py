@@ -1,21 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Work elsewhere: on local processes, a Dask cluster, and in a thread that takes batches."""
+"""Work elsewhere: on local processes, and in a thread that takes batches."""
 
 from __future__ import annotations
 
-import importlib
 import logging
 import os
-import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, Generic, TypeVar
-
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.registry import install
+from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
 _log = logging.getLogger(__name__)
@@ -27,9 +22,6 @@ THREADS = (
     "BLIS_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-CONNECT_S = 10.0  # time limit for the answer of a Dask scheduler, and then of its first worker [s]
-
-_KEYS = "make keys with scripts/keystore FOLDER --cluster, then export DASK_CONFIG=FOLDER/dask.yaml"
 
 
 def cores() -> int:
@@ -50,50 +42,6 @@ def one_thread_each() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-
-
-def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
-    """A client of a Dask cluster that has a worker.
-
-    :raises InputError: if Dask is not installed, or the scheduler or a worker does not answer in time
-    """
-    try:
-        distributed: Any = importlib.import_module("distributed")
-    except ImportError:
-        raise InputError("a cluster needs Dask, which is not installed", install("campaign")) from None
-    _check_address(scheduler, distributed)
-    try:
-        client = distributed.Client(scheduler, timeout=timeout_s, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise InputError(
-            f"no Dask scheduler answers at {scheduler!r} within {timeout_s:g} s ({type(error).__name__})",
-            "start one with 'dask scheduler', workers with 'dask worker ADDRESS', and give tcp://HOST:8786",
-        ) from None
-    try:
-        client.wait_for_workers(1, timeout=timeout_s)
-    except TimeoutError:
-        client.close()
-        raise InputError(
-            f"the Dask scheduler at {scheduler!r} has no worker", f"start some with 'dask worker {scheduler}'"
-        ) from None
-    return client
-
-
-def _check_address(scheduler: str, distributed: Any) -> None:
-    """Refuse an address that Dask does not understand, because Dask would hang when it closes the client."""
-    form = re.fullmatch(r"((?P<scheme>tcp|tls)://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):(?P<port>\d{1,5})", scheduler)
-    if form is None or not 0 < int(form["port"]) < 65536:
-        raise InputError(
-            f"{scheduler!r} is not the address of a Dask scheduler",
-            "give tcp://HOST:PORT, such as tcp://127.0.0.1:8786, or tls://HOST:PORT",
-        )
-    if form["scheme"] == "tls":
-        try:
-            keys = distributed.Security().get_connection_args("client")["ssl_context"]
-        except (OSError, ValueError) as error:
-            raise InputError(f"Dask's keys cannot be used: {error}", _KEYS) from None
-        if keys is None:
-            raise InputError(f"{scheduler!r} needs keys, and Dask has none", _KEYS)
 
 
 # Batches ---------------------------------------------------------------------------------------------------------

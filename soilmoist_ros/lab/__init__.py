@@ -8,7 +8,7 @@ from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
     # fmt: off
-    from soilmoist_ros.lab.campaign import RUNS as RUNS, CampaignInterrupted as CampaignInterrupted, CampaignProgress as CampaignProgress, Progress as Progress, run_campaign as run_campaign
+    from soilmoist_ros.lab.campaign import RUNS as RUNS, CampaignInterrupted as CampaignInterrupted, run_campaign as run_campaign
     from soilmoist_ros.lab.campaign_data import CampaignData as CampaignData
     from soilmoist_ros.lab.campaign_file import Campaign as Campaign, load_campaign as load_campaign, missions as missions
     from soilmoist_ros.lab.mission_store import MissionStore as MissionStore
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "campaign": "CampaignInterrupted CampaignProgress Progress RUNS run_campaign",
+        "campaign": "CampaignInterrupted RUNS run_campaign",
         "campaign_data": "CampaignData",
         "campaign_file": "Campaign load_campaign missions",
         "mission_store": "MissionStore",

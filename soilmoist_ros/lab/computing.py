@@ -8,7 +8,6 @@ import multiprocessing
 import os
 import signal
 import threading
-import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -17,16 +16,12 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from soilmoist_ros.foundation import SoilmoistError, one_thread_each
+from soilmoist_ros.foundation import one_thread_each
 from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.lab.mission_store import pack
 from soilmoist_ros.simulation import MissionResult, MissionSettings
 
 Simulate = Callable[[MissionSettings], MissionResult]
-
-
-class WorkersLostError(SoilmoistError):
-    """No worker can be reached any more; the missions that have not finished are to be computed another time."""
 
 
 @dataclass(frozen=True)
@@ -41,28 +36,17 @@ class Failure:
         return f"{self.mission.settings}: {self.error}"
 
 
-@dataclass(frozen=True)
-class Finished:
-    """A mission that has come to its end."""
-
-    mission: CampaignMission
-    content: bytes | Failure  # the bytes of its file, or why it failed
-    time_s: float  # time that it took its worker [s]; NaN if unknown
-
-
+Finished = tuple[CampaignMission, bytes | Failure]  # a mission, and the bytes of its file or why it failed
 Flow = Generator[Finished, None, None]  # missions in the order in which they finish; closing it stops the workers
 
 
 def compute(mission: CampaignMission, simulate: Simulate) -> Finished:
     """Simulate one mission; errors are returned, not raised."""
-    begin_s = time.monotonic()
-    content: bytes | Failure
     try:
-        content = pack(simulate(mission.settings), mission.key)
+        return mission, pack(simulate(mission.settings), mission.key)
     except Exception as error:
         text = " ".join(str(error).split()) or "no message"
-        content = Failure(mission, f"{type(error).__name__}: {text}", traceback.format_exc())
-    return Finished(mission, content, time.monotonic() - begin_s)
+        return mission, Failure(mission, f"{type(error).__name__}: {text}", traceback.format_exc())
 
 
 def in_this_process(todo: Iterable[CampaignMission], simulate: Simulate) -> Flow:
@@ -83,8 +67,7 @@ def in_processes(todo: Iterable[CampaignMission], simulate: Simulate, workers: i
             suspects += yield from _in_one_pool(waiting, simulate, workers)
         for mission in suspects:
             if (yield from _in_one_pool(deque([mission]), simulate, 1)):
-                failure = Failure(mission, "the process that computed it died (was the memory used up?)")
-                yield Finished(mission, failure, float("nan"))
+                yield mission, Failure(mission, "the process that computed it died (was the memory used up?)")
 
 
 def _in_one_pool(

@@ -8,7 +8,6 @@ import fcntl
 import hashlib
 import io
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,10 +20,10 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError, SoilmoistError, __version__
 from soilmoist_ros.lab.campaign_file import CampaignMission
 from soilmoist_ros.recording import write_whole
-from soilmoist_ros.simulation import MapErrors, MissionResult, SeriesRow, mission_efficiency, series_columns
+from soilmoist_ros.simulation import MapErrors, MissionResult, SeriesRow, series_columns
 
 Array = NDArray[np.float64]
-SCHEMA = 5
+SCHEMA = 6
 SUFFIX = ".npz"
 COMPUTING = ("sensing", "mapping", "exploration", "simulation")  # sub-packages whose code determines a mission
 
@@ -45,7 +44,6 @@ class CampaignRun:
     version: str
     field_title: str  # name of the field for reports
     ended: str  # reason for the end
-    efficiency: float  # efficiency of its plan, see :class:`Efficiency`; NaN if it has none
     columns: Mapping[str, Array]  # series from the start on, see :func:`series_columns`; each of shape (n,)
 
 
@@ -64,13 +62,13 @@ def code_version() -> str:
 
 def pack(result: MissionResult, key: str) -> bytes:
     """Serialise a finished mission."""
-    plan, names = mission_efficiency(result), ["", *(wanted.name for wanted in result.settings.properties)]
+    names = ["", *(wanted.name for wanted in result.settings.properties)]
     start = SeriesRow(0.0, 0.0, 0, 0.0, (MapErrors(),) * len(names))
     columns = series_columns([start, *result.series], names)
     about = {
         "schema": SCHEMA, "key": key, "version": code_version(),
         "field_title": result.field_title or result.settings.field_name, "ended": result.ended,
-        "efficiency": None if plan is None else plan.reached, "columns": list(columns),
+        "columns": list(columns),
     }  # fmt: skip
     stream = io.BytesIO()
     np.savez_compressed(stream, about=np.array(json.dumps(about)), series=np.array([*columns.values()], float))
@@ -86,7 +84,6 @@ def unpack(content: bytes) -> CampaignRun:
             raise StaleMissionError(f"has format {about['schema']}, not {SCHEMA}")
         return CampaignRun(
             about["key"], about["version"], about["field_title"], about["ended"],
-            math.nan if about["efficiency"] is None else float(about["efficiency"]),
             dict(zip(about["columns"], series, strict=True)),
         )  # fmt: skip
     except StaleMissionError:

@@ -136,7 +136,6 @@ def _finals(data: CampaignData) -> Iterator[Row]:
                 mean_sd_text(100 * rows["coverage95"], max_decimals=0),
                 mean_sd_text(rows["distance_m"], max_decimals=0), mean_sd_text(rows["samples"], max_decimals=1),
                 mean_sd_text(100 * rows["counting_share"], max_decimals=0),
-                mean_sd_text(100 * rows["efficiency"], max_decimals=0),
             )  # fmt: skip
             first = len(groups) if position == 0 else 0
             last = position == len(groups) - 1

@@ -62,7 +62,7 @@ def missions_table(stored: Stored) -> pd.DataFrame:
     """One row per mission: settings, final metrics, and the reason for the end.
 
     ``mse_quarter`` is the mean squared error at a quarter of the mission time, ``end_s`` the time at which the
-    mission ended, and ``efficiency`` is that of its plan (:class:`Efficiency`).
+    mission ended.
     """
     found = [
         metrics_at(mission.settings, run, np.array([QUARTER * 3600 * mission.settings.hours, np.inf]))
@@ -73,17 +73,17 @@ def missions_table(stored: Stored) -> pd.DataFrame:
             "key": mission.key, "experiments": " ".join(mission.experiments), **mission.settings.as_texts(),
             "field_title": run.field_title, "end_s": run.columns["time_s"][-1],
             **{name: values[1] for name, values in metrics.items()}, "mse_quarter": metrics["mse"][0],
-            "ended": run.ended, "efficiency": run.efficiency,
+            "ended": run.ended,
         }
         for (mission, run), metrics in zip(stored, found, strict=True)
     ]  # fmt: skip
     columns = ["key", "experiments", *SETTINGS, "field_title", "end_s", *_metric_names(found), "mse_quarter"]
-    columns += ["ended", "efficiency"]
+    columns.append("ended")
     return optional_module("pandas").DataFrame(rows, columns=columns).astype(_NUMBERS)
 
 
 def write_tables(out: Path, stored: Stored, every_s: float) -> list[Path]:
-    """Write ``results`` and ``missions`` as Parquet and CSV.
+    """Write ``results`` and ``missions`` as CSV.
 
     Also ``differences`` if combinations share seeds, and ``hindsight`` if an experiment has its lattices.
 
@@ -97,15 +97,13 @@ def write_tables(out: Path, stored: Stored, every_s: float) -> list[Path]:
     written = []
     for name, table in tables.items():
         text = table.map(csv_text).to_csv(index=False, float_format="%.8g", lineterminator="\n")
-        for suffix, content in (("parquet", table.to_parquet(index=False)), ("csv", text.encode())):
-            path = out / f"{name}.{suffix}"
-            try:
-                write_whole(path, content)
-            except OSError as error:
-                raise InputError(
-                    f"cannot be written: {error.strerror}", "choose another output folder", path
-                ) from None
-            written.append(path)
+        path = out / f"{name}.csv"
+        try:
+            write_whole(path, text.encode())
+        except OSError as error:
+            what, remedy = f"cannot be written: {error.strerror}", "choose another output folder"
+            raise InputError(what, remedy, path) from None
+        written.append(path)
     return written
 
 

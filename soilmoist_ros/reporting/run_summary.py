@@ -30,7 +30,7 @@ from soilmoist_ros.reporting.page.report import relations
 from soilmoist_ros.reporting.page.statistics import band_statistics, calibration_sd
 from soilmoist_ros.reporting.page.wording import notes
 from soilmoist_ros.reporting.text_files import jsonable
-from soilmoist_ros.simulation import PropertySettings, achieved, mission_efficiency, reported
+from soilmoist_ros.simulation import PropertySettings, achieved, reported
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 
 TRAVEL = ("speed_mps", "stop_overhead_s", "turn_s_per_rad", "overhead_counted")
 """Motion of a robot as the planner has learned it."""
-EFFICIENCY = {"reached": "reached", "least_variance": "least", "left_variance": "left", "of_truth": "of_truth"}
 SCHEMA = 1
 """Version of the keys; rises when one is renamed or removed."""
 
@@ -259,7 +258,7 @@ def _truth(
 
 def mission_summary(mission: MissionResult) -> dict[str, Any]:
     """Settings and result of a simulated mission."""
-    further, plan = [_property(mapped) for mapped in mission.properties[1:]], mission_efficiency(mission)
+    further = [_property(mapped) for mapped in mission.properties[1:]]
     return {
         "settings": settings_summary(mission.settings), "field": mission.field_title, "ended": mission.ended,
         "stops": len(mission.visits), "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
@@ -267,7 +266,6 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
             {name: getattr(learned.motion, name) for name in TRAVEL} | {"legs": len(learned.legs)}
             for learned in mission.motion
         ],
-        "efficiency": plan and {key: getattr(plan, name) for key, name in EFFICIENCY.items()},
         "forecast": _forecast(mission),
         "final": {name: column[-1].item() for name, column in mission.columns.items()} if mission.series else None,
         "properties": further, "also": further[0] if len(further) == 1 else None,

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField as SurrogateField, simulated_site as simulated_site, write_field_file as write_field_file, write_site_file as write_site_file
     from soilmoist_ros.simulation.fields.truth_file import load_surrogate as load_surrogate
     from soilmoist_ros.simulation.mission.channel import mission_fields as mission_fields, mission_properties as mission_properties
-    from soilmoist_ros.simulation.mission.efficiency import mission_efficiency as mission_efficiency
     from soilmoist_ros.simulation.mission.mission_ground import mission_map as mission_map
     from soilmoist_ros.simulation.mission.mission_result import MapErrors as MapErrors, MappedProperty as MappedProperty, MissionResult as MissionResult, Moment as Moment, SeriesRow as SeriesRow, TimedForecast as TimedForecast, achieved as achieved, forecast_texts as forecast_texts, map_errors as map_errors, reported as reported, series_columns as series_columns
     from soilmoist_ros.simulation.mission.settings import PRESETS as PRESETS, SETTINGS as SETTINGS, MissionSettings as MissionSettings, PropertySettings as PropertySettings, Setting as Setting
@@ -32,7 +31,6 @@ _open, __dir__, __all__ = open_door(
         "fields.surrogate_field": "SurrogateField simulated_site write_field_file write_site_file",
         "fields.truth_file": "load_surrogate",
         "mission.channel": "mission_fields mission_properties",
-        "mission.efficiency": "mission_efficiency",
         "mission.mission_ground": "mission_map",
         "mission.mission_result": "MapErrors MappedProperty MissionResult Moment SeriesRow TimedForecast achieved forecast_texts map_errors reported series_columns",
         "mission.settings": "MissionSettings PRESETS PropertySettings SETTINGS Setting",

@@ -39,6 +39,14 @@ def test_people_read_lines_and_progress_goes_to_standard_error():
     assert result.stderr == "... working\n"
 
 
+def test_progress_without_a_terminal_is_a_line_per_tenth(capsys):
+    with progress_bar() as progress:
+        for done in range(101):
+            progress("100 missions", done / 100)
+    tenths = [f"... 100 missions: {done} %" for done in range(10, 100, 10)]
+    assert capsys.readouterr().err.splitlines() == ["... 100 missions", *tenths]
+
+
 def test_programs_read_one_json_object_and_nothing_else_on_standard_output():
     result = run(work, "--json")
     assert json.loads(result.stdout) == {

@@ -11,13 +11,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from soilmoist_ros.cli import campaign
 from soilmoist_ros.cli.bag import command
 from soilmoist_ros.cli.failsafe import PHASES, RESPONSES
 from soilmoist_ros.cli.list import KINDS
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.exploration import FAILSAFES, Phase, Response
-from soilmoist_ros.lab.campaign import CampaignProgress
 
 
 def listed(*options):
@@ -175,14 +173,3 @@ def test_a_first_impression_is_part_of_the_campaign_and_a_mission_that_fails_is_
     assert "cell_m=5000" in result.output
     assert "cannot be gridded" in result.output
     assert "cannot be gridded" in (tmp_path / "out" / "report.html").read_text()
-
-
-def test_progress_without_a_terminal_is_a_line_per_tenth(capsys):
-    with campaign._progress() as progress:
-        for done in range(101):
-            progress(CampaignProgress(done, 100))
-        for _ in range(3):
-            progress(CampaignProgress(100, 100, note="waiting"))
-    lines = capsys.readouterr().err.splitlines()
-    assert lines[:11] == [f"... {done} of 100 missions" for done in range(0, 101, 10)]
-    assert lines[11:] == ["... 100 of 100 missions · waiting"]

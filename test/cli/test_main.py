@@ -169,6 +169,7 @@ def test_an_unknown_command_suggests_the_nearest():
         ("export", "--formats"),
         ("export", "--step"),
         ("map", "--reference"),
+        ("campaign", "--scheduler"),
     ],
 )
 def test_options_of_earlier_releases_are_errors_that_name_the_new_ones(command, option, tmp_path):

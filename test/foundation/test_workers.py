@@ -1,42 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Work on a cluster, and in a thread that takes batches."""
+"""A thread that handles what arrives in batches."""
 
-import sys
 import threading
 
-import pytest
-
-from soilmoist_ros.foundation import Batches, InputError, connect
-
-
-@pytest.mark.slow
-def test_a_cluster_that_is_not_there(monkeypatch):
-    pytest.importorskip("distributed")
-    with pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
-        connect("tcp://127.0.0.1:9", timeout_s=0.3)
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"pip install 'soilmoist_ros\[campaign\]'"):
-        connect("tcp://127.0.0.1:9")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("address", "message"),
-    [
-        ("nonsense", "not the address of a Dask scheduler -> give tcp://HOST:PORT"),
-        ("tcp://host:99999", "not the address"),
-        ("tls://127.0.0.1:9", "needs keys"),
-    ],
-)
-def test_an_address_that_is_none_is_refused_before_dask_sees_it(address, message, monkeypatch):
-    distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(distributed, "Client", lambda *_, **__: pytest.fail("a client was made"))
-    with pytest.raises(InputError, match=message):
-        connect(address)
-
-
-# A thread that handles what arrives in batches ------------------------------------------------------------------
+from soilmoist_ros.foundation import Batches
 
 LIMIT_S = 30.0
 

@@ -48,7 +48,7 @@ from soilmoist_ros.reporting.page.statistics import covariate_importance, leave_
 from soilmoist_ros.reporting.page.variogram_chart import sample_variogram, variogram_chart
 from soilmoist_ros.reporting.page.viewer import pictures, viewer_data
 from soilmoist_ros.reporting.page.wording import Fact, notes
-from soilmoist_ros.simulation import MissionResult, forecast_texts, mission_efficiency, series_columns
+from soilmoist_ros.simulation import MissionResult, forecast_texts, series_columns
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
 
@@ -338,14 +338,6 @@ def mission_sentences(mission: MissionResult) -> list[str]:
                 f": its map has a mean squared error of {number(errors.mse)} (counts/s)², and the truth lies in "
                 f"the 95 % interval on {percent(errors.coverage95)} of the field"
             )
-    if (plan := mission_efficiency(mission)) is not None:
-        sentences.append(
-            f"Its efficiency is {percent(plan.reached)}: no division of the time among all places, even without "
-            "driving, leaves less than this share of the mean variance that its samples leave"
-        )
-        of_truth = "with the variogram of the truth, so that missions on this field can be compared"
-        of_map = "with the variogram of this map: not comparable with other missions"
-        sentences[-1] += f" ({of_truth if plan.of_truth else of_map})"
     if forecast := forecast_texts(mission.forecasts, 3600 * settings.hours):
         sentences.append(f"Standard deviation of the map: {'; forecast '.join(forecast)}")
     if mission.ended:

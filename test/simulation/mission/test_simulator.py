@@ -101,7 +101,8 @@ def test_missions_over_a_graph_stop_at_its_nodes_and_drive_its_edges(tmp_path):
 
 
 def test_bad_settings_are_named():
-    for change, message in (({"cell_m": 500.0}, "cannot be gridded"), ({"robots": 0}, "robots: must be >= 1")):
+    for change, message in (({"cell_m": 500.0}, "cannot be gridded"), ({"robots": 0}, "robots: must be >= 1"),
+                            ({"field": "smooth", "target": "vwc"}, "no calibration")):  # fmt: skip
         with pytest.raises(InputError, match=message):
             simulate_mission(replace(SHORT, **change))
 
