@@ -111,7 +111,7 @@ def _sections(data: CampaignData) -> Iterator[Row]:
     for case in data.cases:
         if figures.interval_strategies(data, case):
             rows = data.missions[data.missions["case"] == case.number]
-            optimal = " Optimal: it counts as long as that lowers the variance of the map faster than moving on."
+            optimal = " Optimal: it counts as long as the strategy plans, or 60 s."
             yield Row(
                 key=f"intervals-{case.number}", title=f"{case.title}: fixed and adaptive counting interval",
                 charts=list(figures.intervals_charts(data, case)),

@@ -20,12 +20,17 @@ from soilmoist_ros.exploration.mission.events import Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, PlanKind
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.decision import EXPLORING, Thresholds
-from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
 from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster
-from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
+from soilmoist_ros.exploration.planning.planning_model import (
+    MAX_CELLS,
+    MAX_STOPS,
+    Counting,
+    PlanningModel,
+    Prospect,
+    spread_cells,
+)
 from soilmoist_ros.exploration.planning.properties import Aim, AimedMap, Property, slope2, variation
-from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
 from soilmoist_ros.exploration.strategies.registry import warm_up
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
@@ -154,8 +159,6 @@ class Explorer:
         home_s = self.home_s(request.staying if choice is None else choice.stop.name)
         if choice is None:
             return Planned(0.0, request.plan_id, None, home_s=home_s)
-        if isinstance(self.rules.dwell, Optimal) and choice.dwell is None:
-            choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
         stays = bool(request.staying) and choice.stop.name == request.staying
         travel_s = 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0])
         return Planned(0.0, request.plan_id, choice, travel_s, home_s=home_s)
@@ -186,8 +189,11 @@ class Explorer:
             free &= ~inside_any(request.ruled_out, self._xy)
         kept = np.flatnonzero(free)
         candidates = self.stops if free.all() else tuple(self.stops[index] for index in kept)
-        staying = self._row(request.staying, kept)
-        travel_s, cost_s = self._trips(position_xy, candidates, staying)
+        number = self._numbers.get(request.staying)
+        staying = None if number is None or number not in kept else int(np.searchsorted(kept, number))
+        travel_s = self.travel.travel_s(position_xy, candidates)
+        if staying is not None:
+            travel_s[staying] = 0.0
         fits = travel_s + self.rules.needed_dwell_s + self._home_s[kept] <= request.budget_left_s
         known_rate = counted.soil_map is not None
         weighed = free & self._considered
@@ -220,9 +226,7 @@ class Explorer:
             overhead_s=self.travel.motion.stop_overhead_s,
             counting=self.counting,
             dwell=self.rules.dwell,
-            prospect=cache(
-                lambda: self._prospect(maps, considered, travel_s[rows], cost_s[rows], place, request, rows)
-            ),
+            prospect=cache(lambda: self._prospect(maps, considered, travel_s[rows], place, request, rows)),
             goal=lambda: self._goal(maps[0]),
         )
 
@@ -261,12 +265,11 @@ class Explorer:
         maps: Sequence[Property],
         numbers: NDArray[np.intp],
         travel_s: Array,
-        cost_s: Array,
         position_xy: tuple[float, float],
         request: RequestPlan,
         of_candidates: NDArray[np.intp],
     ) -> Prospect | None:
-        """The stops of these numbers, travel times and costs, as a planner weighs them; ``None`` without a map."""
+        """The stops of these numbers and travel times, as a planner weighs them; ``None`` without a map."""
         places, models = self._xy[numbers], []
         explores = request.time_used_s < EXPLORING * (request.time_used_s + request.time_left_s)
         shapes = [self._shape(each) for each in maps]
@@ -288,47 +291,13 @@ class Explorer:
                 )
             )
         models[0].others = tuple(models[1:])
-        stops = tuple(self.stops[number] for number in numbers.tolist())
-        staying = self._row(request.staying, numbers)
         budget_s = request.budget_left_s - self._home_s[numbers]
-        travel_s = np.where(travel_s + self.rules.needed_dwell_s <= budget_s, travel_s, np.inf)
+        fits = np.flatnonzero((travel_s + self.rules.needed_dwell_s <= budget_s) & (travel_s < budget_s))
+        stops = tuple(self.stops[number] for number in numbers[fits].tolist())
         return Prospect(
-            models[0], stops, self.travel, position_xy, travel_s, budget_s, self.counting, cost_s, of_candidates,
-            staying, self.rules.min_dwell_s,
+            models[0], stops, fits, of_candidates[fits], self.travel, position_xy, self.counting,
+            self.rules.min_dwell_s,
         )  # fmt: skip
-
-    def _trips(
-        self, position_xy: tuple[float, float], stops: Sequence[Stop], staying: int | None
-    ) -> tuple[Array, Array]:
-        """Times of the trips to stops [s], and their costs in a comparison [s]; 0 where the robot stays."""
-        travel_s = self.travel.travel_s(position_xy, stops)
-        has_costs = self.travel.motion.has_costs
-        cost_s = self.travel.cost_s(position_xy, stops) if has_costs else travel_s.copy()
-        if staying is not None:
-            travel_s[staying] = cost_s[staying] = 0.0
-        return travel_s, cost_s
-
-    def _row(self, name: str, numbers: NDArray[np.intp]) -> int | None:
-        """Position of the stop of this name among numbers of stops in order, ``None`` if it is not there."""
-        number = self._numbers.get(name)
-        return None if number is None or number not in numbers else int(np.searchsorted(numbers, number))
-
-    def _dwell_at(
-        self, stop: Stop, situation: Situation, request: RequestPlan, others: Sequence[PendingMeasurement]
-    ) -> DwellRule | None:
-        """Dwell rule of a stop, ``None`` without a map."""
-        chosen = self._numbers[stop.name]
-        if self._considered[chosen] or stop.name == request.staying:
-            assert situation.prospect is not None
-            prospect = situation.prospect()
-        else:
-            numbers = np.union1d(np.flatnonzero(self._considered), [chosen])
-            place = (*situation.position_xy.tolist(),)
-            stops = [self.stops[number] for number in numbers.tolist()]
-            trips = self._trips(place, stops, self._row(request.staying, numbers))
-            maps = self._maps(others, request.certified)
-            prospect = self._prospect(maps, numbers, *trips, place, request, np.arange(len(numbers)))
-        return None if prospect is None else prospect.dwell(stop, self.rules.dwell.longest_s)
 
     def _shape(self, of: Property) -> Array:
         """Relative weight of each cell in the integrated variance; squared slopes make it that of the moisture."""

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dwell rules: how long to count at a stop.
 
-A rule sees only the counts of the stop. :class:`MarginalValue` compares the gain of a longer dwell with the
-price of time. It is made anew for each stop and contains the kriging quantities of the stop.
+A rule sees only the counts of the stop. With the rule ``optimal`` a strategy plans the dwell of each stop.
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ _EXAMPLES = (
     "write for example 'fmi:600' (600 s), 'ami:0.025' or 'ami:2.5%' (standard error of the count), or 'optimal'"
 )
 _ROUNDING = 1e-9  # relative rounding error allowed in sums of exposures
-_HALVINGS = 50
 
 
 class DwellRule(Protocol):
@@ -58,7 +56,12 @@ class DwellRule(Protocol):
 
 
 def _read_rule(value: object) -> DwellRule | None:
-    """Read a rule from text; a rule is returned unchanged, an empty text gives ``None``."""
+    """Read a rule from text; a rule is returned unchanged, an empty text gives ``None``.
+
+    Earlier versions weighed each stop with ``optimal`` against the others, and wrote ``value:NUMBERS`` for it.
+    """
+    if isinstance(value, str) and value.startswith("value:"):
+        return Optimal()
     return parse_dwell(value) if isinstance(value, str) and value else value or None  # type: ignore[return-value]
 
 
@@ -149,88 +152,27 @@ class AdaptiveInterval:
 
 @dataclass(frozen=True)
 class Optimal(FixedInterval):
-    """Count as long as it pays: :class:`MarginalValue` at each stop, or a fixed dwell while there is no map."""
+    """Count as long as the strategy plans for each stop, or for a fixed time where it plans none.
 
-    interval_s: float = 60.0  # dwell without a map [s]
+    ``greedy``, ``monte_carlo`` and ``adaptive_sampling`` plan none: to count there until a further second would
+    lower the variance more elsewhere made no better maps (three fields, six seeds).
+    """
+
+    interval_s: float = 60.0  # dwell that is not planned [s]
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
         """See :class:`DwellRule`."""
-        return f"{raw_counts} counts in {live_s:.0f} s, the dwell without a map"
+        return f"{raw_counts} counts in {live_s:.0f} s, the dwell where none is planned"
 
     def __str__(self) -> str:
         return "optimal"
-
-
-@dataclass(frozen=True)
-class MarginalValue:
-    """Count at a stop while one more second there lowers the integrated variance more than a second elsewhere.
-
-    A dwell of t seconds lowers the integrated variance by ``A t / (B t + n)``, with n the rate times the
-    correction factor. Counting pays while ``A n / (B t + n)^2 > price``. The rate is the rate counted at the stop.
-    Every further property adds a term, with its expected noise.
-    """
-
-    gain: float  # A: weighted sum over the cells of the squared posterior covariance with the stop
-    variance: float  # B: posterior variance at the stop, nugget included [(counts/s)^2], > 0
-    price: float  # reduction of the integrated variance per second elsewhere, >= 0
-    factor: float = 1.0  # product of the correction factors, ``raw rate = rate / factor`` [-]
-    longest_s: float = MAX_DWELL_S  # counting ends after this time in any case [s]
-    others: tuple[tuple[float, float, float], ...] = ()  # A, B and n of each further property
-
-    def enough(self, raw_counts: int, live_s: float) -> bool:
-        """See :class:`DwellRule`."""
-        return live_s >= self._best_s(self._noise(raw_counts, live_s)) * (1 - _ROUNDING)
-
-    def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
-        """See :class:`DwellRule`."""
-        # n is the square of the stop's own factor times the raw rate.
-        return self._best_s(self.factor**2 * rate_cps / factor) if rate_cps > 0 else self.longest_s
-
-    def progress(self, raw_counts: int, live_s: float) -> float:
-        """See :class:`DwellRule`."""
-        if self.enough(raw_counts, live_s):
-            return 1.0
-        return live_s / self._best_s(self._noise(raw_counts, live_s))
-
-    def outcome(self, raw_counts: int, live_s: float) -> str:
-        """See :class:`DwellRule`."""
-        if live_s >= self.longest_s * (1 - _ROUNDING):
-            return f"{raw_counts} counts in the longest dwell of {live_s:.0f} s"
-        return f"{raw_counts} counts in {live_s:.0f} s; counting elsewhere is worth more now"
-
-    def _noise(self, raw_counts: int, live_s: float) -> float:
-        """Noise n at the counted rate; zero counts are replaced by half a count."""
-        return self.factor**2 * max(raw_counts, 0.5) / live_s if live_s > 0 else math.inf
-
-    def _best_s(self, noise: float) -> float:
-        """Dwell after which the marginal value has fallen to the price [s]."""
-        if not math.isfinite(noise):
-            return self.longest_s
-        terms = ((self.gain, self.variance, noise), *self.others)
-        if self.price <= 0:
-            return self.longest_s if any(gain > 0 for gain, _, _ in terms) else 0.0
-        # The sum falls with time and reaches the price no sooner than any single term.
-        alone_s = max((math.sqrt(gain * n / self.price) - n) / variance for gain, variance, n in terms)
-        low, high = min(max(alone_s, 0.0), self.longest_s), self.longest_s
-        for _ in range(_HALVINGS if self.others else 0):
-            middle = (low + high) / 2
-            marginal = sum(gain * n / (variance * middle + n) ** 2 for gain, variance, n in terms)
-            low, high = (middle, high) if marginal > self.price else (low, middle)
-        return low
-
-    def __str__(self) -> str:
-        others = "".join(f";{gain!r},{variance!r},{noise!r}" for gain, variance, noise in self.others)
-        own = f"{self.gain!r},{self.variance!r},{self.price!r},{self.factor!r}"
-        limit = "" if self.longest_s == MAX_DWELL_S else f"/{_plain(self.longest_s)}"
-        return f"value:{own}{others}{limit}"
 
 
 def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
     """Read a dwell rule; ``str`` of the result is its simplest form, which reads as an equal rule.
 
     :param text: ``fmi:SECONDS``, ``ami:THRESHOLD``, ``ami:PERCENT%`` or ``optimal``; upper case and spaces do
-        not matter. Journals contain ``optimal`` at a stop as ``value:A,B,PRICE,FACTOR``, with ``;A,B,N`` for each
-        further property and ``/LONGEST`` at the end.
+        not matter
     :param longest_s: counting by ``ami`` or ``optimal`` ends after this time in any case [s], > 0
     :raises InputError: if the text is not a rule; the message lists examples
     """
@@ -239,8 +181,6 @@ def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
             f"the longest dwell of {longest_s} s is not positive and finite", "give seconds, e.g. 3600"
         )
     name, colon, number = (part.strip() for part in text.lower().partition(":"))
-    if name == _OF_STOP:
-        return _of_stop(number, longest_s)
     if name.removesuffix("s").isdecimal():
         raise InputError(f"the dwell rule {text.strip()!r} is a number without a rule", _EXAMPLES)
     kind = DWELL_RULES.get(name)
@@ -300,23 +240,6 @@ def _adaptive(number: str, longest_s: float) -> DwellRule:
     return AdaptiveInterval(float(threshold), longest_s)
 
 
-def _of_stop(numbers: str, longest_s: float) -> DwellRule:
-    terms, _, longest = numbers.partition("/")
-    own, *more = terms.split(";")
-    try:
-        gain, variance, price, factor = map(float, own.split(","))
-        others = tuple((a, b, n) for a, b, n in (map(float, other.split(",")) for other in more))
-        longest_s = float(longest or longest_s)
-        positive = [variance, factor, longest_s, *(value for _, b, n in others for value in (b, n))]
-        not_negative = [gain, price, *(a for a, _, _ in others)]
-        if min(positive) <= 0 or min(not_negative) < 0 or not all(map(math.isfinite, positive + not_negative)):
-            raise ValueError
-    except ValueError:
-        form = "A,B,PRICE,FACTOR with ;A,B,N and /LONGEST, all in range"
-        raise InputError(f"'value:{numbers}' is not {form}", _EXAMPLES) from None
-    return MarginalValue(gain, variance, price, factor, longest_s, others)
-
-
 def _checked(plug_in: Any) -> DwellKind:
     """Check a dwell rule of another package; raises TypeError."""
     if not isinstance(plug_in, DwellKind):
@@ -324,7 +247,6 @@ def _checked(plug_in: Any) -> DwellKind:
     return plug_in
 
 
-_OF_STOP = "value"
 DWELL_RULES: Registry[DwellKind] = Registry(
     "soilmoist_ros.dwell_rules",
     "dwell rule",
@@ -347,7 +269,7 @@ DWELL_RULES: Registry[DwellKind] = Registry(
             lambda _, longest_s: Optimal(min(Optimal.interval_s, longest_s), longest_s),
             lambda _: "Optimal",
             False,
-            "Counts as long as counting here is worth more than driving on.",
+            "Counts at each stop as long as the strategy plans, or 60 s.",
         ),
     },
     _checked,

@@ -3,28 +3,29 @@
 """The value of a measurement: the posterior covariance, and how hypothetical counts lower it.
 
 The kriging variance depends only on the places, the exposures and the approximate rates. So the integrated
-variance ``IV = sum_g omega_g Var(g)`` after any plan is known in advance. With the posterior covariance C and a
-sample of t seconds at x, whose noise is ``rate / t``::
-
-    IV falls by  A t / (B t + rate),    A = sum_g omega_g C(g, x)^2,    B = C(x, x) + nugget
-
-Joint counts at several places S lower IV by ``sum_g omega_g C_gS (C_SS + N)^-1 C_Sg``. Each property
-(:mod:`properties`) has its own model, and the reductions add up. For a decision (:mod:`decision`), joint counts
-save expected loss instead, and omega is the derivative of the loss by the variance.
+variance ``IV = sum_g omega_g Var(g)`` after any plan is known in advance. With the posterior covariance C and the
+noise N of counts, which is ``rate / t`` after t seconds, counts at places S lower IV by
+``sum_g omega_g C_gS (C_SS + N)^-1 C_Sg``. The first second at x lowers it in proportion to
+``A = sum_g omega_g C(g, x)^2``. Each property (:mod:`properties`) has its own model, and the reductions add up.
+For a decision (:mod:`decision`), counts save expected loss instead, and omega is the derivative of the loss by
+the variance.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.planning.decision import Thresholds
 from soilmoist_ros.exploration.planning.properties import MIN_RATE_CPS
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel import TravelModel
 from soilmoist_ros.mapping import PoissonKriging, SoilMap
 
 if TYPE_CHECKING:
@@ -35,6 +36,10 @@ Indices = NDArray[np.intp]
 
 EVEN_SHARE = 0.1
 """Share of the weight that all cells share where a decision is planned for: the posterior may be wrong."""
+MAX_CELLS = 400
+"""Approximate number of cells that represent the field: the variance is smooth over the variogram's range."""
+MAX_STOPS = 500  # largest number of graph nodes that are compared
+MAX_PLACES = 12  # largest number of places that represent a route
 ENOUGH_CELLS = 0.6  # share of the wanted cells that a square lattice must have
 SHARPNESS = 1.25
 """Power of the value of a second at a cell by which the cell attracts the stops of a tour for a decision: the best
@@ -42,31 +47,7 @@ density of stops follows the value more closely than the root that Lloyd's algor
 _SAME_M = 1e-9
 _TINY_LOSS = 1e-12
 _NO_TIME_S = 1e-15
-_HALVINGS = 50
-
-
-class Trips(NamedTuple):
-    """Trips to candidates; arrays of one value per candidate."""
-
-    stops: Indices  # numbers of the candidates
-    ways: Indices  # nodes on the way to each, shape (k, m)
-    exposure_s: Array  # exposure at each of these nodes, shape (k, m) [s]; 0 where a route has fewer nodes
-    overhead_s: Array  # time of the trip in which the robot already stands at the stop and counts [s]
-    longest_s: Array  # longest dwell possible at each [s]
-    cost_s: Array  # what each trip costs in the comparison [s]
-    min_dwell_s: float = 0.0  # shortest dwell [s]
-
-
-class Worth(NamedTuple):
-    """Value of a trip and a dwell, for each of k candidates; the first four for each of p properties, too."""
-
-    on_way: Array  # reduction of the integrated variance by the counts on the way, shape (p, k)
-    gain: Array  # A of the stop after the trip, shape (p, k)
-    variance: Array  # B of the stop after the trip, shape (p, k) [(counts/s)^2]
-    noise: Array  # n of the stop: rate expected there times the correction factor, shape (p, k)
-    dwell_s: Array  # dwell with the highest value [s], the shortest one if counting on the way is worth more
-    value: Array
-    """Reduction of the integrated variance per second of dwell and trip, an operator's costs of it included."""
+_ROUNDING = 1e-9
 
 
 class PlanningModel:
@@ -171,22 +152,13 @@ class PlanningModel:
         own = self._value(np.diag(self.covariance)[: self._cells])
         return own + sum(model.integrated_variance for model in self.others)
 
-    @cached_property
-    def gain(self) -> Array:
-        """A of each node: the diagonal of :meth:`gram`."""
-        return np.asarray(self.weight @ self.covariance[: self._cells] ** 2)
-
     @property
     def cell_gain(self) -> Array:
         """Value of the first second at each cell, by which it attracts stops, up to a factor, shape (g,)."""
         if self.thresholds is None:
             return np.asarray(self.weight * self.cell_variance**2)
-        return np.asarray(self.gain[: self._cells] ** SHARPNESS)
-
-    def gram(self, nodes: Indices) -> Array:
-        """``sum_g omega_g C(g, a) C(g, b)`` of every two of some nodes."""
-        to_cells = self.covariance[: self._cells, nodes] * np.sqrt(self.weight)[:, None]
-        return np.asarray(to_cells.T @ to_cells)  # half of the work of a product of two different matrices
+        gain = self.weight @ self.covariance[: self._cells] ** 2
+        return np.asarray(gain[: self._cells] ** SHARPNESS)
 
     @cached_property
     def _tree(self) -> KDTree:
@@ -216,47 +188,6 @@ class PlanningModel:
         own = self._value(self.cell_fall(nodes, exposure_s))
         return own + sum(model.fall(nodes, exposure_s) for model in self.others)
 
-    def worth(self, trips: Trips) -> Worth:
-        """Value of each trip and of counting at its end."""
-        node = self.stop_nodes[trips.stops]
-        nodes = np.column_stack([trips.ways, node])
-        seconds = np.column_stack([trips.exposure_s, trips.overhead_s])
-        each = [model._at_stops(node, nodes, seconds) for model in (self, *self.others)]
-        on_way, gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
-        dwell_s, value = best_dwell(
-            on_way, gain, variance, noise, trips.cost_s, trips.longest_s, trips.min_dwell_s
-        )
-        return Worth(on_way, gain, variance, noise, dwell_s, value)
-
-    def _at_stops(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array, Array]:
-        """Reduction by the counts on the way to each stop, and A, B and noise n of the stop after these counts."""
-        noise = self.factor * self.rate[node]
-        if seconds.any():
-            on_way, gain, left = self._after_ways(node, nodes, seconds)
-        else:
-            on_way, gain = np.zeros(len(node)), self.gain[node]
-            left = self.covariance[node, node]
-        # A place that is known for certain (no variance, no gain) must not cause a division by zero.
-        variance = np.maximum(np.maximum(left, 0.0) + self._map.variogram.nugget, 1e-12 * self.rate[node])
-        return on_way, gain, variance, noise
-
-    def _after_ways(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array]:
-        """Reduction by the counts on the way to each stop; then A and the variance without nugget of the stop."""
-        noisy = self.covariance[nodes[:, :, None], nodes[:, None, :]]
-        places = np.arange(nodes.shape[1])
-        noisy[:, places, places] += self.noise(nodes, seconds)
-        used, which = np.unique(nodes, return_inverse=True)
-        which = which.reshape(nodes.shape)
-        gram = self.gram(used)[which[:, :, None], which[:, None, :]]
-        across = self.covariance[nodes, node[:, None]]
-        # D = tr(M^-1 G_SS). With v = M^-1 C_Sx, the covariance of cell and stop becomes C_gx - C_gS v.
-        solved = np.linalg.solve(noisy, np.concatenate([gram, across[:, :, None]], axis=2))
-        on_way = np.trace(solved[:, :, :-1], axis1=1, axis2=2)
-        v = solved[:, :, -1]
-        gain = gram[:, -1, -1] - 2 * (v * gram[:, :, -1]).sum(axis=1)
-        gain = np.maximum(gain + np.einsum("ki,kij,kj->k", v, gram, v), 0.0)
-        return on_way, gain, self.covariance[node, node] - (across * v).sum(axis=1)
-
 
 @lru_cache(maxsize=4)
 def _nearest_cells(cells_xy: bytes, stops_xy: bytes) -> tuple[Array, Indices]:
@@ -266,57 +197,6 @@ def _nearest_cells(cells_xy: bytes, stops_xy: bytes) -> tuple[Array, Indices]:
     cells, stops = (np.frombuffer(xy).reshape(-1, 2) for xy in (cells_xy, stops_xy))
     away, nearest = KDTree(cells).query(stops)
     return away, nearest
-
-
-def best_dwell(
-    on_way: Array,
-    gain: Array,
-    variance: Array,
-    rate: Array,
-    travel_s: Array,
-    longest_s: Array,
-    min_dwell_s: float = 0.0,
-) -> tuple[Array, Array]:
-    """Dwell of the highest value per second of a trip (marginal value theorem, Charnov 1976) [s], and the value.
-
-    The arguments are D, counted on the way, A, B, n, T, and the longest and shortest dwell; the first four have
-    the shape (k,), or (p, k) for p properties.
-
-    With D counted on the way, ``(D + A t/(B t + n)) / (T + t)`` is largest where
-    ``(D B^2 + A B) t^2 + 2 D B n t + D n^2 - A n T = 0``; for D = 0 this is ``t = sqrt(n T / B)``. The best
-    dwell for several properties lies between their separate best dwells.
-    """
-    square = on_way * variance**2 + gain * variance
-    half = on_way * variance * rate
-    constant = on_way * rate**2 - gain * rate * travel_s
-    root = np.sqrt(np.maximum(half**2 - square * constant, 0.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        dwell_s = np.where((constant < 0) & (square > 0), (root - half) / square, 0.0)
-    if dwell_s.ndim > 1:
-        dwell_s = _best_of_all(on_way, gain, variance, rate, travel_s, dwell_s)
-    dwell_s = np.minimum(np.maximum(dwell_s, min_dwell_s), np.maximum(longest_s, 0.0))
-    fall = on_way + gain * dwell_s / (variance * dwell_s + rate)
-    if fall.ndim > 1:
-        fall = fall.sum(axis=0)
-    time_s = travel_s + dwell_s
-    return dwell_s, np.divide(fall, time_s, out=np.zeros_like(fall), where=time_s > 0)
-
-
-def _best_of_all(
-    on_way: Array, gain: Array, variance: Array, rate: Array, travel_s: Array, each_s: Array
-) -> Array:
-    """Dwell with the highest value per second of a trip for all properties together, shape (k,) [s].
-
-    There ``sum_p [A n (T + t)/(B t + n)^2 - A t/(B t + n) - D]`` is zero. Each term falls with t and is zero at
-    the best dwell of its property. So the root lies between the best dwells; bisection finds it.
-    """
-    low, high = each_s.min(axis=0), each_s.max(axis=0)
-    for _ in range(_HALVINGS if (low < high).any() else 0):
-        middle = (low + high) / 2
-        total = variance * middle + rate
-        rising = (gain * (rate * (travel_s + middle) / total - middle) / total - on_way).sum(axis=0) > 0
-        low, high = np.where(rising, middle, low), np.where(rising, high, middle)
-    return np.asarray((low + high) / 2)
 
 
 def spread_cells(mask: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
@@ -337,3 +217,64 @@ def spread_cells(mask: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
     if not chosen.any():  # a few cells at odd places
         chosen.flat[np.flatnonzero(mask)[every // 2 :: every]] = True
     return chosen
+
+
+# What a tour counts ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Counting:
+    """Times when the robot counts."""
+
+    cadence_s: float = 10.0  # duration of a record [s]
+    on_way: bool = True  # whether records taken while driving are mapped too
+
+
+@dataclass(eq=False)
+class Prospect:
+    """The stops within reach, and what a tour through them counts; arrays of shape (k,)."""
+
+    model: PlanningModel  # posterior covariance, with all stops that are considered
+    stops: tuple[Stop, ...]  # those at which the robot could still count, k
+    numbers: Indices  # numbers of these among the stops of the model
+    of_candidates: Indices  # numbers of these among the candidates of the situation
+    travel: TravelModel  # routes and times
+    position: tuple[float, float]  # where the robot is [m]
+    counting: Counting  # when the robot counts
+    min_dwell_s: float = 0.0  # shortest dwell [s]
+
+    @property
+    def overhead_s(self) -> float:
+        """Time of each trip in which the robot already counts at the stop [s]."""
+        motion = self.travel.motion
+        return motion.stop_overhead_s * motion.overhead_counted if self.counting.on_way else 0.0
+
+    def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
+        """Nodes on the route from a place to a stop, by its row, and the exposure at each [s]."""
+        drive_s = travel_s - self.travel.motion.stop_overhead_s
+        count = min(math.ceil(drive_s / self.counting.cadence_s - _ROUNDING), MAX_PLACES)
+        if count <= 0:
+            return np.empty(0, np.intp), np.empty(0)
+        shares = (np.arange(count) + 0.5) / count
+        places = self.travel.along(place, (self.stops[row],), shares[None])[0]
+        return self.model.nearest_nodes(places), np.full(count, drive_s / count)
+
+    def counted_on_tour(self, rows: Indices, dwell_s: float, legs_s: Array) -> tuple[Indices, Array]:
+        """Nodes at which a tour counts, and the exposure at each [s]."""
+        nodes = [self.model.stop_nodes[self.numbers[rows]]]
+        seconds = [np.full(len(rows), dwell_s + self.overhead_s)]
+        if self.counting.on_way:
+            place = self.position
+            for row, leg_s in zip(rows.tolist(), legs_s.tolist(), strict=True):
+                way, each = self.way(place, row, leg_s)
+                nodes.append(way)
+                seconds.append(each)
+                place = self.stops[row].xy
+        node, which = np.unique(np.concatenate(nodes), return_inverse=True)  # counts at one place add up
+        return node, np.bincount(which, np.concatenate(seconds)).astype(float)
+
+    def tour_cost_s(self, legs_s: Array) -> float:
+        """Time that an operator adds to that of a tour in comparisons [s]."""
+        motion = self.travel.motion
+        driven_m = motion.speed_mps * float(np.maximum(legs_s - motion.stop_overhead_s, 0.0).sum())
+        return motion.stop_cost_s * len(legs_s) + motion.metre_cost_s * driven_m

@@ -71,8 +71,8 @@ class Ground:
             self.stops = tuple(situation.candidates[row] for row in self._index.tolist())
         else:
             model = self.prospect.model
-            self.stops = self.prospect.reachable_stops
-            self._index = self.prospect.of_candidates[self.prospect.reachable]
+            self.stops = self.prospect.stops
+            self._index = self.prospect.of_candidates
             self.cells_xy = model.cells_xy
             if self.goal is None:
                 self.mass = np.asarray(sum(each.cell_gain for each in (model, *model.others)))

@@ -36,8 +36,6 @@ class StrategyKind:
     """True if it looks at the variance of every cell. Otherwise cells that represent the field to the look-ahead
     suffice, and a simulation maps the others at its end only."""
     decides: bool = True  # whether it plans for a decision where the mission has thresholds
-    plans_dwell: bool = False
-    """True if it chooses the dwell of every stop itself where the mission's rule is ``optimal``."""
     warm_up_stops: int | None = None  # stops before the map guides it; ``None`` for as many as the preset has
     warm_up: Callable[[Preset], Strategy] = Random  # makes the strategy that chooses these
     is_baseline: bool = False  # whether others are compared with it: reports show its maps last
@@ -68,18 +66,18 @@ BUILT_IN = {
     ),
     "lattice": StrategyKind(
         _with_solver(lambda _: Lattice()), "Lattice", "Evenly spread stops, planned once for the whole time.",
-        needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True, decides=False,
+        needs_map=False, whole_map=False, warm_up_stops=0, is_baseline=True, decides=False,
     ),
     "two_pass": StrategyKind(
         _with_solver(lambda _: Lattice((0.25, 1.0))), "Two lattices",
         "Evenly spread stops, coarse in the first quarter of the time, then between them.",
-        needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True, decides=False,
+        needs_map=False, whole_map=False, warm_up_stops=0, is_baseline=True, decides=False,
     ),
     # It makes do with the map of one stop.
     "gcb": StrategyKind(
         lambda _: CostBenefitTour(), "Cost-benefit tour",
         "Plans a tour for all the time left, and again after each stop.",
-        whole_map=False, plans_dwell=True, warm_up_stops=1, warm_up=lambda _: CostBenefitTour(),
+        whole_map=False, warm_up_stops=1, warm_up=lambda _: CostBenefitTour(),
     ),
 }  # fmt: skip
 

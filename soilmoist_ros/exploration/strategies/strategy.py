@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.decision import Thresholds
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule
+from soilmoist_ros.exploration.planning.planning_model import Counting, Prospect
 from soilmoist_ros.exploration.planning.properties import AimedMap
-from soilmoist_ros.exploration.planning.prospect import Counting, Prospect
 from soilmoist_ros.exploration.strategies.route import ITERATIONS, Route, open_route
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation import squared_distances

@@ -31,7 +31,7 @@ class RobotMotion:
     :param turn_s_per_rad: time for each radian turned on the way [s/rad], >= 0; turning towards the
         first corner is not counted, since the heading at the start is not known
     :param metre_cost_s: time that it is worth to avoid a metre [s/m], >= 0; makes it drive less. Both costs count
-        where trips are compared, never on the clock
+        where tours are compared, never on the clock
     :param overhead_counted: share of the stop overhead in which the robot stands at the stop and counts [0..1]
     """
 
@@ -54,17 +54,6 @@ class RobotMotion:
         """Time for lengths and turns of routes, one stop overhead included [s]; inf for an infinite length."""
         way = np.asarray(length_m, float) / self.speed_mps
         return np.asarray(way + np.asarray(turn_rad, float) * self.turn_s_per_rad + self.stop_overhead_s)
-
-    def cost_s(self, length_m: ArrayLike, turn_rad: ArrayLike = 0.0) -> Array:
-        """Cost of routes in a comparison: their time and the costs that an operator adds [s]."""
-        length = np.asarray(length_m, float)
-        added = self.stop_cost_s + self.metre_cost_s * np.where(np.isfinite(length), length, 0.0)
-        return np.asarray(self.travel_s(length_m, turn_rad) + added)
-
-    @property
-    def has_costs(self) -> bool:
-        """True if a trip costs more than its time."""
-        return self.stop_cost_s > 0 or self.metre_cost_s > 0
 
 
 def polyline_length_m(polyline: Array) -> float:
@@ -131,24 +120,14 @@ class TravelModel(ABC):
 
     def travel_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
         """Time from a place to each stop, one stop overhead included, shape (k,) [s]; inf if unreachable."""
-        return self.motion.travel_s(*self._lengths_and_turns(from_xy, stops))
-
-    def cost_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
-        """As :meth:`travel_s` with the operator's costs of a stop and of a metre, for comparisons of trips."""
-        return self.motion.cost_s(*self._lengths_and_turns(from_xy, stops))
-
-    def _lengths_and_turns(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> tuple[Array, ArrayLike]:
-        """Lengths of the routes, with :meth:`slower_m` [m], and their turns [rad] if those cost time."""
         if not len(stops):
-            return np.empty(0), 0.0
+            return np.empty(0)
         start = np.asarray(from_xy, float)
         lengths = self.lengths_m(start, stops) + self._slower_to_m(start, stops)
-        if self.motion.turn_s_per_rad == 0:
-            return lengths, 0.0
         turns = np.zeros(len(stops))
-        for index in np.flatnonzero(np.isfinite(lengths)).tolist():
+        for index in np.flatnonzero(np.isfinite(lengths)).tolist() if self.motion.turn_s_per_rad else ():
             turns[index] = polyline_turn_rad(self.route(start, stops[index]))
-        return lengths, turns
+        return self.motion.travel_s(lengths, turns)
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """Times between some of the stops, from row to column, shape (m, m) [s]; 0 on the diagonal."""

@@ -285,8 +285,9 @@ class MissionSettings:
         method="choose",
     )
     dwell: str | DwellRule = _setting(
-        None, "Time at a stop: fmi:SECONDS (fixed), ami:THRESHOLD (until 1/sqrt(counts) falls to it) or optimal. "
-        "Thresholds take the counts of --field.", str, check=_plain_dwell, method="enough",
+        None, "Time at a stop: fmi:SECONDS (fixed), ami:THRESHOLD (until 1/sqrt(counts) falls to it) or optimal "
+        "(as the strategy plans, or 60 s). Thresholds take the counts of --field.", str, check=_plain_dwell,
+        method="enough",
     )  # fmt: skip
     hours: float = _setting(2.0, "Mission time.", unit="h", low=0, above=True)
     seed: int = _setting(1, "Seed of all randomness.", low=0)

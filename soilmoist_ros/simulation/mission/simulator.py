@@ -31,7 +31,6 @@ from soilmoist_ros.exploration import (
     Mission,
     MissionRules,
     Moved,
-    Optimal,
     PendingMeasurement,
     Phase,
     Property,
@@ -157,8 +156,7 @@ class _Simulation:
         self.forecasts_wanted = forecasts or ends
         # Without this, nothing depends on the maps; they are made for the entries of the series only.
         kind = strategy_kind(settings.strategy)
-        weighs_dwell = isinstance(dwell_rule(settings.dwell), Optimal) and not kind.plans_dwell
-        self.guided = kind.needs_map or weighs_dwell or self.forecasts_wanted
+        self.guided = kind.needs_map or self.forecasts_wanted
         fields = mission_fields(settings)
         self.field = first = fields[0]
         if settings.target == "vwc" and first.curve is None:

@@ -29,7 +29,7 @@ from soilmoist_ros.exploration.mission.events import (
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb
-from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
+from soilmoist_ros.exploration.planning.dwell import Optimal, parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 
 # The usual course
@@ -90,14 +90,14 @@ def test_a_stop_has_its_own_dwell_rule_and_the_next_the_missions():
 
 def test_the_dwell_of_a_stop_survives_a_restart():
     driver = Driver(dwell=parse_dwell("optimal"), warm_up_stops=0)
-    driver.start().plan(dwell="value:0.01,0.1,1e-05,1.25").reach().record()
-    restored = Mission.restore(driver.mission.rules, driver.mission.snapshot())
-    assert restored.state.target.dwell == MarginalValue(0.01, 0.1, 1e-5, 1.25)
-    for mission in (driver.mission, restored):
-        assert mission.status.planned_dwell_s == pytest.approx(
-            (math.sqrt(0.01 / 1e-5 * 1.25**2 * 3) - 1.25**2 * 3) / 0.1
-        )
-    event = Planned(1.0, 3, Choice(EAST, "why", (NORTH,), MarginalValue(0.01, 0.1, 1e-5, 1.25, 300.0)))
+    driver.start().plan(dwell="ami:0.05").reach().record()
+    snapshot = driver.mission.snapshot()
+    restored = Mission.restore(driver.mission.rules, snapshot)
+    assert restored.state.target.dwell == parse_dwell("ami:0.05")
+    assert restored.status.planned_dwell_s == driver.mission.status.planned_dwell_s == pytest.approx(400 / 3)
+    earlier = snapshot.replace("ami:0.05", "value:0.01,0.1,1e-05,1.25;1,2,3/300")
+    assert Mission.restore(driver.mission.rules, earlier).status.planned_dwell_s == Optimal().interval_s
+    event = Planned(1.0, 3, Choice(EAST, "why", (NORTH,), parse_dwell("ami:0.05")))
     assert event_from_dict(json.loads(json.dumps(event_to_dict(event)))) == event
 
 

@@ -131,7 +131,7 @@ def test_a_stop_without_a_count_is_a_visit_and_may_be_stayed_at():
     for _ in range(6):
         driver.record(raw_counts=0)
     assert driver.phase is Phase.PLANNING
-    driver.plan(EAST, "value:0.02,0.5,1e-6,1.0")
+    driver.plan(EAST, "fmi:3000")
     assert driver.record(raw_counts=0).mission.status.planned_dwell_s < 3600.0
     driver.command("skip")
     visit = driver.last(VisitDone).visit

@@ -7,13 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration import DWELL_RULES, Optimal, parse_dwell
-from soilmoist_ros.exploration.planning.dwell import (
-    MAX_DWELL_S,
-    AdaptiveInterval,
-    DwellKind,
-    FixedInterval,
-    MarginalValue,
-)
+from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S, AdaptiveInterval, DwellKind, FixedInterval
 from soilmoist_ros.foundation.errors import InputError
 
 
@@ -27,7 +21,6 @@ from soilmoist_ros.foundation.errors import InputError
         (" AMI : 2.9 % ", AdaptiveInterval(0.029), "ami:0.029"),
         ("fmi:7200", FixedInterval(7200.0, 14400.0), "fmi:7200"),
         (" Optimal ", Optimal(), "optimal"),
-        ("value:1e-3,0.25,2e-06,1.1", MarginalValue(1e-3, 0.25, 2e-6, 1.1), "value:0.001,0.25,2e-06,1.1"),
     ],
 )
 def test_a_rule_reads_back_from_its_text(text, rule, plain):
@@ -48,12 +41,7 @@ def test_a_rule_of_a_plug_in_must_be_one(monkeypatch):
         ("", "no dwell rule is given.*fmi, ami, optimal"),
         ("fmj:600", "did you mean 'fmi'"),
         ("optimal:3", "must be 'optimal' alone"),
-        ("value:1,2", "is not A,B,PRICE,FACTOR"),
-        ("value:nan,1,1,1", "in range"),
-        ("value:1,1,-1,1", "in range"),
-        ("value:1,1,1,1;1,1", "A,B,PRICE,FACTOR"),
-        ("value:1,1,1,1;-1,1,1", "in range"),
-        ("value:1,1,1,1;1,0,1", "in range"),
+        ("value:1,1,1,1", "there is no dwell rule 'value'"),
         ("600", "'600' is a number without a rule -> write for example 'fmi:600'"),
         ("fmi", "has no number after 'fmi:'"),
         ("fmi:ten", "'ten' in 'fmi:ten' is not a finite number -> write for example"),
@@ -105,7 +93,7 @@ def test_expected_dwell_counts_raw_neutrons():
 
 
 @given(
-    st.sampled_from(["fmi:600", "fmi:0.3e1", "ami:3%", "optimal", "value:1e-3,0.2,1e-6,1.1", "value:0,1,1,1"]),
+    st.sampled_from(["fmi:600", "fmi:0.3e1", "ami:3%", "optimal"]),
     st.integers(0, 3000),
     st.floats(0, 5000, allow_nan=False),
 )
@@ -115,25 +103,3 @@ def test_progress_is_one_exactly_when_it_is_enough(text, raw_counts, live_s):
     assert 0 <= progress <= 1
     assert (progress == 1) == rule.enough(raw_counts, live_s)
     assert rule.outcome(raw_counts, live_s)
-
-
-@given(
-    gain=st.floats(1e-6, 1e3),
-    variance=st.floats(1e-6, 1e3),
-    price=st.floats(1e-9, 1e3),
-    factor=st.floats(0.5, 2),
-    rate=st.floats(0.01, 100),
-)
-def test_counting_pays_until_its_marginal_value_is_the_price(gain, variance, price, factor, rate):
-    """The fall of the variance less the price of the time is nowhere larger than where the rule stops."""
-    rule = MarginalValue(gain, variance, price, factor, longest_s=1000.0)
-    noise = factor * rate
-    best_s = rule.expected_s(rate, factor)
-    assert 0 <= best_s <= 1000
-    tried = [0.0, 1000.0, *(best_s * step for step in (0.5, 0.9, 1.1, 2) if best_s * step <= 1000)]
-
-    def profit(t):
-        return gain * t / (variance * t + noise) - price * t
-
-    highest = profit(best_s)
-    assert all(profit(t) <= highest + 1e-9 * (abs(highest) + price * t) for t in tried)

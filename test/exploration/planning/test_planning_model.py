@@ -1,13 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.planning.planning_model import PlanningModel, Trips, best_dwell, spread_cells
+from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 
 X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(2.0, 60.0, 4.0), np.arange(2.0, 50.0, 4.0)))
@@ -53,43 +51,11 @@ def test_the_fall_is_that_of_kriging_with_such_counts(seed, factor, exposures, w
     assert model.integrated_variance == pytest.approx(weight @ before.predict(CELLS)[1], rel=1e-9)
 
 
-@settings(deadline=None, max_examples=20)
-@given(seed=st.integers(0, 1000), overhead_s=st.floats(0, 30), dwell_s=st.floats(0, 2000))
-def test_the_worth_of_a_stop_is_the_fall_with_and_without_it(seed, overhead_s, dwell_s):
-    rng = np.random.default_rng([seed, 1])
-    stops = np.vstack([rng.uniform(0, 55, (3, 2)), CELLS[:2]])
-    model = PlanningModel(kriging(seed), CELLS, EVEN, stops)
-    numbers = np.array([4, 0, 2])
-    ways = rng.integers(0, len(CELLS), (3, 3))
-    exposure_s = np.array([[10.0, 20.0, 30.0], [10.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    worth = model.worth(
-        Trips(numbers, ways, exposure_s, np.full(3, overhead_s), np.full(3, 600.0), np.full(3, 60.0))
-    )
-    on_way, gain, variance, noise, *_ = (value[0] for value in worth)
-    for row, number in enumerate(numbers):
-        node, used = model.stop_nodes[number], exposure_s[row] > 0
-        nodes, seconds = ways[row][used], exposure_s[row][used]
-        fall = model.fall(np.append(nodes, node), np.append(seconds, overhead_s))
-        assert on_way[row] == pytest.approx(fall, rel=1e-6, abs=1e-10)
-        # The nugget is shared by all counts at one place, but the model draws it for each anew.
-        both = model.fall(np.append(nodes, [node, node]), np.append(seconds, [overhead_s, dwell_s]))
-        stop = gain[row] * dwell_s / (variance[row] * dwell_s + noise[row])
-        assert on_way[row] + stop == pytest.approx(both, rel=1e-6, abs=1e-10)
-
-
 def test_stops_that_are_cells_share_their_nodes():
     model = PlanningModel(kriging(), CELLS, EVEN, np.vstack([[3.0, 3.0], CELLS[7], [1.0, 1.0]]))
     assert model.stop_nodes.tolist() == [len(CELLS), 7, len(CELLS) + 1]
     assert len(model.rate) == len(CELLS) + 2
     assert model.nearest_nodes([[[6.1, 6.2]], [[3.1, 3.2]]]).tolist() == [[16], [len(CELLS)]]
-
-
-positive = st.floats(1e-4, 1e3)
-
-
-def test_the_best_dwell_without_counts_on_the_way_is_the_published_one():
-    (dwell_s,), _ = best_dwell(*(np.array([v]) for v in (0.0, 0.7, 0.5, 4.0, 90.0, 1e9)))
-    assert dwell_s == pytest.approx(math.sqrt(4.0 * 90.0 / 0.5))
 
 
 @settings(deadline=None)

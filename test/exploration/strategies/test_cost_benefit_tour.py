@@ -72,7 +72,12 @@ def test_a_tour_fits_into_its_pass_and_visits_no_stop_twice(graph, on_way):
     tour = design(ground, 1800.0, rng())
     assert len(tour.stops) > 2
     assert len(set(tour.stops.tolist())) == len(tour.stops)
-    assert ground.legs_s(tour.stops).sum() + len(tour.stops) * tour.dwell_s == pytest.approx(1800.0)
+    legs_s = ground.legs_s(tour.stops)
+    assert legs_s.sum() + len(tour.stops) * tour.dwell_s == pytest.approx(1800.0)
+    nodes, exposure_s = ground.prospect.counted_on_tour(tour.stops, tour.dwell_s, legs_s)
+    assert len(set(nodes.tolist())) == len(nodes), "counts at one place add up"
+    counted_s = 1800.0 if on_way else len(tour.stops) * tour.dwell_s
+    assert exposure_s.sum() == pytest.approx(counted_s)
 
 
 @pytest.mark.slow

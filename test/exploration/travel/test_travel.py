@@ -86,16 +86,6 @@ def test_time_and_length_are_those_of_the_route(turn):
                 assert travel.lengths_m(np.array(place), [stop])[0] == pytest.approx(polyline_length_m(way))
 
 
-def test_an_operators_costs_count_in_comparisons_only():
-    motion = RobotMotion(0.5, 10.0, stop_cost_s=30.0, metre_cost_s=2.0)
-    travel = FreeTravel(motion)
-    stops = (Stop("a", 10.0, 0.0), Stop("b", 0.0, 40.0))
-    np.testing.assert_allclose(travel.travel_s((0.0, 0.0), stops), [30.0, 90.0])
-    np.testing.assert_allclose(travel.cost_s((0.0, 0.0), stops), [80.0, 200.0])
-    assert np.isinf(RobotMotion(stop_cost_s=5.0).cost_s(np.inf))
-    assert not RobotMotion().has_costs
-
-
 @pytest.mark.parametrize("no_go", [[], [BLOCK]])
 @pytest.mark.parametrize("turn_s_per_rad", [0.0, 2.0])
 def test_times_of_tours_are_those_of_single_trips(no_go, turn_s_per_rad):
