@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""State that the console knows now, in sections, with the visits, ways and counts for viewers who come late."""
+"""State that the console knows now, in sections, with the visits and ways for viewers who come late."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ BEGUN_S = 5.0
 """Time of a mission in which its robot is still where it started [s]."""
 MAX_TRAIL = 4000
 """Places of a way at most; then every second one is left out."""
-MAX_COUNTS = 200
 MAX_VISITS = 1000
 """Latest visits that are kept; then the oldest quarter is left out."""
 
@@ -96,12 +95,12 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
     return {key: part for key, part in (("set", replaced), ("extend", extended)) if part}
 
 
-# What a viewer who comes late wants to see: the visits, the way of a robot, and how its count has grown ---------
+# What a viewer who comes late wants to see: the visits, and the way of a robot ----------------------------------
 
 
 class RobotHistory:
-    """Writes the sections ``place``, ``trail``, ``start`` (where its mission
-    began), ``ended`` (when, in seconds since 1970; ``None`` before) and ``count`` of a robot.
+    """Writes the sections ``place``, ``trail``, ``start`` (where its mission began), and ``ended`` (when, in
+    seconds since 1970; ``None`` before) of a robot.
     """
 
     def __init__(self, board: Board, robot: str) -> None:
@@ -110,8 +109,6 @@ class RobotHistory:
         self._start: list[float] | None = None
         self._ended = False
         self._heading_deg: float | None = None
-        self._stop = ""
-        self._counts: tuple[tuple[int, int], ...] = ()
 
     def place(self, x_m: float, y_m: float, sd_m: float) -> None:
         """The robot is at a place [m]; its heading is that of its last move."""
@@ -127,24 +124,14 @@ class RobotHistory:
         sd = round(sd_m, PLACE_DIGITS) if math.isfinite(sd_m) else None
         self._board.put(f"place/{self._robot}", [*here, self._heading_deg, sd])
 
-    def count(self, status: MissionStatus) -> None:
-        """The mission says how much it has counted at its stop."""
+    def follow(self, status: MissionStatus) -> None:
+        """The mission says where it is."""
         if self._trail and (status.phase in RESTING or status.time_used_s < BEGUN_S):
             self._start = list(self._trail[-1])
             self._board.put(f"start/{self._robot}", self._start)
         if self._ended is not (status.phase is Phase.FINISHED):
             self._ended = not self._ended
             self._board.put(f"ended/{self._robot}", round(time.time()) if self._ended else None)
-        stop = status.target.name if status.target and status.phase is Phase.COUNTING else ""
-        if stop != self._stop:
-            self._stop, self._counts = stop, ()
-        if stop and math.isfinite(status.dwell_s):
-            one = round(status.dwell_s), status.raw_counts
-            if not self._counts or one != self._counts[-1]:
-                if len(self._counts) >= MAX_COUNTS:
-                    self._counts = self._counts[::2]
-                self._counts = (*self._counts, one)
-        self._board.put(f"count/{self._robot}", self._counts)
 
 
 class VisitHistory:

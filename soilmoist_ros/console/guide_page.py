@@ -76,7 +76,7 @@ class GuidePage:
         for name, value in (("robots", [""]), ("choices", choices_view()), ("phone", is_phone)):
             self.board.put(name, value)
         self._server = ConsoleServer(
-            self.board, self, access, lambda: self.picture, SurveyFiles(runs, runs, runs), {"": self.walk},
+            self.board, self, access, lambda: self.picture, SurveyFiles(runs, runs), {"": self.walk},
             phone=phone,
         )  # fmt: skip
         tls = _tls(reachable(host), certificate, is_phone and host not in LOOPBACK)

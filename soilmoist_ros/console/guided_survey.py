@@ -378,7 +378,7 @@ class GuidedSurvey:
             status = replace(status, reason=self._lacks)
         self.board.put("mission/", mission_view(status, more))
         self.board.put("plan/", place_views(stop.xy for stop in ahead))
-        self._history.count(status)
+        self._history.follow(status)
         self.board.hear("mission/")
         self._bag.put(*self._bag.topics.health("/mission", status_health(status, more)))
 

@@ -25,7 +25,6 @@ LIMIT_S: Final = 30.0
 START: Final = "(start)"
 """Name of the field with which the nodes were started."""
 MAX_FIELDS: Final = 500
-_RASTERS: Final = (".tif", ".tiff")
 _SUFFIX: Final = ".yaml"
 
 
@@ -72,33 +71,27 @@ class PlanRoutes:
         return walk.end()
 
 
-# Files on this computer that a page may choose for the next mission, by their names: fields, runs, covariates ---
+# Files on this computer that a page may choose for the next mission, by their names: fields and runs ------------
 
 
 @dataclass(frozen=True)
 class SurveyFiles:
-    """Folders of the files to choose from: fields (drawn ones are saved there), GeoTIFFs, runs; initial field."""
+    """Folders of the files to choose from: fields (drawn ones are saved there), runs; initial field."""
 
     fields: Path
-    covariates: Path
     runs: Path
     start: Path | None = None
 
     def listed(self) -> dict[str, Any]:
-        """Names of the fields, the latest first, and of the covariates; and their folders."""
-        fields = sorted(_files(self.fields, (_SUFFIX,)), key=lambda path: path.stat().st_mtime, reverse=True)
-        return {
-            "fields": [path.name for path in fields[:MAX_FIELDS]],
-            "fields_folder": str(self.fields),
-            "covariates": [path.name for path in _files(self.covariates, _RASTERS)],
-            "covariates_folder": str(self.covariates),
-        }
+        """Names of the fields, the latest first."""
+        fields = sorted(_files(self.fields), key=lambda path: path.stat().st_mtime, reverse=True)
+        return {"fields": [path.name for path in fields[:MAX_FIELDS]]}
 
     def save(self, name: str, text: str, who: str) -> str:
         """Save a field; nothing is overwritten."""
         stem = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "field"
         now = datetime.now(UTC)
-        if len(_files(self.fields, (_SUFFIX,))) >= MAX_FIELDS:
+        if len(_files(self.fields)) >= MAX_FIELDS:
             raise InputError(f"there are {MAX_FIELDS} fields already", f"remove files from {self.fields}")
         file = f"{stem}-{now:%Y%m%d-%H%M%S-%f}{_SUFFIX}"
         try:
@@ -116,15 +109,15 @@ class SurveyFiles:
             changes["field"] = str(self._field(request.field))
         if request.earlier is not None:
             changes["earlier"] = tuple(str(self._run(name)) for name in request.earlier)
-        if request.covariates is not None:
-            known = {path.name: path for path in _files(self.covariates, _RASTERS)}
-            changes["covariates"] = tuple(str(_one(known, name, "covariate")) for name in request.covariates)
         return replace(request, **changes) if changes else request
 
     def _field(self, name: str) -> Path:
         if name == START and self.start is not None:
             return self.start.absolute()
-        return _one({path.name: path for path in _files(self.fields, (_SUFFIX,))}, name, "field")
+        known = {path.name: path for path in _files(self.fields)}
+        if name not in known:
+            raise InputError(f"there is no field {name!r:.60}", "reload the list")
+        return known[name]
 
     def _run(self, name: str) -> Path:
         path = run_of(self.runs, name)
@@ -133,14 +126,8 @@ class SurveyFiles:
         return path
 
 
-def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+def _files(folder: Path) -> list[Path]:
     try:
-        return sorted(path.absolute() for path in folder.iterdir() if path.suffix.lower() in suffixes)
+        return sorted(path.absolute() for path in folder.iterdir() if path.suffix.lower() == _SUFFIX)
     except OSError:
         return []
-
-
-def _one(known: dict[str, Path], name: str, what: str) -> Path:
-    if name not in known:
-        raise InputError(f"there is no {what} {name!r:.60}", "reload the list")
-    return known[name]

@@ -21,7 +21,6 @@ from concurrent.futures import Future
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
-from weakref import WeakSet
 
 from soilmoist_ros.console.board import Board, changes
 from soilmoist_ros.console.map_layers import MapLayers
@@ -47,7 +46,7 @@ REPLY_LIMIT_S: Final = 5.0
 STOP_LIMIT_S: Final = 3.0
 """Longest wait for a planner that says that its emergency stop is pressed [s]."""
 CHOICE_LIMIT_S: Final = 60.0
-"""Longest wait for a planner that opens a field, earlier runs and covariates [s]."""
+"""Longest wait for a planner that opens a field and earlier runs [s]."""
 MAX_BODY: Final = 3 * 1024 * 1024
 """Longest request: a file with a boundary [bytes]."""
 MAX_CLIENT: Final = 64
@@ -56,7 +55,7 @@ MAX_VIEWERS, MAX_VIEWERS_EACH = 50, 10
 KEEP_S: Final = 75.0
 """Longest time without a request on a connection [s]."""
 SILENT_S: Final = 10.0
-"""Time between two looks at connections that have sent no request, which aiohttp before 3.14 never ends [s]."""
+"""Time without an acknowledgement after which the reader of an event stream is gone [s]."""
 _KINDS: Final = {
     ".html": "text/html",
     ".css": "text/css",
@@ -121,7 +120,6 @@ class ConsoleServer:
         self._viewers: set[web.WebSocketResponse] = set()
         self._ends = False
         self._onlookers: Counter[str] = Counter()
-        self._asking: WeakSet[asyncio.Transport] = WeakSet()
         self._controls = Controls()
         self.operators = 0  # open pages that may steer
         self._files, self._walks = files, walks
@@ -174,18 +172,7 @@ class ConsoleServer:
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEP_S)
         await self._runner.setup()
         await web.TCPSite(self._runner, host, port, ssl_context=tls).start()
-        self._loop.call_later(SILENT_S, self._end_silent, [])
         return int(self._runner.addresses[0][1])
-
-    def _end_silent(self, before: list[asyncio.Transport]) -> None:
-        """End connections that had sent no request at the last look, nor have since: each keeps a file open."""
-        server = self._runner.server if self._runner is not None else None
-        found = [one.transport for one in server.connections if one.transport] if server is not None else []
-        silent = [one for one in found if one not in self._asking]
-        for one in silent:
-            if one in before:
-                one.abort()
-        self._loop.call_later(SILENT_S, self._end_silent, silent)
 
     async def _shut(self) -> None:
         self._ends = True
@@ -202,8 +189,6 @@ class ConsoleServer:
         """A middleware that refuses requests of other sites, and adds the headers to all answers."""
 
         async def guard(request: Any, handler: Handler) -> Any:
-            if request.transport is not None:
-                self._asking.add(request.transport)
             if refusal := self._access.refusal(_visitor(request)):
                 return self._web.Response(status=403, text=f"refused: {refusal}\n")
             response = await handler(request)
@@ -373,7 +358,7 @@ class ConsoleServer:
         assert self._steering is not None
         robot, asked = request_from_json(content, self._board.get("robots", []))
         request = self._files.resolved(asked)
-        opens = request.field or request.earlier or request.covariates
+        opens = request.field or request.earlier
         limit_s = CHOICE_LIMIT_S if opens else REPLY_LIMIT_S
         try:
             future = asyncio.wrap_future(self._steering.command(robot, request))

@@ -159,9 +159,8 @@ def _settings(text: str) -> dict[str, Any]:
     """Settings of a planner, with names of files instead of paths."""
     try:
         found = dict(read_json(text))
-        named = {
-            name: [Path(one).name for one in found[name]] for name in ("earlier", "covariates") if name in found
-        }
+        found.pop("covariates", None)  # paths of this computer
+        named = {"earlier": [Path(one).name for one in found["earlier"]]} if "earlier" in found else {}
         field = {"field": Path(found["field"]).name} if "field" in found else {}
     except (TypeError, ValueError):
         return {}

@@ -37,10 +37,11 @@ MAX_TEXT: Final = 200
 MAX_ITEMS: Final = 500
 _NUMBERS: Final = ("place", "geographic_place")
 _TEXTS: Final = ("verb", "who", "dwell", "strategy", "target", "home", "field")
-_NAMES: Final = ("stops", "earlier", "covariates")
+_NAMES: Final = ("stops", "earlier")
 _NUMBER: Final = ("hours", "until_sd", "until_gain")
 _OF_THE_PAGE: Final = frozenset({"robot", "client"})
-_KNOWN: Final = frozenset(field.name for field in fields(OperatorRequest))
+_KNOWN: Final = frozenset(field.name for field in fields(OperatorRequest) if field.name != "covariates")
+"""Parts of a request that a page may give; covariates are paths of this computer."""
 
 
 @dataclass(frozen=True)

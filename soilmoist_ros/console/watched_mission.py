@@ -50,7 +50,7 @@ class WatchedMission:
         self._map_s, self._samples, self._visits = 0.0, 0, 0
         self._begun_s: float | None = None
         self.stopped = False
-        files = SurveyFiles(runs, runs, runs)
+        files = SurveyFiles(runs, runs)
         self._server = ConsoleServer(self._board, None, Access(), lambda: self._picture, files, {})
         port = self._server.start("127.0.0.1", free_port(PORT))
         self.address = f"http://127.0.0.1:{port}/"
@@ -86,7 +86,7 @@ class WatchedMission:
             self._board.put(f"mission/{robot}", mission_view(one.status, {}))
             self._board.put(f"plan/{robot}", place_views((stop.x_m, stop.y_m) for stop in one.ahead))
             self._history[robot].place(*one.xy, 0.0)
-            self._history[robot].count(one.status)
+            self._history[robot].follow(one.status)
             self._board.hear(f"mission/{robot}")
         if len(moment.visits) != self._visits:
             self._visits = len(moment.visits)

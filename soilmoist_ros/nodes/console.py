@@ -19,7 +19,6 @@ from nav_msgs.msg import Path as PathMessage
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import Bool, String
-from std_srvs.srv import Trigger
 
 from msg_adapters import (
     battery_from_message,
@@ -53,8 +52,8 @@ from soilmoist_ros.console import (
     place_views,
     reachable,
 )
-from soilmoist_ros.exploration import TRIGGERS, OperatorRequest, Reply, ReplyCode, Verb, parse_topological_map
-from soilmoist_ros.foundation import Batches, Health, InputError, Level, foreign_text, resource
+from soilmoist_ros.exploration import OperatorRequest, Reply, ReplyCode, Verb, parse_topological_map
+from soilmoist_ros.foundation import Batches, Health, InputError, Level, resource
 from soilmoist_ros.mapping import load_field
 from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import CONSOLE as PARAMETERS
@@ -98,10 +97,8 @@ class Console(Node):
         names = (socket.gethostname(), f"{socket.gethostname()}.local", *values.texts("names"))
         access = Access(names, self._show_token, public)
         self._invites = bool(public) or host not in LOOPBACK
-        fields, covariates, runs = (
-            Path(values.text(name)).expanduser() for name in ("field_dir", "covariate_dir", "runs")
-        )
-        files = SurveyFiles(fields, covariates, runs, start)
+        fields, runs = (Path(values.text(name)).expanduser() for name in ("field_dir", "runs"))
+        files = SurveyFiles(fields, runs, start)
         self._server = ConsoleServer(
             self._board, self._steering, access, lambda: self._picture, files, self._walks
         )
@@ -150,7 +147,7 @@ class Console(Node):
     def _on_mission(self, robot: str, message: DiagnosticStatus) -> None:
         status, values = mission_from_message(message), health_from_status(message).values
         self._board.put(f"mission/{robot}", mission_view(status, values))
-        self._history[robot].count(status)
+        self._history[robot].follow(status)
         self._board.hear(f"mission/{robot}")
 
     def _on_state(self, robot: str, message: Any) -> None:
@@ -284,32 +281,28 @@ class ConsoleSteering:
         below = {robot: f"/{robot}/" if robot else "" for robot in robots}
         self._buttons = [node.create_publisher(Bool, f"{name}emergency_stop", LATCHED) for name in below.values()]
         self._clients, self._convert = self._typed_clients(below)
-        self._triggers = {
-            (robot, str(verb)): node.create_client(Trigger, f"{name}planner/{verb}")
-            for robot, name in below.items()
-            for verb in TRIGGERS
-        } if not self._clients else {}  # fmt: skip
         every(node, REPEAT_S, self._repeat)
 
     def command(self, robot: str, request: OperatorRequest) -> Future[Reply]:
         """Pass a request to the planner of a robot."""
         said: Future[Reply] = Future()
         said.set_running_or_notify_cancel()  # the answer may come after the wait for it
-        client, message, reply_of = self._call(robot, request)
+        client = self._clients.get(robot)
         if client is None or not client.service_is_ready():
             text = "the planner does not answer: it is not running, or the link to the robot is lost"
             if client is None:
                 text = f"{request.verb} needs soilmoist_msgs, which is not installed here"
             said.set_result(Reply(ReplyCode.REFUSED, text))
             return said
+        to_message, from_message = self._convert
 
         def on_reply(future: Any) -> None:
             try:
-                said.set_result(reply_of(future.result()))
+                said.set_result(from_message(future.result()))
             except Exception as error:  # of another version
                 said.set_exception(error)
 
-        client.call_async(message).add_done_callback(on_reply)
+        client.call_async(to_message(request)).add_done_callback(on_reply)
         self._node.get_logger().info(
             f"{request.verb} for {robot or 'the planner'} by {request.who or 'the operator'}"
         )
@@ -335,17 +328,6 @@ class ConsoleSteering:
             for button in self._buttons:
                 button.publish(Bool(data=True))
 
-    def _call(self, robot: str, request: OperatorRequest) -> tuple[Any, Any, Any]:
-        if self._clients:
-            to_message, from_message = self._convert
-            return self._clients[robot], to_message(request), from_message
-
-        def read(response: Any) -> Reply:
-            code = ReplyCode.ACCEPTED if response.success else ReplyCode.REFUSED
-            return Reply(code, foreign_text(response.message))
-
-        return self._triggers.get((robot, request.verb)), Trigger.Request(), read
-
     def _typed_clients(self, below: dict[str, str]) -> tuple[dict[str, Any], Any]:
         try:
             kind = interface_class("soilmoist_msgs/srv/Command")
@@ -353,8 +335,8 @@ class ConsoleSteering:
             from msg_adapters import reply_from_message, request_to_message
         except ImportError as error:
             self._node.get_logger().warning(
-                "the console can start, pause, resume, abort and skip only: soilmoist_msgs is not installed "
-                f"({error}; build interfaces/soilmoist_msgs)"
+                f"the page can stop the robots, and shows them: soilmoist_msgs is not installed ({error}; build "
+                "interfaces/soilmoist_msgs); services such as planner/start do the rest"
             )
             return {}, None
         clients = {

@@ -5,12 +5,10 @@
 from __future__ import annotations
 
 import ctypes
-import json
 import logging
 import os
 import signal
 import sys
-import textwrap
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -52,8 +50,6 @@ _PERMISSIONS: Final = (
     "if Fast DDS names a topic above, the permissions of this node's enclave lack it: add it to the policy, and "
     "make the keystore again (docs/safety.md)"
 )
-HELP = ("-h", "--help")
-_WIDTH = 100
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # names in malloc.h of the limits below
 _KEPT_BYTES: Final = 2 << 20  # free memory at the end of a heap above which it goes back to the system [bytes]
 _MAPPED_BYTES: Final = 1 << 20
@@ -119,13 +115,10 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process.
     Before, ``leave()`` may stop what the node drives; callbacks go on until the function that it returns is true,
     at most 2 s. The process lasts until reliable receivers have its last messages, at most 3 s.
-    Exit codes: 0 after SIGINT or SIGTERM, ``--help``, or when the node has finished, 2 for bad input.
+    Exit codes: 0 after SIGINT or SIGTERM, or when the node has finished, 2 for bad input.
     """
     module = sys.modules[make_node.__module__]
     name = (Path(sys.argv[0]).stem if module.__name__ == "__main__" else module.__name__).rpartition(".")[2]
-    if name in NODES and any(word in HELP for word in sys.argv):
-        print(help_of(name, (module.__doc__ or "").partition("\n\n")[0]))
-        sys.exit(0)
     sys.setswitchinterval(_SWITCH_S)
     return_memory()
     try:
@@ -189,32 +182,8 @@ def check_arguments(arguments: Sequence[str], node: str) -> None:
         example = f"-p {word}" if ":=" in word else "-p NAME:=VALUE"
         raise InputError(
             f"{node} has no argument {word!r}",
-            f"a parameter is given as: {node} --ros-args {example}; {node} --help lists them",
+            f"a parameter is given as: {node} --ros-args {example}; config/{node}.yaml lists them",
         )
-
-
-def help_of(node: str, about: str) -> str:
-    """Purpose and parameters of a node, for a terminal."""
-    lines = [
-        f"{node}: {about}",
-        "",
-        f"usage: ros2 run soilmoist_ros {node} --ros-args [-p NAME:=VALUE] [--params-file FILE] [-r __ns:=/ROBOT]",
-        "",
-        "Parameters (also use_sim_time, as every node); docs/topics.md has topics and services",
-    ]
-    for row in table_of(node):
-        values = row.limits.replace("..", "to")
-        default = f"default {json.dumps(row.default, ensure_ascii=False)}"
-        facts = filter(
-            None, [row.kind, default, row.unit and f"in {row.unit}", values, "live" if row.live else ""]
-        )
-        lines += _wrapped(f"{row.name} ({', '.join(facts)})", "  ", "        ")
-        lines += _wrapped(row.description, "      ", "      ")
-    return "\n".join([*lines, "", "live: may be set while the node runs (ros2 param set)"])
-
-
-def _wrapped(text: str, first: str, further: str) -> list[str]:
-    return textwrap.wrap(text, _WIDTH, initial_indent=first, subsequent_indent=further, break_on_hyphens=False)
 
 
 # Log and memory --------------------------------------------------------------------------------------------------

@@ -94,7 +94,6 @@ CONSOLE: Final = (
     row("robots", [], "namespaces of the robots on the field; that of this node if empty"),
     row("runs", "recordings", "folder whose runs the page shows, and where comparisons are written"),
     row("field_dir", "fields", "folder of field files; drawn fields are saved there"),
-    row("covariate_dir", "covariates", "folder of GeoTIFFs that may be chosen as covariates"),
     row("map_topic", "/topological_map_2", "topic of the navigation's map"),
 )  # fmt: skip
 

@@ -39,6 +39,7 @@ REMOVED: Final = {
     "blacklist_s": "a stop that failed or was skipped is ruled out for 900 s",
     "cancel_limit_s": "a robot that is not known to stand is asked again to stop after 10 s",
     "clear_s": "an alarm ends when its cause has been over for 10 s",
+    "covariate_dir": "covariates are named in the field file, or by the parameter of mapper and planner",
     "counts_bad_s": "the records of 60 s are judged",
     "datum_service": "remap the service toLL",
     "delete_oldest": "the recorder deletes nothing",

@@ -106,9 +106,6 @@ def test_a_mission_is_planned(browser, served):
         page.locator("#map").click(position={"x": x * box["width"], "y": y * box["height"]})
     page.get_by_role("button", name="Done").click()
     shows(page, "draft-about", "Drawn: a boundary with 0 no-go areas, 0.")
-    with page.expect_download() as download:
-        page.get_by_role("button", name="Download field file").click()
-    assert "polygon: [[" in download.value.path().read_text()
     ring = [[-0.5245, 53.268], [-0.524, 53.268], [-0.524, 53.2683]]
     content = json.dumps({"type": "Polygon", "coordinates": [[*ring, ring[0]]]}).encode()
     page.locator("#import").set_input_files(
@@ -123,14 +120,11 @@ def test_a_walk_a_strategy_and_earlier_runs_are_in_the_plan_that_is_started(brow
     for name in ("may", "june"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "summary.json").write_text(json.dumps({"field": "North"}))
-    (tmp_path / "covariates").mkdir()
-    (tmp_path / "covariates" / "height.tif").touch()
     page = opened(browser, served, PHONE, "#results")
     page.locator("#who").evaluate("box => { box.value = 'Ada'; box.dispatchEvent(new Event('change')); }")
     page.locator("#choose-may").check()
     page.get_by_role("button", name="Start the next survey with what this one knows").click()
     shows(page, "known-about", "Earlier surveys: may.")
-    page.get_by_label("height.tif").check()
     page.get_by_role("button", name="Walk boundary").click()
     shows(page, "draft-about", "Ada walks the boundary with the robot: 0 places")
     for x_m, y_m in along(CORNERS):
@@ -141,7 +135,7 @@ def test_a_walk_a_strategy_and_earlier_runs_are_in_the_plan_that_is_started(brow
     shows(page, "notice", "Receiver ± 0.02 m at worst")
     shows(page, "draft-about", "Drawn: a boundary with 0 no-go areas, 0.2")
     page.locator("#known summary").click()
-    page.get_by_label("height.tif").check()
+    page.get_by_label("june").check()
     page.locator("#plan-strategy").select_option("lattice")
     shows(page, "plan-strategy-about", "Evenly spread stops")
     page.locator("#plan-dwell").select_option("ami")
@@ -162,7 +156,7 @@ def test_a_walk_a_strategy_and_earlier_runs_are_in_the_plan_that_is_started(brow
     assert change.target == "vwc"
     assert change.hours == 0.0, "the planner has them"
     assert change.until_gain is None
-    assert change.covariates == (str(tmp_path / "covariates" / "height.tif"),)
+    assert change.earlier == (str(tmp_path / "june"),)
     field = load_field(Path(change.field))
     assert change.field.startswith(str(tmp_path / "fields" / "drawn-field-"))
     assert shapely.Polygon(field.polygon).symmetric_difference(shapely.Polygon(CORNERS)).area < 60

@@ -149,13 +149,10 @@ def test_jobs_run_one_after_the_other_and_say_how_they_ended():
 
 @pytest.fixture
 def files(tmp_path):
-    (tmp_path / "covariates").mkdir()
-    (tmp_path / "covariates" / "height.TIF").touch()
-    (tmp_path / "covariates" / "secret.txt").touch()
     (tmp_path / "runs" / "may").mkdir(parents=True)
     (tmp_path / "runs" / "may" / "summary.json").write_text("{}")
     (tmp_path / "outside.yaml").touch()
-    return SurveyFiles(tmp_path / "fields", tmp_path / "covariates", tmp_path / "runs", tmp_path / "own.yaml")
+    return SurveyFiles(tmp_path / "fields", tmp_path / "runs", tmp_path / "own.yaml")
 
 
 def test_names_become_paths(files, tmp_path):
@@ -164,15 +161,11 @@ def test_names_become_paths(files, tmp_path):
     assert name.startswith("north-field-2")
     os.utime(tmp_path / "fields" / name, (1.0, 1.0))  # some file systems count time in steps of milliseconds
     second = files.save("../../North /field", "polygon: []\n", "")
-    assert files.listed() == {
-        "fields": [second, name], "fields_folder": str(tmp_path / "fields"),
-        "covariates": ["height.TIF"], "covariates_folder": str(tmp_path / "covariates"),
-    }  # fmt: skip
-    asked = OperatorRequest("change", field=name, earlier=("may",), covariates=("height.TIF",), hours=1.0)
+    assert files.listed() == {"fields": [second, name]}
+    asked = OperatorRequest("change", field=name, earlier=("may",), hours=1.0)
     found = files.resolved(asked)
     assert found.field == str(tmp_path / "fields" / name)
     assert found.earlier == (str(tmp_path / "runs" / "may"),)
-    assert found.covariates == (str(tmp_path / "covariates" / "height.TIF"),)
     assert found.hours == 1.0
     assert files.resolved(OperatorRequest("change", field=START)).field == str(tmp_path / "own.yaml")
     assert files.resolved(OperatorRequest("change", earlier=())).earlier == ()
@@ -184,7 +177,7 @@ def test_names_become_paths(files, tmp_path):
     "asked",
     [
         {"field": "../outside.yaml"}, {"field": "/etc/passwd"}, {"field": "gone.yaml"}, {"earlier": ("..",)},
-        {"earlier": ("../runs/may",)}, {"covariates": ("secret.txt",)}, {"covariates": ("../outside.yaml",)},
+        {"earlier": ("../runs/may",)},
     ],
 )  # fmt: skip
 def test_other_files_cannot_be_named(files, asked):
@@ -198,4 +191,4 @@ def test_a_disk_is_not_filled_with_fields(files, monkeypatch):
     with pytest.raises(InputError, match="already"):
         files.save("two", "x", "")
     with pytest.raises(InputError, match="cannot be saved"):
-        SurveyFiles(Path("/dev/null/x"), Path(), Path()).save("one", "x", "")
+        SurveyFiles(Path("/dev/null/x"), Path()).save("one", "x", "")

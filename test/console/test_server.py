@@ -5,9 +5,7 @@
 from __future__ import annotations
 
 import asyncio
-import http.client
 import json
-import socket
 import urllib.error
 import urllib.request
 from concurrent.futures import Future
@@ -73,7 +71,7 @@ class Served:
         self.board.put("field", field_view(surrogate_field("half-wet").field))
         self.robots, self.map = Robots(self.board), None
         self.walk = Walk(self.board, "r1")
-        files = SurveyFiles(folder / "fields", folder / "covariates", folder)
+        files = SurveyFiles(folder / "fields", folder)
         self.server = ConsoleServer(
             self.board, self.robots, access, lambda: self.map, files, {"r1": self.walk}, PhoneReceiver()
         )  # fmt: skip
@@ -106,27 +104,6 @@ def served(tmp_path):
     made = Served(Access(), tmp_path)
     yield made
     made.server.close()
-
-
-@pytest.mark.slow
-def test_a_connection_that_sends_no_request_is_ended(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "SILENT_S", 0.1)
-    served = Served(Access(), tmp_path)
-    asking = http.client.HTTPConnection("127.0.0.1", served.port, timeout=20)
-    try:
-        asking.request("GET", "/page/page.css")
-        asking.getresponse().read()
-        kept = asking.sock
-        for begin in (b"", b"GET / HT"):
-            with socket.create_connection(("127.0.0.1", served.port), 20) as silent:
-                silent.sendall(begin)
-                assert silent.recv(1) == b""
-        asking.request("GET", "/page/page.css")
-        asking.getresponse().read()
-        assert asking.sock is kept is not None, "one that has asked stays"
-    finally:
-        asking.close()
-        served.server.close()
 
 
 def test_the_page_needs_nothing_from_elsewhere(served):
@@ -306,7 +283,8 @@ def test_what_a_plan_names_is_checked(served, tmp_path):
     for path, wrong, said in (
         ("/command", {**asked, "field": "../../etc/passwd"}, "there is no field"),
         ("/command", {**asked, "earlier": ["gone"]}, "there is no run"),
-        ("/command", {**asked, "covariates": "all"}, "must be a list"),
+        ("/command", {**asked, "earlier": "all"}, "must be a list"),
+        ("/command", {**asked, "covariates": ["/etc/passwd"]}, "has no covariates"),
         ("/walk", {"robot": "r9", "do": "begin"}, "there is no such robot"),
         ("/walk", [], "a request is an object"),
         ("/plan", 5, "a request is an object"),

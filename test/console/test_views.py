@@ -70,24 +70,12 @@ def test_a_way_is_kept_for_those_who_come_late():
     assert board.get("place/r1") == [0.1, 0.0, None, 0.02]
     history.place(3.0, 0.0, 0.02)
     assert board.get("place/r1") == [3.0, 0.0, 90, 0.02], "it has driven to the east"
-    history.count(replace(STATUS, phase=Phase.IDLE))
-    history.count(replace(STATUS, time_used_s=60.0))
+    history.follow(replace(STATUS, phase=Phase.IDLE))
+    history.follow(replace(STATUS, time_used_s=60.0))
     assert board.get("start/r1") == [3.0, 0.0], "where the next mission starts"
     for step in range(2 * MAX_TRAIL):
         history.place(3.0, float(step), 0.02)
     assert len(board.get("trail/r1")) <= MAX_TRAIL
-
-
-def test_the_count_of_a_stop_grows_and_begins_again_at_the_next():
-    board = Board()
-    history = RobotHistory(board, "")
-    for dwell_s, counts in ((1.0, 10), (2.0, 20), (2.0, 20)):
-        history.count(replace(STATUS, dwell_s=dwell_s, raw_counts=counts))
-    assert board.get("count/") == ((1, 10), (2, 20))
-    history.count(replace(STATUS, target=Stop("r2", 0.0, 0.0), dwell_s=0.0, raw_counts=0))
-    assert board.get("count/") == ((0, 0),)
-    history.count(replace(STATUS, phase=Phase.TRAVELLING))
-    assert board.get("count/") == ()
 
 
 @pytest.mark.slow

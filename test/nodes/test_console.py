@@ -40,7 +40,7 @@ class Page:
     """A console process and a page of it."""
 
     def __init__(self, ros, folder, browser):
-        folders = {"field_dir": "fields", "covariate_dir": "covariates", "runs": "runs"}
+        folders = {"field_dir": "fields", "runs": "runs"}
         params = {name: str(folder / its) for name, its in folders.items()}
         self.process = ros.start("console", params={"field": str(folder / "field.yaml"), "port": 0, **params})
         said = ros.wait_for(lambda: re.search(r"console: http://127\.0\.0\.1:(\d+)/", self.process.output()))

@@ -18,9 +18,7 @@ from std_srvs.srv import Empty, Trigger
 
 from msg_adapters.point_cloud import to_time
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.node_process import check_arguments, help_of
-from soilmoist_ros.nodes.parameter_tables import table_of
-from soilmoist_ros.nodes.parameters import NODES
+from soilmoist_ros.nodes.node_process import check_arguments
 from soilmoist_ros.nodes.topics import CLOCK
 from soilmoist_ros.nodes.topics import VISITS as ROSOUT
 
@@ -221,43 +219,16 @@ def test_callbacks_and_timers_survive_errors_and_a_simulated_clock_that_goes_bac
     assert process.wait() == 0
 
 
-# Help of the nodes, and arguments that ROS would ignore ---------------------------------------------------------
-
-SHOWN = {
-    "console": "port (integer, default 8050, 0 to 65535",
-    "field_simulator": "speed (double, default",
-    "mapper": "merge_radius_m (double, default 0.0, in m, 0 to 1000",
-    "planner": 'strategy (string, default "gcb", greedy | monte_carlo',
-    "recorder": 'include (string, default ".*")',
-    "sensor_driver": "silence_limit_s (double, default 35.0, in s,",
-    "watchdog": "silent_s (double, default 0.8, in s, 0.3 to 60",
-}
-
-
-@pytest.mark.parametrize("node", NODES)
-def test_help_names_every_parameter(node):
-    text = help_of(node, "about it")
-    lines = text.splitlines()
-    assert lines[0] == f"{node}: about it"
-    assert max(map(len, lines)) <= 115
-    for row in table_of(node):
-        assert f"\n  {row.name} ({row.kind}, default " in text
-        assert " ".join(row.description.split()) in " ".join(text.split())
-    assert SHOWN[node] in " ".join(text.split())
-
-
-@pytest.mark.process
-def test_a_node_shows_its_help_without_starting():
-    shown = subprocess.run(
-        [sys.executable, "-m", "soilmoist_ros.nodes.mapper", "--help"], capture_output=True, text=True
-    )
-    assert (shown.returncode, shown.stderr) == (0, "")
-    assert shown.stdout.startswith("mapper: Merges records to samples")
+# Arguments that ROS would ignore ---------------------------------------------------------------------------------
 
 
 def test_arguments_that_ros_ignores_are_refused():
     check_arguments(["mapper", "old_name:=new_name", "__ns:=/r1", "--ros-args", "-p", "field:=x"], "mapper")
-    for word, remedy in (("field:=x", "-p field:=x"), ("--params", "-p NAME:=VALUE"), ("x.yaml", "--help lists")):
+    for word, remedy in (
+        ("field:=x", "-p field:=x"),
+        ("--params", "-p NAME:=VALUE"),
+        ("--help", "mapper.yaml lists"),
+    ):
         with pytest.raises(InputError, match=f"mapper has no argument '{word}' -> .*{remedy}"):
             check_arguments(["mapper", word, "--ros-args", "-p", "site:=y"], "mapper")
 

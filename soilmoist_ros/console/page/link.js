@@ -96,7 +96,7 @@ const named = () => ({ who: who() || "console" });
 
 // Reply to a command: {accepted, message}. A reply that does not come is no acceptance.
 export async function command(robot, verb, details = {}) {
-  const opens = details.field || details.earlier?.length || details.covariates?.length;
+  const opens = details.field || details.earlier?.length;
   const reply = await request("command", { robot, verb, ...named(), ...details }, opens ? CHOICE_MS : COMMAND_MS, "no_answer_to_command");
   return reply.error ? { accepted: false, message: reply.error } : reply;
 }

@@ -81,17 +81,6 @@ function take(ring, isArea, more = []) {
   return done();
 }
 
-function save(name, text) {
-  const link = element("a", { href: URL.createObjectURL(new Blob([text], { type: "text/yaml" })), download: name });
-  link.click();
-  URL.revokeObjectURL(link.href);
-}
-
-async function download() {
-  const answer = await request("plan", { task: "field", ...field() });
-  if (answer.error) page.notice(said(answer.error), true); else save("field.yaml", answer.file);
-}
-
 async function read(file) {
   if (file.size > MAX_FILE) { page.notice(t("file_too_large", { size: fixed(file.size / 1e6, 1) }), true); return; }
   const content = await new Promise((resolve) => { const reader = new FileReader(); reader.onload = () => resolve(reader.result.split(",")[1] ?? ""); reader.readAsDataURL(file); });
@@ -148,7 +137,7 @@ export function renderOutline() {
       row(button(t("draw_boundary"), () => begin("boundary")), button(t("draw_area"), () => begin("area"))),
       row(button(t("walk_boundary"), () => beginWalk("boundary")), button(t("walk_area"), () => beginWalk("area"))),
     ];
-    if (hasDraft()) nodes.push(row(button(t("download_field"), download), button(t("clear"), clear)));
+    if (hasDraft()) nodes.push(button(t("clear"), clear));
     if (draft.areas.length && running) nodes.push(button(t("rule_out_drawn"), ruleOut));
     return nodes;
   });

@@ -11,8 +11,7 @@ import { $, button, element, fill, setText, slide } from "./widgets.js";
 export { addCorner, drawingBar } from "./outline.js";
 
 const DWELLS = { optimal: null, fmi: "60", ami: "3" };  // amounts to begin with
-let page = null, files = null, runs = null, touched = new Set();
-const known = { earlier: null, covariates: null };  // names that are chosen; null: as they are
+let page = null, files = null, runs = null, touched = new Set(), earlier = null;  // names of runs that are chosen; null: as they are
 
 const value = (name) => $(`plan-${name}`).value.trim();
 const number = (name) => Number(value(name) || 0);
@@ -44,14 +43,14 @@ async function use() {
   const file = await fieldFile();
   if (file === null) return false;
   if (file) survey.field = file;
-  for (const name of ["earlier", "covariates"]) if (known[name] !== null) survey[name] = [...known[name]];
+  if (earlier !== null) survey.earlier = [...earlier];
   const shared = Object.keys(survey).length > 0;
   if (shared) page.notice(t("opens_field"));
   for (const robot of shared ? sections.robots : []) {
     if (!(await page.ask("change", robot === page.robot() ? { ...own, ...survey } : survey, robot))) return false;
   }
   if (!shared && Object.keys(own).length && !(await page.ask("change", own))) return false;
-  if (shared) { fieldIsUsed(); Object.assign(known, { earlier: null, covariates: null }); }
+  if (shared) { fieldIsUsed(); earlier = null; }
   touched = new Set();
   if (!shared && !Object.keys(own).length) page.notice(t("has_plan"));
   return true;
@@ -66,28 +65,21 @@ export async function showChoices() {
 }
 
 // From the page Results: the next mission begins with what these runs know.
-export function know(names) { known.earlier = new Set(names); page.render(); }
-
-function choiceList(id, kind, names, facts) {
-  const now = settings()[kind], chosen = known[kind] ?? new Set(now ?? []);
-  fill(id, [names, [...chosen], page.maySteer(), facts], () => names.map((name, index) => {
-    const box = element("input", { type: "checkbox", id: `${kind}-${index}` });
-    box.checked = chosen.has(name);
-    box.disabled = !page.maySteer();
-    box.addEventListener("change", () => { const next = new Set(chosen); next[box.checked ? "add" : "delete"](name); known[kind] = next; page.render(); });
-    return element("li", {}, box, element("label", { for: box.id }, name, element("span", {}, facts[index])));
-  }));
-}
+export function know(names) { earlier = new Set(names); page.render(); }
 
 function renderKnown() {
-  const usable = (runs?.runs ?? []).filter((run) => run.finished);
-  choiceList("earlier", "earlier", usable.map((run) => run.name), usable.map((run) => [run.field, run.start ? run.start.slice(0, 10) : "", run.stops ? t("n_stops", { n: run.stops }) : ""].filter(Boolean).join(" · ")));
-  choiceList("covariates", "covariates", files?.covariates ?? [], (files?.covariates ?? []).map(() => ""));
-  const names = (kind) => (known[kind] === null ? settings()[kind] : [...known[kind]]);
-  const say = (kind) => (names(kind) === undefined ? t("known_as_started") : names(kind).join(", ") || t("none"));
-  const more = known.earlier !== null || known.covariates !== null ? t("known_use") : "";
-  setText("known-about", `${t("earlier")}: ${say("earlier")}. ${t("covariates")}: ${say("covariates")}. ${more}`.trim());
-  setText("known-none", [usable.length ? "" : t("known_no_runs", { folder: runs?.folder ?? "runs" }), files?.covariates?.length ? "" : t("known_no_covariates", { folder: files?.covariates_folder ?? "covariates" })].filter(Boolean).join(" "));
+  const usable = (runs?.runs ?? []).filter((run) => run.finished), now = settings().earlier, chosen = earlier ?? new Set(now ?? []);
+  fill("earlier", [usable, [...chosen], page.maySteer()], () => usable.map((run, index) => {
+    const box = element("input", { type: "checkbox", id: `earlier-${index}` });
+    box.checked = chosen.has(run.name);
+    box.disabled = !page.maySteer();
+    box.addEventListener("change", () => { earlier = new Set(chosen); earlier[box.checked ? "add" : "delete"](run.name); page.render(); });
+    const facts = [run.field, run.start ? run.start.slice(0, 10) : "", run.stops ? t("n_stops", { n: run.stops }) : ""].filter(Boolean).join(" · ");
+    return element("li", {}, box, element("label", { for: box.id }, run.name, element("span", {}, facts)));
+  }));
+  const said = now === undefined && earlier === null ? t("known_as_started") : [...chosen].join(", ") || t("none");
+  setText("known-about", `${t("earlier")}: ${said}. ${earlier === null ? "" : t("known_use")}`.trim());
+  setText("known-none", usable.length ? "" : t("known_no_runs", { folder: runs?.folder ?? "runs" }));
 }
 
 // The form ----------------------------------------------------------------------------------------------

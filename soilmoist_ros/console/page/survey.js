@@ -178,7 +178,6 @@ function renderState() {
     setText("error", now.counts ? `± ${fixed(100 / Math.sqrt(now.counts), 1)} %` : "–");
     setText("dwell", now.planned_dwell_s ? t("s_of", { s: now.dwell_s, of: now.planned_dwell_s }) : `${now.dwell_s} s`);
     $("progress").value = now.planned_dwell_s ? Math.min(1, now.dwell_s / now.planned_dwell_s) : 0;
-    spark(sections[`count/${robot}`] ?? []);
   }
   const shown = now && [now.running, now.paused, now.phase === "returning", now.emergency, sections.viewer, robot, heardAgo() > GONE_S, lost(), reasons(now), ended(), report];
   if (ended()) lookForReport(sections[`ended/${robot}`]);
@@ -259,14 +258,6 @@ function commands(now) {
     element("div", { class: "buttons" }, button(t("pause"), () => ask("pause"), "primary"), button(t("skip"), () => ask("skip"), "", why.skip)),
     home, end,
   ];
-}
-
-function spark(counts) {
-  const points = counts.filter(([, n]) => n > 0).map(([s, n]) => [s, 100 / Math.sqrt(n)]);
-  const line = $("spark").firstElementChild;
-  if (points.length < 2) { line.setAttribute("points", ""); return; }
-  const lastS = points.at(-1)[0] || 1, top = Math.min(points[0][1], 60);
-  line.setAttribute("points", points.map(([s, e]) => `${(300 * s / lastS).toFixed(1)},${(42 - 40 * Math.min(e, top) / top).toFixed(1)}`).join(" "));
 }
 
 function renderMission() {
