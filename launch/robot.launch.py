@@ -39,7 +39,7 @@ from soilmoist_ros.recording.map_sources import open_session
 PARAMETERS = {
     "field": "field file, or name of a shipped one",
     "site": "site file (corrections, soil, calibration), or name of a shipped one",
-    "logger_uri": "where the neutron logger is: tcp://HOST:PORT, udp://0.0.0.0:PORT?from=ADDRESS or "
+    "logger_uri": "where the neutron logger is: tcp://HOST:PORT, udp://0.0.0.0:PORT or "
     "serial:///dev/ttyUSB0?baud=115200",
     "gnss_uri": "where the GNSS receiver is (NMEA), like logger_uri",
     "strategy": "how the next stop is chosen, such as gcb",

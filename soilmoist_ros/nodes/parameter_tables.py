@@ -167,7 +167,7 @@ RECORDER: Final = (
 
 SENSOR_DRIVER: Final = (
     row("logger_uri", "tcp://127.0.0.1:4001", "address of the neutron logger: tcp://HOST:PORT, "
-        "udp://0.0.0.0:PORT?from=ADDRESS or serial:///dev/ttyUSB0?baud=115200"),
+        "udp://0.0.0.0:PORT or serial:///dev/ttyUSB0?baud=115200"),
     row("logger_format", FORMAT_NAME, "name of a shipped logger format, or a file"),
     row("gnss_uri", "", "address of the GNSS receiver (NMEA), like logger_uri; empty to read fixes from the "
         "topic fix"),

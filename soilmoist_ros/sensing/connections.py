@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import ipaddress
 import logging
+import math
 import os
 import random
 import select
@@ -15,7 +15,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from urllib.parse import parse_qsl, unquote, urlsplit
@@ -27,13 +27,11 @@ EXAMPLES = {
     "tcp": "tcp://192.168.1.20:5000", "udp": "udp://0.0.0.0:5000", "serial": "serial:///dev/ttyUSB0?baud=115200",
 }  # fmt: skip
 """An example of each kind of address."""
-_OPTIONS = {"udp": "from", "serial": "baud"}  # the only one of each kind; tcp has none
 DEFAULT_BAUD = 115_200
 CHUNK = 65_536  # maximum number of bytes of one read; no datagram is larger
 RECEIVE_BUFFER = 1 << 20
 CONNECT_S = 3.0  # maximum time of an attempt to connect [s]
-MAX_SENDERS = 8  # senders that are remembered by their address
-RECENT_S = 60.0  # time after which a sender that has fallen silent is no longer shown [s]
+RECENT_S = 60.0  # time without a datagram after which another sender is accepted [s]
 MAX_SILENT_PERIODS = 3.5  # maximum time without a record before an error, as a multiple of the record period
 _IN_USE = "end the other program that uses it, such as a second survey, a terminal, gpsd or ModemManager"
 _TAKEN = {
@@ -41,7 +39,6 @@ _TAKEN = {
     errno.EACCES: "let this user: sudo usermod -a -G dialout $USER, then log in again; UDP needs a port from 1024",
 }
 """What to do about a port that cannot be opened, by the error number."""
-Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 _log = logging.getLogger(__name__)
 
 
@@ -49,7 +46,7 @@ def open_source(uri: str, retry: Retry | None = None) -> LineSource:
     """Line source at an address; it connects at the first read.
 
     * ``tcp://host:port`` connects to a server,
-    * ``udp://0.0.0.0:port`` listens for datagrams; ``?from=192.168.5.20,10.0.5.0/24`` drops those of others,
+    * ``udp://0.0.0.0:port`` listens for datagrams of one sender, see :class:`Senders`,
     * ``serial:///dev/ttyUSB0?baud=115200`` opens a port.
 
     :raises InputError: if the address is invalid
@@ -67,10 +64,12 @@ def open_source(uri: str, retry: Retry | None = None) -> LineSource:
         kinds = f"{', '.join(EXAMPLES)}{did_you_mean(kind, EXAMPLES)}"
         raise _bad(uri, f"must begin with one of: {kinds}" if kind else "has no kind before '://'")
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
-    if kind != "serial" and options.pop("interface", None) is not None:
-        _warn_of_interface(uri)
-    if unknown := [name for name in options if name != _OPTIONS.get(kind)]:
-        raise _bad(uri, f"has an unknown option {unknown[0]!r}; there is: {_OPTIONS.get(kind, 'none')}", kind)
+    known = "baud" if kind == "serial" else "none"
+    for name in options:
+        if kind != "serial" and name in ("interface", "from"):
+            _warn_of_option(uri, name)
+        elif name != known:
+            raise _bad(uri, f"has an unknown option {name!r}; there is: {known}", kind)
     if kind in ("tcp", "udp"):
         if not parts.hostname or not port:
             raise _bad(uri, "lacks the host" if port else "lacks the port", kind)
@@ -78,7 +77,7 @@ def open_source(uri: str, retry: Retry | None = None) -> LineSource:
             raise _bad(uri, f"has a path {parts.path!r}, which this kind does not have", kind)
         if kind == "tcp":
             return ReconnectingSource(uri, partial(connect_tcp, parts.hostname, port), retry)
-        senders = Senders(parse_networks(uri, options["from"]) if "from" in options else ())
+        senders = Senders()
         return ReconnectingSource(uri, partial(bind_udp, parts.hostname, port, senders), retry, senders=senders)
     if parts.netloc or not parts.path.startswith("/") or len(parts.path) < 2:
         raise _bad(uri, "lacks the absolute path: mind the three slashes", kind)
@@ -92,25 +91,10 @@ def open_source(uri: str, retry: Retry | None = None) -> LineSource:
 
 
 @cache
-def _warn_of_interface(uri: str) -> None:
+def _warn_of_option(uri: str, name: str) -> None:
     """Warn once of an option of earlier releases; a driver opens an address several times."""
-    remedy = "a firewall, or ?from= of a udp address, limits who may send"
-    _log.warning("interface= of the address %r is not used any more: %s", uri, remedy)
-
-
-def parse_networks(uri: str, text: str) -> tuple[Network, ...]:
-    """Addresses and networks, separated by commas.
-
-    >>> [str(network) for network in parse_networks("udp://0.0.0.0:5000", "192.168.5.20,10.0.0.0/8")]
-    ['192.168.5.20/32', '10.0.0.0/8']
-
-    :raises InputError: if one is neither
-    """
-    try:
-        return tuple(ipaddress.ip_network(part.strip()) for part in text.split(","))
-    except ValueError as error:
-        remedy = "give numeric addresses or networks: from=192.168.5.20 or from=192.168.5.20,10.0.5.0/24"
-        raise InputError(f"the address {uri!r} accepts data from no network: {error}", remedy) from None
+    remedy = "a udp address takes the lines of one sender, and a firewall limits who may send"
+    _log.warning("%s= of the address %r is not used any more: %s", name, uri, remedy)
 
 
 def _bad(uri: str, message: str, kind: str = "") -> InputError:
@@ -119,32 +103,29 @@ def _bad(uri: str, message: str, kind: str = "") -> InputError:
 
 
 class Senders:
-    """Judges senders of datagrams by the networks that are allowed (all if empty), and counts the refused ones."""
+    """Accepts datagrams of one sender until it has fallen silent: lines of two would be mixed.
 
-    def __init__(self, allowed: Sequence[Network] = ()) -> None:
-        self.allowed = tuple(allowed)
-        self.n_refused, self.last_refused = 0, ""
-        self._heard_s: dict[str, float] = {}
+    :attr:`sender` is its address, :attr:`n_refused` the number of datagrams of others.
+    """
+
+    def __init__(self) -> None:
+        self.sender, self.n_refused = "", 0
+        self._heard_s = self._refused_s = -math.inf
+        self._other = ""
 
     @property
-    def recent(self) -> tuple[str, ...]:
-        """Addresses of the last few senders whose datagrams were accepted in the last minute."""
-        now_s = time.monotonic()
-        return tuple(sender for sender, at_s in self._heard_s.copy().items() if now_s - at_s <= RECENT_S)
+    def refused(self) -> str:
+        """Address of another sender of the last minute; empty without one."""
+        return self._other if time.monotonic() - self._refused_s <= RECENT_S else ""
 
     def accepts(self, sender: str) -> bool:
         """True if a datagram is accepted."""
-        known = self._heard_s.pop(sender, None) is not None
-        if not known and self.allowed:
-            address = ipaddress.ip_address(sender.partition("%")[0])
-            address = getattr(address, "ipv4_mapped", None) or address
-            if not any(address in network for network in self.allowed):
-                self.n_refused += 1
-                self.last_refused = sender
-                return False
-        if len(self._heard_s) >= MAX_SENDERS:
-            del self._heard_s[next(iter(self._heard_s))]
-        self._heard_s[sender] = time.monotonic()
+        now_s = time.monotonic()
+        if sender != self.sender and now_s - self._heard_s <= RECENT_S:
+            self.n_refused += 1
+            self._other, self._refused_s = sender, now_s
+            return False
+        self.sender, self._heard_s = sender, now_s
         return True
 
 
@@ -272,7 +253,7 @@ class ReconnectingSource:
     """A :class:`LineSource` over connections that may break.
 
     :param connect: returns a new connection, or raises ``OSError``
-    :param senders: whose datagrams the connections accept; ``None`` if they have a single sender
+    :param senders: decides whose datagrams the connections accept
     """
 
     def __init__(
@@ -285,7 +266,7 @@ class ReconnectingSource:
         self._uri = uri
         self._connect = connect
         self._retry = retry or Retry()
-        self._senders = senders
+        self._senders = senders or Senders()
         self._buffer = LineBuffer()
         self._connection: Connection | None = None
         self._closed = threading.Event()
@@ -304,13 +285,12 @@ class ReconnectingSource:
             state = LinkState.SILENT
         else:
             state = LinkState.CONNECTING if self._connection is None else LinkState.CONNECTED
-        senders = self._senders or Senders()
+        senders = self._senders
         return LinkStatus(
             uri=self._uri, state=state, attempts=self._attempts, connections=self._connections,
             last_error=self._last_error, n_bytes=self._n_bytes, n_lines=self._n_lines,
-            n_oversized=self._buffer.n_oversized, n_refused=senders.n_refused, last_refused=senders.last_refused,
-            senders=senders.recent, is_open=self._senders is not None and not senders.allowed, silent_s=silent_s,
-            silence_limit_s=limit_s,
+            n_oversized=self._buffer.n_oversized, n_refused=senders.n_refused, refused=senders.refused,
+            sender=senders.sender, silent_s=silent_s, silence_limit_s=limit_s,
         )  # fmt: skip
 
     def refuse_taken(self) -> None:

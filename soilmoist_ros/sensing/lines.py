@@ -50,9 +50,8 @@ class LinkStatus:
     :param attempts: attempts to connect since the last line, or since the link fell silent
     :param last_error: reason of the last failed or broken connection, empty if there is none
     :param n_oversized: lines dropped because they were too long
-    :param n_refused: datagrams refused for their sender, the last of which was ``last_refused``
-    :param senders: addresses of the last few senders whose datagrams were accepted in the last minute
-    :param is_open: whether datagrams of anybody are accepted
+    :param sender: address whose datagrams are accepted; ``n_refused`` of others were dropped, of ``refused`` in the
+        last minute
     :param silent_s: time since the last byte or connection [s]
     :param silence_limit_s: such a time after which the link reconnects [s]
     :param remedy: what to do about an error, if it is not the usual
@@ -67,9 +66,8 @@ class LinkStatus:
     n_lines: int = 0
     n_oversized: int = 0
     n_refused: int = 0
-    last_refused: str = ""
-    senders: tuple[str, ...] = ()
-    is_open: bool = False
+    refused: str = ""
+    sender: str = ""
     silent_s: float = 0.0
     silence_limit_s: float = math.inf
     remedy: str = ""

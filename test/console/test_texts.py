@@ -48,9 +48,8 @@ not watched: no message has come | {} m off its route{} | , {} so far | not sinc
 no plausible position for | no record for | the map has taken in no record for | no watchdog for |
 aborted the goal{} | ended the goal without success{} | the goal to {} | a goal of before |
 reported as reached, but {} | {} of the last {} records are quarantined{} |
-: datagrams of {} were refused; compare 'from' in the address {} |
 last loss | last quarantine | age of the last record [s] |
-: mixes the lines of {} senders ({}); name the right one in the address, such as {}from={} |
+: lines of {} are used, those of {} dropped; give one another port |
 not used: {}; check its high voltage and its cable | {}, and by this computer {} (UTC) |
 {} is not a valid name of a bag | use letters, digits, '_' and '-' | bag writer |
 recording to %s | last skipped: {} | no map yet | (did not converge) |

@@ -13,14 +13,7 @@ from hypothesis import strategies as st
 from scripted_server import LIMIT_S, ScriptedServer, opened, read, read_until, sends
 
 from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.sensing.connections import (
-    Connection,
-    ReconnectingSource,
-    Retry,
-    Senders,
-    open_source,
-    parse_networks,
-)
+from soilmoist_ros.sensing.connections import Connection, ReconnectingSource, Retry, open_source
 from soilmoist_ros.sensing.lines import LinkState
 from soilmoist_ros.sensing.survey.driver import link_health
 
@@ -37,10 +30,7 @@ from soilmoist_ros.sensing.survey.driver import link_health
         ("tcp://host:5000/x", "has a path"),
         ("tcp://host:5000?baud=9600", "unknown option 'baud'; there is: none"),
         ("tcp://host:5000?=9600", "unknown option ''; there is: none"),
-        ("udp://0.0.0.0:5000?form=10.0.0.1", "unknown option 'form'; there is: from"),
-        ("udp://0.0.0.0:5000?from=", "accepts data from no network"),
-        ("udp://0.0.0.0:5000?from=logger.local", "give numeric addresses"),
-        ("udp://0.0.0.0:5000?from=10.0.0.1/8", "has host bits set"),
+        ("udp://0.0.0.0:5000?form=10.0.0.1", "unknown option 'form'; there is: none"),
         ("serial://ttyUSB0", "three slashes"),
         ("serial:///dev/ttyUSB0?baud=fast", "baud='fast' is not a number"),
         ("serial:///dev/ttyUSB0?baud=9", "at least 50"),
@@ -53,12 +43,12 @@ def test_a_bad_address_is_refused_with_an_example(uri, said):
     assert said in str(caught.value)
 
 
-@pytest.mark.parametrize("uri", ["tcp://127.0.0.1:5000", "udp://127.0.0.1:5000?from=10.0.0.1"])
-def test_the_interface_of_earlier_releases_is_ignored_with_a_warning(uri, caplog):
+@pytest.mark.parametrize("uri", ["tcp://127.0.0.1:5000?interface=eth0", "udp://127.0.0.1:5000?from=10.0.0.1"])
+def test_options_of_earlier_releases_are_ignored_with_a_warning(uri, caplog):
     for _ in range(2):
-        open_source(f"{uri}{'&' if '?' in uri else '?'}interface=eth0")
+        open_source(uri)
     (said,) = caplog.messages
-    assert "is not used any more: a firewall, or ?from=" in said
+    assert "is not used any more: a udp address takes the lines of one sender, and a firewall" in said
 
 
 # Reconnecting ----------------------------------------------------------------------------------------------------
@@ -196,53 +186,26 @@ def test_closing_a_device_that_is_gone_is_no_error():
     assert late.read_line(LIMIT_S) is None
 
 
-def test_datagrams_of_other_senders_are_dropped_and_counted(port):
-    with opened(f"udp://0.0.0.0:{port}?from=127.0.0.2,127.0.5.0/24", RETRY) as source:
+def test_lines_of_a_second_sender_are_dropped_with_a_warning_until_the_first_is_silent(port, monkeypatch):
+    with opened(f"udp://0.0.0.0:{port}", RETRY) as source:
         listening(source)
-        for sender in ("127.0.0.3", "127.0.0.2", "127.0.0.1", "127.0.5.77"):
+        for sender in ("127.0.0.2", "127.0.0.3", "127.0.0.2"):
             send(f"{sender}\n".encode(), port, sender)
-        assert read(source, 2) == [b"127.0.0.2", b"127.0.5.77"]
+        assert read(source, 2) == [b"127.0.0.2"] * 2
         status = source.status
-        assert (status.n_refused, status.last_refused) == (2, "127.0.0.1")
-        assert (status.n_lines, status.n_bytes) == (2, len("127.0.0.2\n127.0.5.77\n"))
+        assert (status.sender, status.n_refused, status.refused, status.n_lines) == (
+            "127.0.0.2",
+            1,
+            "127.0.0.3",
+            2,
+        )
         part = link_health("logger link", status)
-        assert (part.level, part.values["datagrams refused"]) == (Level.OK, "2")
-        assert part.values["senders"] == "127.0.0.2, 127.0.5.77"
-
-
-def test_a_link_that_is_silent_for_its_list_of_senders_says_so(port):
-    with opened(f"udp://127.0.0.1:{port}?from=192.0.2.9", RETRY) as source:
-        listening(source)
-
-        def silent():
-            send(b"1\n", port, "127.0.0.4")
-            return source.status.state is LinkState.SILENT and source.status.n_refused > 2
-
-        read_until(source, silent)
-        part = link_health("logger link", source.status)
-        assert part.level is Level.ERROR
-        assert "datagrams of 127.0.0.4 were refused; compare 'from' in the address" in part.message
-
-
-def test_lines_of_several_senders_without_a_list_are_a_warning(port):
-    with opened(f"udp://127.0.0.1:{port}", RETRY) as source:
-        listening(source)
-        send(b"1\n", port, "127.0.0.2")
-        assert read(source, 1) == [b"1"]
+        assert (part.level, part.values["datagrams refused"]) == (Level.WARN, "1")
+        assert "lines of 127.0.0.2 are used, those of 127.0.0.3 dropped; give one another port" in part.message
+        monkeypatch.setattr("soilmoist_ros.sensing.connections.RECENT_S", 0.0)
+        send(b"new\n", port, "127.0.0.3")
+        assert read(source, 1) == [b"new"]
         assert link_health("logger link", source.status).level is Level.OK
-        send(b"2\n", port, "127.0.0.3")
-        assert read(source, 1) == [b"2"]
-        part = link_health("logger link", source.status)
-        assert part.level is Level.WARN
-        assert f"such as udp://127.0.0.1:{port}?from=127.0.0.2" in part.message
-
-
-def test_addresses_of_both_versions():
-    senders = Senders(parse_networks("udp", "192.168.5.20, fe80::/10"))
-    assert senders.accepts("::ffff:192.168.5.20")
-    assert senders.accepts("fe80::1%eth0")
-    assert not senders.accepts("::ffff:192.168.5.21")
-    assert not senders.accepts("2001:db8::1")
 
 
 def test_a_port_that_another_program_uses_is_refused_before_the_start(port):

@@ -183,20 +183,14 @@ def link_health(name: str, status: LinkStatus) -> Health:
     if level is Level.ERROR and status.last_error:
         remedy = status.remedy or f"check the cable, the power and the address {status.uri}"
         message += f": {status.last_error}; {remedy}"
-    elif level is Level.ERROR and status.n_refused:
-        message += f": datagrams of {status.last_refused} were refused; compare 'from' in the address {status.uri}"
-    elif status.is_open and len(status.senders) > 1:
+    elif status.refused:
         level = max(level, Level.WARN)
-        senders, sign = ", ".join(status.senders), "&" if "?" in status.uri else "?"
-        message += (
-            f": mixes the lines of {len(status.senders)} senders ({senders}); name the right one in the address, "
-            f"such as {status.uri}{sign}from={status.senders[0]}"
-        )
+        message += f": lines of {status.sender} are used, those of {status.refused} dropped; give one another port"
     values = {
         "address": status.uri, "connections": str(status.connections), "failed attempts": str(status.attempts),
         "last error": status.last_error or "none", "lines": str(status.n_lines), "bytes": str(status.n_bytes),
-        "lines too long": str(status.n_oversized), "senders": ", ".join(status.senders) or "none",
-        "datagrams refused": str(status.n_refused), "last refused sender": status.last_refused or "none",
+        "lines too long": str(status.n_oversized), "sender": status.sender or "unknown",
+        "datagrams refused": str(status.n_refused), "refused sender": status.refused or "none",
         "silent [s]": f"{status.silent_s:.1f}",
         "silence limit [s]": f"{status.silence_limit_s:.1f}" if math.isfinite(status.silence_limit_s) else "none",
     }  # fmt: skip
