@@ -70,16 +70,6 @@ def stamp_limits(parameters: Parameters) -> StampLimits:
     return StampLimits(parameters.number("max_stamp_ahead_s"), parameters.number("max_stamp_age_s"))
 
 
-def _lever_arm(thing: str, name: str) -> tuple[Parameter, ...]:
-    return tuple(
-        row(f"{name}_{axis}_m", 0.0, f"{thing}, {direction} of the base frame's origin", "m", -50.0, 50.0)
-        for axis, direction in (("x", "forward"), ("y", "to the left"))
-    )
-
-
-ANTENNA: Final = _lever_arm("GNSS antenna", "antenna")
-SENSOR: Final = _lever_arm("neutron sensor", "sensor")
-
 # The nodes ------------------------------------------------------------------------------------------------------
 
 CONSOLE: Final = (
@@ -182,8 +172,6 @@ SENSOR_DRIVER: Final = (
     row("frame_id", "map", "frame of the records: east, north, up about the datum"),
     row("sensor_frame", "crs", "frame of the weather sensors"),
     row("gnss_frame", "gnss", "frame of the GNSS antenna"),
-    *ANTENNA,
-    *SENSOR,
 )  # fmt: skip
 WATCHDOG: Final = (
     row("pose_action", "", "action of which all goals are taken for the planner's, such as navigate_to_pose, "

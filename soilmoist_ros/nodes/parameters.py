@@ -28,9 +28,12 @@ Some = TypeVar("Some")
 
 _HIGHEST = 1e300
 _MAX_WHOLE = 2**62
+_AT_ANTENNA: Final = "records lie where the antenna is: the sensor counts far around it"
 REMOVED: Final = {
     "agree_fixes": "10 fixes must agree to replace those that they contradict",
     "also": "set properties",
+    "antenna_x_m": _AT_ANTENNA,
+    "antenna_y_m": _AT_ANTENNA,
     "autostart": "the node starts with its process",
     "background": "the page shows no photo below the map",
     "backoff_s": "the wait after the first failure is 2 s",
@@ -77,6 +80,8 @@ REMOVED: Final = {
     "pose_observers": "nodes that record or show poses are known",
     "queue_mb": "64 MB of messages wait for a slow disk",
     "retries": "a goal that failed is sent once more",
+    "sensor_x_m": _AT_ANTENNA,
+    "sensor_y_m": _AT_ANTENNA,
     "settle_s": "a robot has arrived at a goal_pose when it stands for 5 s",
     "silence_limit_s": "a stop without a record for records_old_s is silent",
     "site_file": "field has the site of a simulation",

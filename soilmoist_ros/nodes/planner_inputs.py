@@ -66,7 +66,7 @@ from soilmoist_ros.nodes.topics import (
     ros_now_s,
 )
 from soilmoist_ros.recording import quarantined_topic
-from soilmoist_ros.sensing import FIX_TYPE, CountRecord, Fix, LeverArms, fix_from_message, logger_fault
+from soilmoist_ros.sensing import FIX_TYPE, CountRecord, Fix, fix_from_message, logger_fault
 
 _AGAIN_TICKS: Final = 10  # seconds after which a map of the navigation that could not be used is tried again
 SLICE: Final = 100  # records that are taken at a time; some 20 ms of work
@@ -424,5 +424,5 @@ def frame_settings(values: Parameters) -> FrameSettings:
         navigation_frame=values.text("navigation_frame") or frame,
         base_frame=values.text("base_frame"),
         datum=values.text("navigation_datum"),
-        arms=LeverArms.of(values.as_dict()),
+        antenna_m=(values.number("antenna_x_m"), values.number("antenna_y_m")),
     )

@@ -36,7 +36,7 @@ from soilmoist_ros.exploration import (
 )
 from soilmoist_ros.foundation import InputError, did_you_mean, resource
 from soilmoist_ros.mapping import CovariateSource, Field, FieldMapSettings, Knowledge, load_field, read_covariates
-from soilmoist_ros.nodes.parameter_tables import ANTENNA, COVARIATES, EARLIER, of_setting, row
+from soilmoist_ros.nodes.parameter_tables import COVARIATES, EARLIER, of_setting, row
 from soilmoist_ros.nodes.parameters import SILENCE_S, Parameters
 from soilmoist_ros.pipeline import EarlierTarget, planning_curve, planning_thresholds, read_earlier_runs
 from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, Site, load_site
@@ -110,7 +110,8 @@ PARAMETERS: Final = (
         "LAT,LON[,YAW] in degrees (YAW: its x axis, counter-clockwise from east), map (named in the "
         "navigation's map), or robot (its datum service, else TF and fixes of a drive)"),
     row("base_frame", "base_link", "frame of the robot's base in TF"),
-    *ANTENNA,
+    row("antenna_x_m", 0.0, "GNSS antenna, forward of the base frame's origin", "m", -50.0, 50.0),
+    row("antenna_y_m", 0.0, "GNSS antenna, to the left of the base frame's origin", "m", -50.0, 50.0),
     of_setting("speed_mps", description="speed of the robot, to estimate times", low=0.01),
     of_setting("stop_overhead_s"),
     of_setting("turn_s_per_rad"),

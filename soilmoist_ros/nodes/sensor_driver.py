@@ -40,7 +40,6 @@ from soilmoist_ros.sensing import (
     Doubt,
     Driver,
     DriverSettings,
-    LeverArms,
     LogHeader,
     Site,
     fix_from_message,
@@ -62,7 +61,6 @@ class SensorDriver(Node):
         options = given.as_dict()
         field, site = load_field(resource("fields", given.text("field"))), given.text("site")
         settings: dict[str, Any] = {name: options[name] for name in DRIVER_SETTINGS}
-        settings["arms"] = LeverArms.of(options)
         self._driver = Driver(DriverSettings(**settings), load_site(site) if site else Site(), field.frame)
         self._hears_fixes = not given.text("gnss_uri")
         if self._hears_fixes:

@@ -43,11 +43,10 @@ from soilmoist_ros.pipeline.logs import (
     within,
 )
 from soilmoist_ros.pipeline.run import InputFile, LossRow, MapRun, Note, NoteCode
-from soilmoist_ros.recording import configuration_of, is_bag, message_files, read_parameters
+from soilmoist_ros.recording import message_files
 from soilmoist_ros.sensing import (
     Consequence,
     Kind,
-    LeverArms,
     LogFile,
     Problem,
     SensorModel,
@@ -136,10 +135,8 @@ def map_logs(
         placement = mapping.require_near(field, read.places, reach_m, read.source)
     progress("correcting and placing records", 0.0)
     try:
-        # where antenna and sensor sit on the robot that recorded a bag
-        driver = (read_parameters(configuration_of(log.path), "sensor_driver") for log in logs if is_bag(log.path))
-        arms, frame = LeverArms.of(next(driver, {})), field.frame if field else None
-        survey = process_logs(logs, site, frame, read.track, arms, times_s=settings.times_s)
+        frame = field.frame if field else None
+        survey = process_logs(logs, site, frame, read.track, settings.times_s)
     except InputError as fault:
         raise with_position_doubts(fault, read.track_problems) from None
     require_crs(settings.crs, survey.frame)

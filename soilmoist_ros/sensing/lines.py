@@ -50,8 +50,8 @@ class LinkStatus:
     :param attempts: attempts to connect since the last line, or since the link fell silent
     :param last_error: reason of the last failed or broken connection, empty if there is none
     :param n_oversized: lines dropped because they were too long
-    :param sender: address whose datagrams are accepted; ``n_refused`` of others were dropped, of ``refused`` in the
-        last minute
+    :param sender: address whose datagrams are accepted; ``n_refused`` of others were dropped, of ``refused`` in
+        the last minute
     :param silent_s: time since the last byte or connection [s]
     :param silence_limit_s: such a time after which the link reconnects [s]
     :param remedy: what to do about an error, if it is not the usual

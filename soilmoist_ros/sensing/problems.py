@@ -65,7 +65,6 @@ class Kind(enum.StrEnum):
     NO_FIX = "no_fix", "no position fix", Severity.NOTE
     CLOCK_OFFSET = "clock_offset", "logger clock differs from GNSS time", Severity.WARNING
     NO_POSITION = "no_position", "no position", Severity.WARNING
-    NO_HEADING = "no_heading", "placed at the antenna, no heading", Severity.NOTE
     NO_CORRECTION = "no_correction", "cannot be corrected", Severity.WARNING
     NO_DATE = "no_date", "no date yet", Severity.NOTE
     ASSUMED_TIME = "assumed_time", "time of positions assumed", Severity.WARNING

@@ -362,8 +362,4 @@ def test_the_nodes_take_the_file_and_the_launch_line_of_each_robot(path, monkeyp
         given["home"],
         *2 * [driver["frame_id"]],
     )
-    assert [planner[name] for name in ("antenna_x_m", "antenna_y_m")] == [
-        driver["antenna_x_m"],
-        driver["antenna_y_m"],
-    ]
     assert not planner["autostart"]

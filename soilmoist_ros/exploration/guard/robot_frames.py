@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, PlaneMove, fit_move, move_between
 from soilmoist_ros.mapping import Field
-from soilmoist_ros.sensing import NO_ARMS, UNKNOWN_COVARIANCE, Covariance, Fix, FixStatus, LeverArms, Track
+from soilmoist_ros.sensing import UNKNOWN_COVARIANCE, Covariance, Fix, FixStatus, Track, base_from_antenna
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -304,7 +304,7 @@ class FrameSettings:
     base_frame: str = "base_link"  # frame of the robot's base
     datum: str = FIELD
     limit_m: float = 2.0  # distance between TF and fix that still agrees [m]
-    arms: LeverArms = NO_ARMS  # where the antenna sits on the robot
+    antenna_m: Place = (0.0, 0.0)  # place of the antenna in the frame of the base: forward, to the left [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,7 +364,7 @@ class RobotFrames:
         yaw_rad = self._track.course.at(now_s)
         if tf is not None and self.move is not None:
             yaw_rad = self.move.inverse.heading(tf.yaw_rad)
-        east_m, north_m = self._settings.arms.base_from_antenna(yaw_rad) or (0.0, 0.0)
+        east_m, north_m = base_from_antenna(self._settings.antenna_m, yaw_rad)
         place = (x + east_m, y + north_m)
         if tf is not None:
             delay_s = max(tf.age_s, min(max(now_s - fix.stamp_s, 0.0), MAX_TF_AGE_S))

@@ -7,9 +7,8 @@ from __future__ import annotations
 import math
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, Final
+from collections.abc import Iterable
+from typing import Final
 
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, Heard
 from soilmoist_ros.sensing.position.place_judge import PlaceFix, PlaceJudge, PlaceLimits, Verdict
@@ -20,7 +19,6 @@ CLOCK_CORRECTED_S = 60.0  # backward jump between epochs above which the receive
 Offset = tuple[float, float]
 STEP_M = 1.0  # distance from which two fixes give a heading [m]
 STEP_SDS = 3.0  # such a distance, in standard deviations of the fixes
-ARMS: Final = ("antenna_x_m", "antenna_y_m", "sensor_x_m", "sensor_y_m")  # names of the parameters
 LIMITS: Final = PlaceLimits(
     max_speed_mps=60.0, max_sd_m=1e6, first_fixes=1, agree_fixes=5, agree_s=60.0, max_gap_s=1e6,
     max_acceleration_mps2=4.0, jump_sds=5.0, unknown_jump_m=15.0,
@@ -131,37 +129,21 @@ def _is_known(position: Position) -> bool:
     return math.isfinite(position.latitude_deg) and math.isfinite(position.longitude_deg)
 
 
-# Where antenna and sensor sit on the robot, and the heading that this needs -------------------------------------
+# Where the antenna sits on the robot, and the heading that this needs --------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class LeverArms:
-    """Places of antenna and sensor in the frame of the robot's base: x forward, y to the left [m].
+def base_from_antenna(antenna_m: Offset, heading_rad: float) -> Offset:
+    """East and north from the antenna to the robot's base [m]; 0 while the heading is unknown (NaN).
 
-    >>> arms = LeverArms(antenna_m=(0.5, 0.0), sensor_m=(-1.0, 0.0))
-    >>> arms.sensor_from_antenna(0.0)
-    (-1.5, 0.0)
+    :param antenna_m: place of the antenna in the frame of the base: x forward, y to the left [m]
+
+    >>> base_from_antenna((0.5, 0.0), 0.0)
+    (-0.5, -0.0)
     """
-
-    antenna_m: Offset = (0.0, 0.0)
-    sensor_m: Offset = (0.0, 0.0)
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> LeverArms:
-        """Lever arms of a node's parameters; those that are missing are 0."""
-        antenna_x, antenna_y, sensor_x, sensor_y = (float(values.get(name, 0.0)) for name in ARMS)
-        return cls((antenna_x, antenna_y), (sensor_x, sensor_y))
-
-    def sensor_from_antenna(self, heading_rad: float) -> Offset | None:
-        """East and north from antenna to sensor [m]; ``None`` if it needs a heading that is unknown (NaN)."""
-        return _turned((self.sensor_m[0] - self.antenna_m[0], self.sensor_m[1] - self.antenna_m[1]), heading_rad)
-
-    def base_from_antenna(self, heading_rad: float) -> Offset | None:
-        """East and north from antenna to base [m]; ``None`` if it needs a heading that is unknown."""
-        return _turned((-self.antenna_m[0], -self.antenna_m[1]), heading_rad)
-
-
-NO_ARMS: Final = LeverArms()  # antenna and sensor at the base
+    if math.isnan(heading_rad):
+        return 0.0, 0.0
+    (x_m, y_m), cosine, sine = antenna_m, math.cos(heading_rad), math.sin(heading_rad)
+    return sine * y_m - cosine * x_m, -sine * x_m - cosine * y_m
 
 
 class Course:
@@ -201,15 +183,6 @@ class Course:
         """Heading at a time, counter-clockwise from east [rad]; NaN before the first."""
         before = bisect_right(self._stamps, stamp_s) - 1
         return self._headings[before] if before >= 0 else NAN
-
-
-def _turned(offset_m: Offset, heading_rad: float) -> Offset | None:
-    if offset_m == (0.0, 0.0):
-        return offset_m
-    if math.isnan(heading_rad):
-        return None
-    cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
-    return cosine * offset_m[0] - sine * offset_m[1], sine * offset_m[0] + cosine * offset_m[1]
 
 
 # A track without jumps of place, for vehicles of which nothing else is known ------------------------------------

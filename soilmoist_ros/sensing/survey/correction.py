@@ -183,12 +183,7 @@ def uncorrected_record(record: LoggerRecord, shares: NDArray[np.float64], quaran
     return CountRecord(record.stamp_s, NAN, NAN, NAN, counts, exposure_s, exposure_s, quarantine=quarantine)
 
 
-def place_record(
-    record: CountRecord,
-    position: Position | None,
-    frame: LocalFrame | None,
-    offset_m: tuple[float, float] = (0.0, 0.0),
-) -> CountRecord:
+def place_record(record: CountRecord, position: Position | None, frame: LocalFrame | None) -> CountRecord:
     """Add the coordinates of a record.
 
     :raises LostRecordError: if there is no position, or it is beyond the datum's hemisphere
@@ -201,8 +196,7 @@ def place_record(
         raise LostRecordError(
             Kind.NO_POSITION, "the position is on the far side of the earth", remedy="check the datum"
         )
-    east_m, north_m = offset_m
-    return replace(record, x_m=float(x) + east_m, y_m=float(y) + north_m, z_m=position.altitude_m)
+    return replace(record, x_m=float(x), y_m=float(y), z_m=position.altitude_m)
 
 
 def live_time_s(record: LoggerRecord) -> float:

@@ -19,7 +19,6 @@ from soilmoist_ros.sensing.gnss import EARLIEST_DATE_S, SIMULATED, Fix, FixStatu
 from soilmoist_ros.sensing.lines import LineReader, LineSource, LinkState, LinkStatus
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.place_doubt import Doubts
-from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.problems import Kind, reason_text
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, utc_text
 from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
@@ -53,7 +52,6 @@ class DriverSettings:
     gnss_uri: str = ""
     silence_limit_s: float = 35.0
     fix_wait_s: float = 2.0
-    arms: LeverArms = NO_ARMS
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ class Driver:
         self, settings: DriverSettings, site: Site, frame: LocalFrame, receiver: LineSource | None = None
     ) -> None:
         self._settings, self._receiver = settings, receiver
-        self.stream = SensorStream(site, frame, settings.logger_format, settings.fix_wait_s, settings.arms)
+        self.stream = SensorStream(site, frame, settings.logger_format, settings.fix_wait_s)
         self._open_all()  # checks the addresses without connecting
         self._readers: dict[str, LineReader] = {}
         self._awake = threading.Event()

@@ -21,7 +21,7 @@ from soilmoist_ros.sensing.checks.record_checks import unlikely_weather
 from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
 from soilmoist_ros.sensing.formats.logger_reader import MAX_CLOCK_CHANGE_S, LogFile
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms, Track
+from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Finding, Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position, utc_text
 from soilmoist_ros.sensing.survey.correction import (
@@ -88,14 +88,12 @@ def process_logs(
     site: Site,
     frame: LocalFrame | None = None,
     track: Track | None = None,
-    arms: LeverArms = NO_ARMS,
     times_s: tuple[float, float] = (-math.inf, math.inf),
 ) -> SurveyRecords:
     """Correct and geo-tag the records of one probe.
 
     :param frame: plane of the coordinates; centred on the mean position if ``None``
     :param track: positions of a separate GNSS receiver; if ``None``, the positions in the logs are used
-    :param arms: where antenna and sensor sit on the robot
     :param times_s: begin and end of the part that is used, by the clock of the logger [s since 1970-01-01 UTC]
     :raises InputError: if the logs are of different probes, or were read with another clock than that of the site,
         or no record can be placed and corrected
@@ -112,7 +110,7 @@ def process_logs(
     elif track is None:  # positions in a log have the time of the logger's clock, those of a receiver GNSS time
         entries = [(path, replace(record, clock_ahead_s=0.0)) for path, record in entries]
     records = [record for _, record in entries]
-    survey = _survey_of(records, site, frame, track, problems, arms)
+    survey = _survey_of(records, site, frame, track, problems)
     if frame is None:
         survey.frame = _frame_about(survey, records)
     found: list[CountRecord] = []
@@ -321,16 +319,13 @@ def _survey_of(
     frame: LocalFrame | None,
     track: Track | None,
     problems: list[Problem],
-    arms: LeverArms = NO_ARMS,
     keep_unplaced: bool = False,
 ) -> Survey:
     """A survey with all records known in advance."""
     if len({len(record.tube_counts) for record in records}) > 1:
         raise InputError("the logs have different numbers of tubes", "map the logs of each probe separately")
     try:
-        return Survey(
-            site, frame, records, track, arms=arms, keep_unplaced=keep_unplaced, on_problem=problems.append
-        )
+        return Survey(site, frame, records, track, keep_unplaced=keep_unplaced, on_problem=problems.append)
     except ValueError as error:
         raise InputError(f"the logs cannot be used: {error}", "check the detector") from None
 

@@ -15,7 +15,6 @@ from soilmoist_ros.sensing.formats.notation import matching_formats
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.nmea import NmeaParser
-from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.survey import Survey
@@ -55,21 +54,14 @@ class SensorStream:
     :raises InputError: if format, tube shares or neutron-monitor file are invalid
     """
 
-    def __init__(
-        self,
-        site: Site,
-        frame: LocalFrame,
-        logger: LoggerFormat | str,
-        fix_wait_s: float = 2.0,
-        arms: LeverArms = NO_ARMS,
-    ) -> None:
+    def __init__(self, site: Site, frame: LocalFrame, logger: LoggerFormat | str, fix_wait_s: float = 2.0) -> None:
         self.logger_problems, self.gnss_problems = ProblemCount(), ProblemCount()
         form = load_logger_format(logger) if isinstance(logger, str) else logger
         form = form.on_clock(site.logger_clock)
         self.parser = RecordParser(form, site.longitude, self._on_problem)
         self.survey = Survey(
             site, frame, tubes=len(self.parser.layout.tubes) if self.parser.layout else None,
-            fix_wait_s=fix_wait_s, arms=arms, on_problem=self._on_problem,
+            fix_wait_s=fix_wait_s, on_problem=self._on_problem,
         )  # fmt: skip
         self.last_record: LoggerRecord | None = None
         self.last_fix: Fix | None = None

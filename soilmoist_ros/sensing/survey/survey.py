@@ -19,7 +19,7 @@ from soilmoist_ros.sensing.checks.record_checks import N0_KEY, RecordChecks
 from soilmoist_ros.sensing.checks.tubes import tube_shares
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, Heard
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.track import EDGE_TOLERANCE_S, NO_ARMS, CheckedTrack, LeverArms, Track
+from soilmoist_ros.sensing.position.track import EDGE_TOLERANCE_S, CheckedTrack, Track
 from soilmoist_ros.sensing.problems import Finding, Kind, LostRecordError, Problem
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.correction import (
@@ -87,7 +87,6 @@ class Survey:
         *,
         tubes: int | None = None,
         fix_wait_s: float = 2.0,
-        arms: LeverArms = NO_ARMS,
         keep_unplaced: bool = True,
         on_problem: Callable[[Problem], None] = lambda problem: None,
     ) -> None:
@@ -96,7 +95,7 @@ class Survey:
         self._keep_unplaced, self._on_problem = keep_unplaced, on_problem
         self._intensity = intensity_source(site.corrections)
         self._grows = ahead is None
-        self.places = SurveyPlaces(site, track, arms, self._grows)
+        self.places = SurveyPlaces(site, track, self._grows)
         """Places at which the records were counted."""
         self._weather = WeatherSeries(max_values=MAX_WEATHER_VALUES if self._grows else None)
         n0_cps = site.calibration.n0_cps if site.calibration else NAN
@@ -205,12 +204,8 @@ class Survey:
             message = f"the receiver jumped to {position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
             remedy = "check the antenna and the view of the sky"
             findings = [Finding(Kind.PLACE_JUMP, message, remedy, bad=True)]
-        offset_m = self.places.sensor_offset_m(*when)
-        if offset_m is None:
-            heading = Finding(Kind.NO_HEADING, "the heading of the robot is unknown", "drive some metres")
-            self._on_problem(heading.at(path, raw.line))
         try:
-            record = place_record(waiting.record, position, self.frame, offset_m or (0.0, 0.0))
+            record = place_record(waiting.record, position, self.frame)
         except LostRecordError as error:
             lost = error.finding
             if position is None and self.heard.first_s < math.inf:
@@ -240,8 +235,8 @@ class SurveyPlaces:
     If records come one by one (``grows``), early positions may be forgotten.
     """
 
-    def __init__(self, site: Site, track: Track | None, arms: LeverArms, grows: bool) -> None:
-        self._site, self._arms = site, arms
+    def __init__(self, site: Site, track: Track | None, grows: bool) -> None:
+        self._site = site
         self.track = CheckedTrack(max_positions=MAX_FIXES) if track is None else track
         """Positions of a separate receiver."""
         self._grows = grows
@@ -291,15 +286,6 @@ class SurveyPlaces:
         if self.track.reached_s > -math.inf:
             return self.track, middle_s - record.clock_ahead_s
         return self._own, middle_s
-
-    def sensor_offset_m(self, record: LoggerRecord, interval_s: float) -> tuple[float, float] | None:
-        """East and north from the antenna to the sensor [m], ``None`` if the heading is unknown."""
-        if self._arms == NO_ARMS or not self._moves:  # a probe at a fixed location is its place
-            return 0.0, 0.0
-        middle_s = record.stamp_s - interval_s / 2
-        if len(self.track):
-            return self._arms.sensor_from_antenna(self.track.course.at(middle_s - record.clock_ahead_s))
-        return self._arms.sensor_from_antenna(self._own.course.at(middle_s))
 
     @property
     def _moves(self) -> bool:

@@ -13,7 +13,7 @@ from soilmoist_ros.exploration import ASKED_M, FrameSettings, RobotFrames, Trans
 from soilmoist_ros.exploration.guard.robot_frames import FrameCheck, TransformTree, datum_text, parse_datum
 from soilmoist_ros.foundation import InputError, Level, LocalFrame, PlaneMove, move_between
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.sensing import NO_ARMS, Fix, FixStatus, LeverArms, Position
+from soilmoist_ros.sensing import Fix, FixStatus, Position
 
 DATUM = LocalFrame(52.0, 13.0)
 FIELD = Field("test", DATUM, np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]))
@@ -29,7 +29,7 @@ def fix(place, status=FixStatus.RTK, stamp_s=math.nan):
     return Fix(stamp_s, Position(latitude, longitude, 30.0, 0.02), status)
 
 
-def drive(robot, move=None, steps=30, start_s=0.0, turn=0.0, arms=NO_ARMS, tf=True):
+def drive(robot, move=None, steps=30, start_s=0.0, turn=0.0, antenna_m=(0.0, 0.0), tf=True):
     """Drive 1 m/s to the east, past TF of a navigation with this move; the last pose and time."""
     pose, now_s = None, start_s
     for step in range(steps):
@@ -43,7 +43,7 @@ def drive(robot, move=None, steps=30, start_s=0.0, turn=0.0, arms=NO_ARMS, tf=Tr
                 Transform("odom", "base_link", (3.0, 0.0, 0.1), yaw_rotation(yaw), stamp_s=now_s),
             ]
             robot.take_transforms(links, now_s)
-        pose = robot.take_fix(fix((base[0] + arms.antenna_m[0], base[1] + arms.antenna_m[1])), now_s)
+        pose = robot.take_fix(fix((base[0] + antenna_m[0], base[1] + antenna_m[1])), now_s)
     return pose, now_s
 
 
@@ -173,13 +173,13 @@ def test_tf_that_ends_or_is_not_connected_is_named():
 
 
 def test_a_robot_is_where_its_base_is():
-    arms = LeverArms(antenna_m=(0.8, 0.3))
-    robot = frames(arms=arms)
-    pose, _ = drive(robot, arms=arms)
+    antenna_m = (0.8, 0.3)
+    robot = frames(antenna_m=antenna_m)
+    pose, _ = drive(robot, antenna_m=antenna_m)
     assert pose.place_m == pytest.approx((34.0, 10.0), abs=1e-3)
     assert robot.fault == ""
-    by_course = frames(arms=arms)
-    pose, _ = drive(by_course, arms=arms, tf=False)
+    by_course = frames(antenna_m=antenna_m)
+    pose, _ = drive(by_course, antenna_m=antenna_m, tf=False)
     assert pose.place_m == pytest.approx((34.0, 10.0), abs=1e-2)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Lever arms: the heading from positions, and places of the sensor that are right in any heading."""
+"""Positions and the heading over time, and jumps of place."""
 
 import math
 
@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing import Fix, FixStatus, Kind, LoggerRecord, Position, Site
-from soilmoist_ros.sensing.position.track import CheckedTrack, Course, LeverArms, Track
+from soilmoist_ros.sensing import Fix, FixStatus, LoggerRecord, Position, Site
+from soilmoist_ros.sensing.position.track import CheckedTrack, Course, Track
 from soilmoist_ros.sensing.survey.survey import Survey
 
 
@@ -48,61 +48,15 @@ def test_a_growing_track_starts_again_when_the_receiver_corrects_its_clock() -> 
     assert (len(track), track.fixed_s) == (1, 5.0)
 
 
-# Lever arms ------------------------------------------------------------------------------------------------------
+# Heading ---------------------------------------------------------------------------------------------------------
 
 FRAME = LocalFrame(52.0, 13.0)
 SITE = Site(corrections={"pressure": None, "humidity": None})
-headings = st.floats(-math.pi, math.pi)
-offsets = st.tuples(st.floats(-3, 3), st.floats(-3, 3))
 
 
 def position(x_m, y_m, sd_m=0.02):
     latitude, longitude = FRAME.to_geographic([(x_m, y_m)])[0].tolist()
     return Position(latitude, longitude, 30.0, sd_m)
-
-
-def seen_from(base, offset, heading):
-    cosine, sine = math.cos(heading), math.sin(heading)
-    return base[0] + cosine * offset[0] - sine * offset[1], base[1] + sine * offset[0] + cosine * offset[1]
-
-
-def surveyed(arms, heading):
-    """Records of a drive of a metre a second along a heading, and the problems; and where the sensor was."""
-    problems = []
-    survey = Survey(SITE, FRAME, arms=arms, on_problem=problems.append)
-    records, wanted = [], []
-    for second in range(30):
-        base = (second * math.cos(heading), second * math.sin(heading))
-        antenna = seen_from(base, arms.antenna_m, heading)
-        survey.take_fix(Fix(1000.0 + second, position(*antenna), FixStatus.RTK))
-        if second % 10 == 0 and second:
-            survey.take_record(LoggerRecord(1000.0 + second, (5.0,), (10.0,)))
-            middle = ((second - 5) * math.cos(heading), (second - 5) * math.sin(heading))
-            wanted.append(seen_from(middle, arms.sensor_m, heading))
-            records += survey.take_ready()
-    return records, wanted, problems
-
-
-@settings(max_examples=20)
-@given(offsets, offsets, headings)
-def test_a_record_is_where_the_sensor_is(antenna, sensor, heading):
-    records, wanted, problems = surveyed(LeverArms(antenna, sensor), heading)
-    assert len(records) == 2
-    for record, place in zip(records, wanted, strict=True):
-        assert math.dist((record.x_m, record.y_m), place) < 0.02
-    assert not [problem for problem in problems if problem.kind is Kind.NO_HEADING]
-
-
-def test_without_a_heading_the_place_is_the_antennas_and_it_is_noted():
-    problems = []
-    survey = Survey(SITE, FRAME, arms=LeverArms(sensor_m=(2.0, 0.0)), on_problem=problems.append)
-    for second in range(20):
-        survey.take_fix(Fix(1000.0 + second, position(7.0, 8.0), FixStatus.RTK))
-    survey.take_record(LoggerRecord(1010.0, (5.0,), (10.0,)))
-    (record,) = survey.take_ready()
-    assert (record.x_m, record.y_m) == pytest.approx((7.0, 8.0))
-    assert [problem.kind for problem in problems] == [Kind.NO_HEADING]
-    assert not problems[0].lost
 
 
 def test_the_heading_is_kept_while_the_robot_stands_in_the_noise_of_its_fixes():
