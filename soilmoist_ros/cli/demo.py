@@ -30,8 +30,8 @@ from soilmoist_ros.mapping import FIT_SETTINGS
 
 DEMO = (
     *("field", "strategy", "dwell", "target", "threshold", "hours", "seed", "robots", *FIT_SETTINGS),
-    *("preset", "until", "until_sd", "until_gain", "certify", "properties", "stop_overhead_s", "turn_s_per_rad"),
-    *("stop_cost_s", "metre_cost_s", "min_dwell_s"),
+    *("preset", "until", "until_sd", "until_gain", "certify", "properties", "stop_overhead_s"),
+    *("metre_cost_s", "min_dwell_s"),
 )
 """Mission settings that are options of the demo."""
 _TYPES = {"goto_node": "topological_navigation_msgs", "navigate_to_pose": "nav2_msgs"}

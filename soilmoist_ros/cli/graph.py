@@ -32,7 +32,7 @@ from soilmoist_ros.foundation import InputError
               show_default=True,
               help="Map of Thorvald's navigation, or graph of Nav2's Route Server (.geojson).")  # fmt: skip
 @click.option("--name", help="Name of the map. Default: the name of the field.")
-@click.option("--out", type=FILE, required=True, help="File to write: .yaml, or .json as on /topological_map_2.")
+@click.option("--out", type=FILE, required=True, help="File to write, such as field.tmap2.yaml.")
 @overwrite_option("Replace the file --out.")
 @answering
 def command(
@@ -86,8 +86,7 @@ def command(
     if kind == "nav2-route":
         text = route_graph_text(built.graph)
     else:
-        topological = make_topological_map(built.graph, name or known.name, datetime.now(UTC))
-        text = topological.to_json() if out.suffix == ".json" else topological.to_yaml()
+        text = make_topological_map(built.graph, name or known.name, datetime.now(UTC)).to_json(indent=1)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text, encoding="utf-8")

@@ -22,8 +22,7 @@ Command = Callable[..., None]
 GROUPS: Mapping[str, str] = {
     "Usual options": "field hours strategy live out",
     "Mission": "dwell preset target threshold robots properties until until_sd until_gain certify travel graph "
-    "speed_mps turn_s_per_rad stop_overhead_s min_dwell_s learn_travel stop_cost_s metre_cost_s navigator "
-    "autostart",
+    "speed_mps stop_overhead_s min_dwell_s metre_cost_s navigator autostart",
     "Map": "model fit noise local drift_model map_from cell_m",
     "Knowledge": "site earlier prior covariates",
     "Simulation": "person seed time_factor scenario real_speed_mps cadence_s footprint_m position_sd_m weather "

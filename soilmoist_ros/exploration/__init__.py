@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.travel.route_graph import route_graph_text as route_graph_text
     from soilmoist_ros.exploration.travel.swaths import swath_graph as swath_graph
     from soilmoist_ros.exploration.travel.topological_map import KNOWN_ACTIONS as KNOWN_ACTIONS, TopologicalMap as TopologicalMap, make_topological_map as make_topological_map, parse_topological_map as parse_topological_map, read_topological_map as read_topological_map, zone_radius_m as zone_radius_m
-    from soilmoist_ros.exploration.travel.travel import FreeTravel as FreeTravel, GraphTravel as GraphTravel, LearnedMotion as LearnedMotion, RobotMotion as RobotMotion, TravelModel as TravelModel, polyline_length_m as polyline_length_m, polyline_turn_rad as polyline_turn_rad
+    from soilmoist_ros.exploration.travel.travel import FreeTravel as FreeTravel, GraphTravel as GraphTravel, LearnedMotion as LearnedMotion, RobotMotion as RobotMotion, TravelModel as TravelModel, polyline_length_m as polyline_length_m
     from soilmoist_ros.exploration.travel.travel_graph import TravelGraph as TravelGraph, crop_rows as crop_rows, open_lattice as open_lattice
     # fmt: on
 
@@ -91,7 +91,7 @@ __getattr__, __dir__, __all__ = open_door(
         "travel.route_graph": "route_graph_text",
         "travel.swaths": "swath_graph",
         "travel.topological_map": "KNOWN_ACTIONS TopologicalMap make_topological_map parse_topological_map read_topological_map zone_radius_m",
-        "travel.travel": "FreeTravel GraphTravel LearnedMotion RobotMotion TravelModel polyline_length_m polyline_turn_rad",
+        "travel.travel": "FreeTravel GraphTravel LearnedMotion RobotMotion TravelModel polyline_length_m",
         "travel.travel_graph": "TravelGraph crop_rows open_lattice",
     },
 )

@@ -77,7 +77,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     known = _given(earlier=[str(path.absolute()) for path in settings.earlier]) | explained
     robots = robot_namespaces(mission.robots)
     several = [f"/{robot}" for robot in robots] if len(robots) > 1 else []
-    trips = of_mission("stop_overhead_s", "turn_s_per_rad")
+    trips = of_mission("stop_overhead_s")
     nodes: dict[str, dict[str, object]] = {
         "recorder": {"out": str(out), "name": "bag"},  # starts first and ends last, to record everything
         "mapper": {**files, "save_dir": str(out / "map"), **_given(others=several), **known, **fitted},
@@ -91,7 +91,7 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
         nodes[node_name(robot, "planner")] = {
             "field": files["field"],
             **of_mission("strategy", "dwell", "hours", "until", "until_sd", "until_gain", "certify", "preset"),
-            **of_mission("target", "threshold", "stop_cost_s", "metre_cost_s", "min_dwell_s"), **trips, **known,
+            **of_mission("target", "threshold", "metre_cost_s", "min_dwell_s"), **trips, **known,
             **({"site": files["site"]} if mission.until or mission.target != "rate" else {}),
             "seed": mission.seed + number, "navigator": settings.navigator, "autostart": settings.autostart,
             "exit_when_finished": settings.exit_when_finished,

@@ -110,7 +110,6 @@ FIELD_SIMULATOR: Final = (
         "robots robot_1/logger ...; empty for none"),
     of_setting("speed_mps", low=0.01, high=100.0),
     of_setting("stop_overhead_s"),
-    of_setting("turn_s_per_rad"),
     of_setting("cadence_s", low=1.0, high=3600.0),
     row("gnss_period_s", 1.0, "time between epochs of the receiver", "s", 0.05, 60.0),
     of_setting("position_sd_m"),
@@ -202,7 +201,6 @@ def mission_settings(given: Parameters) -> MissionSettings:
         field=given.text("field"), properties=tuple(map(PropertySettings, given.texts("properties"))),
         seed=given.whole("seed"), robots=given.whole("robots"), travel="graph", graph=given.text("graph") or None,
         speed_mps=given.number("speed_mps"), stop_overhead_s=given.number("stop_overhead_s"),
-        turn_s_per_rad=given.number("turn_s_per_rad"), cadence_s=given.number("cadence_s"),
-        footprint_m=given.number("footprint_m"), position_sd_m=given.number("position_sd_m"),
-        weather=given.flag("weather"),
+        cadence_s=given.number("cadence_s"), footprint_m=given.number("footprint_m"),
+        position_sd_m=given.number("position_sd_m"), weather=given.flag("weather"),
     )  # fmt: skip

@@ -86,7 +86,9 @@ REMOVED: Final = {
     "silence_limit_s": "a stop without a record for records_old_s is silent",
     "site_file": "field has the site of a simulation",
     "standstill_s": "a robot stands when it has not moved for 4 s",
+    "stop_cost_s": "min_dwell_s makes stops longer and fewer, metre_cost_s ways shorter",
     "truth_file": "field takes a file with a truth",
+    "turn_s_per_rad": "turns are part of what is learned from the legs driven",
 }
 """Parameters of earlier releases that a file may still set: what holds instead."""
 OF_OTHERS: Final = ("max_stamp_age_s", "max_stamp_ahead_s", "silence_limit_s")

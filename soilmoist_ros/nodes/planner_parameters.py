@@ -114,8 +114,6 @@ PARAMETERS: Final = (
     row("antenna_y_m", 0.0, "GNSS antenna, to the left of the base frame's origin", "m", -50.0, 50.0),
     of_setting("speed_mps", description="speed of the robot, to estimate times", low=0.01),
     of_setting("stop_overhead_s"),
-    of_setting("turn_s_per_rad"),
-    of_setting("stop_cost_s"),
     of_setting("metre_cost_s"),
     row("arrival_radius_m", 3.0, "the robot is at a stop within this distance, and within half of that to the "
         "nearest other node", "m", 0.01),
@@ -154,13 +152,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
         strategy=text("strategy"),
         preset=text("preset"),
         seed=parameters.whole("seed"),
-        motion=RobotMotion(
-            number("speed_mps"),
-            number("stop_overhead_s"),
-            number("turn_s_per_rad"),
-            number("stop_cost_s"),
-            number("metre_cost_s"),
-        ),
+        motion=RobotMotion(number("speed_mps"), number("stop_overhead_s"), number("metre_cost_s")),
         curve=calibration if of_moisture else None,
         calibration=calibration,
         thresholds=planning_thresholds(target, text("threshold"), site, calibration),

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
     from soilmoist_ros.simulation import MappedProperty, MissionResult, MissionSettings
 
-TRAVEL = ("speed_mps", "stop_overhead_s", "turn_s_per_rad", "overhead_counted")
+TRAVEL = ("speed_mps", "stop_overhead_s")
 """Motion of a robot as the planner has learned it."""
 SCHEMA = 1
 """Version of the keys; rises when one is renamed or removed."""

@@ -425,8 +425,6 @@ class MissionControl:
             return
         self._came += came
         self._record_stamp_s = max((record.stamp_s for record in arrived), default=self._record_stamp_s)
-        for record in records:
-            self._learned.count((record.x_m, record.y_m), record.exposure_s)
         before_s = self._feed.place_s
         self._watching.records(arrived, now_s)
         self._feed.records(now_s, records, more)

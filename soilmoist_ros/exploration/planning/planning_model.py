@@ -246,8 +246,7 @@ class Prospect:
     @property
     def overhead_s(self) -> float:
         """Time of each trip in which the robot already counts at the stop [s]."""
-        motion = self.travel.motion
-        return motion.stop_overhead_s * motion.overhead_counted if self.counting.on_way else 0.0
+        return self.travel.motion.stop_overhead_s if self.counting.on_way else 0.0
 
     def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
         """Nodes on the route from a place to a stop, by its row, and the exposure at each [s]."""
@@ -277,4 +276,4 @@ class Prospect:
         """Time that an operator adds to that of a tour in comparisons [s]."""
         motion = self.travel.motion
         driven_m = motion.speed_mps * float(np.maximum(legs_s - motion.stop_overhead_s, 0.0).sum())
-        return motion.stop_cost_s * len(legs_s) + motion.metre_cost_s * driven_m
+        return motion.metre_cost_s * driven_m

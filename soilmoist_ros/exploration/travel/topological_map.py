@@ -57,8 +57,6 @@ NO_GO = "no_go"
 XY_TOLERANCE_M = 0.3  # distance at which a node of a map that is made here counts as reached [m]
 ANY_HEADING_RAD = 6.283  # goal tolerance that lets the robot arrive at any heading [rad]
 
-PLAIN_WORD = re.compile(r"[A-Za-z_/][\w/.$-]*")
-YAML_WORDS = {"yes", "no", "on", "off", "true", "false", "null"}
 _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
@@ -205,13 +203,9 @@ class TopologicalMap:
                 name = str(part.get("edge_id", f"{start}_{end}") if end else start)
                 yield name, (str(start), str(end)), part, [marks] if isinstance(marks, str) else marks
 
-    def to_json(self) -> str:
-        """The document as it goes on the topic ``topological_map_2``."""
-        return json.dumps(self.document, allow_nan=False)
-
-    def to_yaml(self) -> str:
-        """The document as a map file, read alike by YAML 1.1 (which the navigation uses) and 1.2."""
-        return "".join(f"{line}\n" for line in _yaml_lines(self.document))
+    def to_json(self, indent: int | None = None) -> str:
+        """The document as on the topic ``topological_map_2``; with indents as a map file, which is YAML, too."""
+        return json.dumps(self.document, allow_nan=False, indent=indent)
 
 
 def permitted(text: str, robot: Collection[str]) -> bool:
@@ -589,38 +583,3 @@ def _plain(node: Any) -> Any:
     if isinstance(node, list):
         return [_plain(value) for value in node]
     return next((kind(node) for kind in (int, float, str) if isinstance(node, kind)), str(node))
-
-
-def _yaml_lines(node: Any, indent: str = "") -> Iterator[str]:
-    """The lines of a block of YAML whose words and numbers mean the same in YAML 1.1 and 1.2."""
-    if isinstance(node, Mapping):
-        for key, value in node.items():
-            yield from _yaml_entry(f"{indent}{_scalar(key)}:", value, indent)
-    else:
-        for value in node:
-            if isinstance(value, (Mapping, list)) and value:
-                first, *rest = _yaml_lines(value, indent + "  ")
-                yield f"{indent}- {first[len(indent) + 2 :]}"
-                yield from rest
-            else:
-                yield f"{indent}- {_scalar(value)}"
-
-
-def _yaml_entry(key: str, value: Any, indent: str) -> Iterator[str]:
-    if isinstance(value, (Mapping, list)) and value:
-        yield key
-        yield from _yaml_lines(value, indent if isinstance(value, list) else indent + "  ")
-    else:
-        yield f"{key} {_scalar(value)}"
-
-
-def _scalar(value: Any) -> str:
-    if isinstance(value, str):
-        plain = PLAIN_WORD.fullmatch(value) and value.lower() not in YAML_WORDS
-        if plain:
-            return value
-        quoted = json.dumps(value, ensure_ascii=False)  # a double-quoted YAML string, but for line breaks
-        return "".join(sign if sign.isprintable() else f"\\U{ord(sign):08x}" for sign in quoted)
-    if isinstance(value, float) and "." not in repr(value):
-        return repr(value).replace("e", ".0e")  # 1e-05 is a string in YAML 1.1
-    return json.dumps(value, allow_nan=False)

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -28,32 +27,23 @@ Indices = NDArray[np.intp]
 class RobotMotion:
     """Motion of the robot; the defaults are those of the published experiments.
 
-    :param turn_s_per_rad: time for each radian turned on the way [s/rad], >= 0; turning towards the
-        first corner is not counted, since the heading at the start is not known
-    :param metre_cost_s: time that it is worth to avoid a metre [s/m], >= 0; makes it drive less. Both costs count
-        where tours are compared, never on the clock
-    :param overhead_counted: share of the stop overhead in which the robot stands at the stop and counts [0..1]
+    :param metre_cost_s: time that it is worth to avoid a metre [s/m], >= 0; makes it drive less. It counts where
+        tours are compared, never on the clock
     """
 
     speed_mps: float = 0.6  # speed on the way [m/s], > 0
     stop_overhead_s: float = 12.0  # time lost at each stop: braking, settling, the next goal [s], >= 0
-    turn_s_per_rad: float = 0.0
-    stop_cost_s: float = 0.0  # time that it is worth to avoid a stop [s], >= 0; makes a planner choose fewer stops
     metre_cost_s: float = 0.0
-    overhead_counted: float = 1.0
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
             value, low = getattr(self, name), ">" if name == "speed_mps" else ">="
             if not (np.isfinite(value) and value >= 0) or (low == ">" and value == 0):
                 raise ValueError(f"{name} must be {low} 0 and finite, got {value}")
-        if self.overhead_counted > 1:
-            raise ValueError(f"overhead_counted must be at most 1, got {self.overhead_counted}")
 
-    def travel_s(self, length_m: ArrayLike, turn_rad: ArrayLike = 0.0) -> Array:
-        """Time for lengths and turns of routes, one stop overhead included [s]; inf for an infinite length."""
-        way = np.asarray(length_m, float) / self.speed_mps
-        return np.asarray(way + np.asarray(turn_rad, float) * self.turn_s_per_rad + self.stop_overhead_s)
+    def travel_s(self, length_m: ArrayLike) -> Array:
+        """Time for lengths of routes, one stop overhead included [s]; inf for an infinite length."""
+        return np.asarray(np.asarray(length_m, float) / self.speed_mps + self.stop_overhead_s)
 
 
 def polyline_length_m(polyline: Array) -> float:
@@ -67,19 +57,8 @@ def along(polyline: Array, shares: Array) -> Array:
     return np.column_stack([np.interp(shares * reached[-1], reached, axis) for axis in polyline.T])
 
 
-def polyline_turn_rad(polyline: Array) -> float:
-    """Sum of the changes of heading at the inner corners of a route, shape (p, 2) [rad]."""
-    legs = np.diff(polyline, axis=0)
-    legs = legs[np.any(legs != 0, axis=1)]
-    cross = legs[:-1, 0] * legs[1:, 1] - legs[:-1, 1] * legs[1:, 0]
-    return float(np.abs(np.arctan2(cross, (legs[:-1] * legs[1:]).sum(axis=1))).sum())
-
-
 class TravelModel(ABC):
-    """Routes and travel times. A route is the shortest one; turning only adds to its time.
-
-    Times depend on lengths, and on corners only if turning costs time.
-    """
+    """Routes and travel times. A route is the shortest one, and its time depends on its length."""
 
     motion: RobotMotion
 
@@ -123,24 +102,15 @@ class TravelModel(ABC):
         if not len(stops):
             return np.empty(0)
         start = np.asarray(from_xy, float)
-        lengths = self.lengths_m(start, stops) + self._slower_to_m(start, stops)
-        turns = np.zeros(len(stops))
-        for index in np.flatnonzero(np.isfinite(lengths)).tolist() if self.motion.turn_s_per_rad else ():
-            turns[index] = polyline_turn_rad(self.route(start, stops[index]))
-        return self.motion.travel_s(lengths, turns)
+        return self.motion.travel_s(self.lengths_m(start, stops) + self._slower_to_m(start, stops))
 
+    @abstractmethod
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """Times between some of the stops, from row to column, shape (m, m) [s]; 0 on the diagonal."""
-        chosen = [stops[int(index)] for index in indices]
-        rows = [self.travel_s((stop.x_m, stop.y_m), chosen) for stop in chosen]
-        times = np.array(rows, float).reshape(len(chosen), len(chosen))
-        np.fill_diagonal(times, 0.0)
-        return times
 
+    @abstractmethod
     def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """Times from each of the stops of a route to the next, shape (m - 1,) [s]."""
-        route = [stops[int(index)] for index in indices]
-        return np.array([self.travel_s((a.x_m, a.y_m), [b])[0] for a, b in pairwise(route)], float)
 
 
 _PAIRS = 10_000  # number of pairs of places whose ways around corners are compared at once
@@ -191,12 +161,11 @@ class FreeTravel(TravelModel):
         """See :class:`TravelModel`."""
         places, inside = self._places(stops)
         places, inside = places[indices], inside[indices]
-        if self.motion.turn_s_per_rad > 0 or (self._area is not None and not inside.all()):
-            return super().between_s(stops, indices)
         lengths = np.sqrt(squared_distances(places, places))
         if self._area is not None and not self._area.is_convex:
             row, other = np.triu_indices(len(places), 1)
             lengths[row, other] = lengths[other, row] = self._around_m(places, row, other)
+        lengths[~inside] = lengths[:, ~inside] = np.inf
         times = self.motion.travel_s(lengths)
         np.fill_diagonal(times, 0.0)
         return times
@@ -205,16 +174,12 @@ class FreeTravel(TravelModel):
         """See :class:`TravelModel`."""
         places, inside = self._places(stops)
         places, inside = places[indices], inside[indices]
-        if self.motion.turn_s_per_rad > 0 or (self._area is not None and not inside.all()):
-            return super().legs_s(stops, indices)
         number = np.arange(len(places))
-        return self.motion.travel_s(self._around_m(places, number[:-1], number[1:]))
+        lengths = self._around_m(places, number[:-1], number[1:])
+        return self.motion.travel_s(np.where(inside[:-1] & inside[1:], lengths, np.inf))
 
     def _around_m(self, places: Array, starts: Indices, ends: Indices) -> Array:
-        """Lengths of the routes between pairs of places, given by their numbers [m]; inf if unreachable.
-
-        Of an area without turns, all places must be inside.
-        """
+        """Lengths of the routes between pairs of places inside, given by their numbers [m]; inf if unreachable."""
         lengths = np.hypot(*(places[ends] - places[starts]).T)
         if self._area is None or self._area.is_convex or not len(starts):
             return np.asarray(lengths)
@@ -317,7 +282,7 @@ class GraphTravel(TravelModel):
         return self.graph.slower_to_all_m(entry, self.motion.speed_mps)[self._nodes(stops)]
 
     def _as_long_m(self, node: int) -> Array:
-        """Lengths of the routes from a node to all, with what limits of the speed add [m]."""
+        """Lengths of the routes from a node to all, with :meth:`slower_m` [m]."""
         return self.graph.routes_to_all(node)[0] + self.graph.slower_to_all_m(node, self.motion.speed_mps)
 
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
@@ -334,8 +299,6 @@ class GraphTravel(TravelModel):
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
-        if self.motion.turn_s_per_rad > 0:
-            return super().between_s(stops, indices)
         nodes = self._nodes([stops[int(index)] for index in indices])
         lengths = np.array([self._as_long_m(node)[nodes] for node in nodes])
         times = self.motion.travel_s(lengths.reshape(len(nodes), len(nodes)))
@@ -344,8 +307,6 @@ class GraphTravel(TravelModel):
 
     def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
         """See :class:`TravelModel`."""
-        if self.motion.turn_s_per_rad > 0:
-            return super().legs_s(stops, indices)
         nodes = self._nodes([stops[int(index)] for index in indices])
         lengths = [self._as_long_m(start)[end] for start, end in pairwise(nodes)]
         return self.motion.travel_s(np.array(lengths, float))
@@ -371,20 +332,15 @@ class GraphTravel(TravelModel):
         return self.graph.names[int(np.argmin(np.where(free, np.hypot(*(xy - place).T), np.inf)))]
 
 
-# Real motion of the robot: speed, turning time and stop overhead, learned from the legs that it has driven ------
+# Real motion of the robot: speed and stop overhead, learned from the legs that it has driven ---------------------
 
 MAX_LEGS = 100  # number of the last legs that count: ground and battery change
-PACE_SD, TURN_SD = 0.3, 0.5
-"""Prior standard deviations of the time per metre and per radian, as shares of the parameters."""
+PACE_SD = 0.3  # prior standard deviation of the time per metre, as a share of the parameter
 OVERHEAD_SD, OVERHEAD_SD_S = 0.5, 5.0
 """Prior standard deviation of the stop overhead: a share of the parameter, and seconds that are added."""
 LEG_SD, LEG_SD_S = 0.05, 1.0
 """Standard deviation of the time of a leg without an obstacle: a share of its time, and seconds that are added."""
 DEGREES_OF_FREEDOM = 3.0  # degrees of freedom of the errors; few make outliers count little
-NEAR_M = 1.0  # a record was counted at the stop if its place is this near [m]
-COUNTED_LEGS = 10
-"""Number of legs that the prior of the counted share of the overhead is worth: all of it is counted."""
-COUNTED_SAME = 0.15  # smallest share of the overhead, not counted at the stop, that replaces the prior
 SAME = 0.01  # smallest relative change of a leg's time that is worth replacing the parameters
 _ROUNDS, _CONVERGED = 30, 1e-6
 _SLOWEST, _FASTEST = 0.1, 10.0
@@ -395,75 +351,37 @@ class Leg:
     """A drive to a stop that ended there."""
 
     length_m: float  # length of the route [m]
-    turn_rad: float  # sum of its turns [rad]
     time_s: float  # from the goal to the arrival [s]
 
 
 class LearnedMotion:
-    """The motion of a robot, as far as its legs show it; the prior if it shall not learn.
+    """The motion of a robot, as far as its legs show it. The cost of a metre is the operator's."""
 
-    The turning time is learned only if its parameter is not 0, the costs of an operator never.
-    """
-
-    def __init__(self, prior: RobotMotion, learns: bool = True) -> None:
-        self.prior = prior
-        self._learns = learns
-        self._driven = prior
-        self.motion = prior
+    def __init__(self, prior: RobotMotion) -> None:
+        self.prior = self.motion = prior
         self.legs: deque[Leg] = deque(maxlen=MAX_LEGS)
-        self._begun: tuple[float, float, float] | None = None
-        self._stop: tuple[float, float] | None = None  # whose records before the arrival are sought
-        self._leg_counted_s = 0.0
-        self._counted_s = 0.0
-        self._counted_legs = 0
+        self._begun: tuple[float, float] | None = None  # time and length
 
     def set_off(self, now_s: float, way: Array, slower_m: float = 0.0) -> None:
         """The robot gets a goal; ``slower_m`` is that of the travel model [m]."""
-        self._begun = (now_s, polyline_length_m(way) + slower_m, polyline_turn_rad(way))
-        self._stop, self._leg_counted_s = (float(way[-1, 0]), float(way[-1, 1])), 0.0
+        self._begun = now_s, polyline_length_m(way) + slower_m
 
     def give_up(self) -> None:
         """The goal has ended in another way than by arrival."""
-        self._begun = self._stop = None
-
-    def count(self, place: tuple[float, float], exposure_s: float) -> None:
-        """A record has come: what is counted at the stop before the arrival counts there, too."""
-        if self._stop is None:
-            return
-        near = math.dist(place, self._stop) <= NEAR_M
-        if self._begun is not None:
-            self._leg_counted_s = self._leg_counted_s + exposure_s if near else 0.0
-            return
-        # The first record after the arrival began before it: on average half of it belongs to the overhead.
-        self._counted_s += self._leg_counted_s + (exposure_s / 2 if near else 0.0)
-        self._counted_legs += 1
-        self._stop = None
-        self._combine()
+        self._begun = None
 
     def arrive(self, now_s: float) -> bool:
         """The robot has arrived and counts; whether a leg was learned from."""
         begun, self._begun = self._begun, None
         if begun is None:
             return False
-        self.add(Leg(begun[1], begun[2], now_s - begun[0]))
+        self.add(Leg(begun[1], now_s - begun[0]))
         return True
 
     def add(self, leg: Leg) -> None:
         """Learn from a leg."""
         self.legs.append(leg)
-        if self._learns:
-            self._driven = learned_motion(self.prior, tuple(self.legs))
-            self._combine()
-
-    def _combine(self) -> None:
-        """The motion by the legs, with the share of the overhead that is counted."""
-        motion = self._driven
-        if not self._learns:
-            return
-        known_s = COUNTED_LEGS * motion.stop_overhead_s
-        all_s = known_s + self._counted_legs * motion.stop_overhead_s
-        share = (known_s + self._counted_s) / all_s if all_s > 0 else 1.0
-        self.motion = motion if share > 1 - COUNTED_SAME else replace(motion, overhead_counted=share)
+        self.motion = learned_motion(self.prior, tuple(self.legs))
 
     @property
     def cautious(self) -> RobotMotion:
@@ -472,27 +390,22 @@ class LearnedMotion:
             self.prior,
             speed_mps=min(self.prior.speed_mps, self.motion.speed_mps),
             stop_overhead_s=max(self.prior.stop_overhead_s, self.motion.stop_overhead_s),
-            turn_s_per_rad=max(self.prior.turn_s_per_rad, self.motion.turn_s_per_rad),
         )
 
     def __str__(self) -> str:
-        motion = self.motion
-        turning = f", {motion.turn_s_per_rad:.1f} s/rad" if motion.turn_s_per_rad > 0 else ""
-        source = "as set" if motion is self.prior else f"learned from {len(self.legs)} legs"
-        return f"{motion.speed_mps:.2f} m/s, {motion.stop_overhead_s:.0f} s per stop{turning}, {source}"
+        source = "as set" if self.motion is self.prior else f"learned from {len(self.legs)} legs"
+        return f"{self.motion.speed_mps:.2f} m/s, {self.motion.stop_overhead_s:.0f} s per stop, {source}"
 
 
 def learned_motion(prior: RobotMotion, legs: tuple[Leg, ...]) -> RobotMotion:
     """The motion that prior and legs make most likely; ``prior`` itself where hardly a time would change.
 
-    A leg takes ``length / speed + turn * turning time + overhead``. The parameters are the prior of a regression
-    on the legs; errors follow a Student t distribution, so that a leg with an obstacle hardly counts.
+    A leg takes ``length / speed + overhead``. The parameters are the prior of a regression on the legs; errors
+    follow a Student t distribution, so that a leg with an obstacle hardly counts.
     """
-    if not legs:
-        return prior
-    start = np.array([1 / prior.speed_mps, prior.turn_s_per_rad, prior.stop_overhead_s])
-    spread = np.array([PACE_SD * start[0], max(TURN_SD * start[1], 1e-9), OVERHEAD_SD * start[2] + OVERHEAD_SD_S])
-    driven = np.array([(leg.length_m, leg.turn_rad, 1.0) for leg in legs])
+    start = np.array([1 / prior.speed_mps, prior.stop_overhead_s])
+    spread = np.array([PACE_SD * start[0], OVERHEAD_SD * start[1] + OVERHEAD_SD_S])
+    driven = np.array([(leg.length_m, 1.0) for leg in legs])
     time_s = np.array([leg.time_s for leg in legs])
     sd_s = LEG_SD * time_s + LEG_SD_S
     estimate, late_s = start, time_s - driven @ start
@@ -503,11 +416,8 @@ def learned_motion(prior: RobotMotion, legs: tuple[Leg, ...]) -> RobotMotion:
         before, estimate = estimate, start + np.linalg.solve(precision, driven.T @ (weight * late_s))
         if np.abs(estimate - before).max() <= _CONVERGED:
             break
-    estimate = np.clip(estimate, [start[0] * _SLOWEST, 0.0, 0.0], [start[0] * _FASTEST, np.inf, np.inf])
+    pace, overhead_s = np.clip(estimate, [start[0] * _SLOWEST, 0.0], [start[0] * _FASTEST, np.inf]).tolist()
     usual_s = driven @ start
-    if (np.abs(driven @ estimate - usual_s) <= SAME * usual_s).all():
+    if (np.abs(driven @ [pace, overhead_s] - usual_s) <= SAME * usual_s).all():
         return prior
-    pace, turn, overhead = estimate.tolist()
-    return replace(
-        prior, speed_mps=1 / pace, turn_s_per_rad=turn if prior.turn_s_per_rad else 0.0, stop_overhead_s=overhead
-    )
+    return replace(prior, speed_mps=1 / pace, stop_overhead_s=overhead_s)

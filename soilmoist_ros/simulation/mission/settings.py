@@ -345,18 +345,10 @@ class MissionSettings:
         None, "Shortest time at a stop, whatever the dwell rule says; stops that leave less are skipped. Default: "
         "one record.", float, unit="s", low=0, above=True,
     )  # fmt: skip
-    turn_s_per_rad: float = _setting(0.0, "Time for each radian turned.", unit="s/rad", low=0)
-    learn_travel: bool = _setting(
-        True, "Let the planner learn speed, turning time and time lost at stops from the legs driven; the "
-        "settings are what it knows before.",
-    )  # fmt: skip
     real_speed_mps: float | None = _setting(
         None, "Speed of the robot where the planner expects another. Default: as expected.", float, unit="m/s",
         low=0, above=True,
     )  # fmt: skip
-    stop_cost_s: float = _setting(
-        0.0, "Time that it is worth to avoid a stop: the planner chooses fewer of them.", unit="s", low=0
-    )
     metre_cost_s: float = _setting(
         0.0, "Time that it is worth to avoid a metre: the planner drives less.", unit="s/m", low=0
     )
@@ -483,8 +475,7 @@ class MissionSettings:
         """Motion of the robots, as the planner expects."""
         from soilmoist_ros.exploration import RobotMotion
 
-        costs = self.stop_cost_s, self.metre_cost_s
-        return RobotMotion(self.speed_mps, self.stop_overhead_s, self.turn_s_per_rad, *costs)
+        return RobotMotion(self.speed_mps, self.stop_overhead_s, self.metre_cost_s)
 
     @property
     def aim(self) -> Aim | None:

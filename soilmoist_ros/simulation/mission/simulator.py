@@ -254,7 +254,7 @@ class _Simulation:
             for kind, channel in enumerate(self.channels)
         ]  # fmt: skip
         noise_m = position_errors(seed, number, settings.position_sd_m)
-        learned = LearnedMotion(settings.motion, settings.learn_travel)
+        learned = LearnedMotion(settings.motion)
         return _Robot(number + 1, mission, explorer, body, sensors, noise_m, learned)
 
     def run(self, progress: Callable[[float], None], watch: Watch | None = None) -> MissionResult:
@@ -386,7 +386,6 @@ class _Simulation:
         reported = self.reported(robot, (x_m, y_m))
         records = [sensor.record(self.now_s, places, reported) for sensor in robot.sensors]
         robot.records.append(records)
-        robot.learned.count((records[0].x_m, records[0].y_m), records[0].exposure_s)
         for channel, mapped, record in zip(self.channels, robot.explorer.properties, records, strict=True):
             channel.take(record)
             mapped.factor = correction_factor(record)

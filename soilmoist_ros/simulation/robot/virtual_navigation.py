@@ -27,7 +27,6 @@ from soilmoist_ros.exploration import (
     TravelModel,
     Way,
     polyline_length_m,
-    polyline_turn_rad,
     stops_xy,
     zone_radius_m,
 )
@@ -290,7 +289,7 @@ class VirtualNavigation:
 class VirtualRobot:
     """Drives one polyline at a time, from a start position [m].
 
-    Turning time is spread evenly over the route. The robot spends the stop overhead at the end of the route.
+    The robot spends the stop overhead at the end of the route.
     """
 
     def __init__(self, motion: RobotMotion, xy: tuple[float, float]) -> None:
@@ -312,8 +311,7 @@ class VirtualRobot:
         legs = np.hypot(*np.diff(way, axis=0).T)
         self._along_m = np.concatenate([[0.0], np.cumsum(legs)])
         self._start_s = now_s
-        turn_s = polyline_turn_rad(way) * self.motion.turn_s_per_rad
-        self._drive_s = (polyline_length_m(way) + slower_m) / self.motion.speed_mps + turn_s
+        self._drive_s = (polyline_length_m(way) + slower_m) / self.motion.speed_mps
         return now_s + self._drive_s + self.motion.stop_overhead_s
 
     def stop(self, now_s: float) -> None:

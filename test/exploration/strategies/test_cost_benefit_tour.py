@@ -137,8 +137,8 @@ def test_a_dwell_rule_of_the_mission_stays_and_optimal_becomes_whole_records():
     assert fixed.dwell is None
 
 
-def test_costs_of_a_stop_make_stops_fewer():
-    motions = (RobotMotion(stop_cost_s=cost_s) for cost_s in (0.0, 300.0))
+def test_costs_of_a_metre_make_stops_fewer():
+    motions = (RobotMotion(metre_cost_s=cost_s) for cost_s in (0.0, 20.0))
     cheap, dear = (design(Ground(situation(7200.0, motion=one)), 3600.0, rng()) for one in motions)
     assert len(dear.stops) < len(cheap.stops)
 

@@ -21,7 +21,6 @@ from soilmoist_ros.exploration.travel.travel import (
     RobotMotion,
     along,
     polyline_length_m,
-    polyline_turn_rad,
 )
 
 SQUARE = np.array([[0, 0], [10, 0], [10, 10], [0, 10]], float)
@@ -34,12 +33,9 @@ def stops(*places):
     return tuple(Stop(f"s{i}", x, y) for i, (x, y) in enumerate(places))
 
 
-@pytest.mark.parametrize("wrong", [{"speed_mps": 0}, {"turn_s_per_rad": -1}, {"metre_cost_s": -1.0}])
+@pytest.mark.parametrize("wrong", [{"speed_mps": 0}, {"stop_overhead_s": -1}, {"metre_cost_s": -1.0}])
 def test_published_motion(wrong):
     assert RobotMotion().travel_s(6.0) == pytest.approx(22.0)
-    way = np.array([[0, 0], [1, 0], [1, 1]])
-    time_s = RobotMotion(1, 2, 3).travel_s(polyline_length_m(way), polyline_turn_rad(way))
-    assert time_s == pytest.approx(4 + 3 * np.pi / 2)
     with pytest.raises(ValueError, match=next(iter(wrong))):
         RobotMotion(**wrong)
 
@@ -70,9 +66,8 @@ def test_a_robot_outside_enters_at_the_nearest_place():
     assert travel.lengths_m(np.array((4.5, 5)), [Stop("s", 3, 5)])[0] == pytest.approx(1.5)
 
 
-@pytest.mark.parametrize("turn", [0.0, 2.0])
-def test_time_and_length_are_those_of_the_route(turn):
-    motion = RobotMotion(0.5, 3.0, turn)
+def test_time_and_length_are_those_of_the_route():
+    motion = RobotMotion(0.5, 3.0)
     nodes = stops((0, 0), (5, 0), (5, 5), (0, 5))
     edges = [(a.name, b.name) for a, b in pairwise(nodes)]
     graph = TravelGraph.from_edges(nodes, edges + [(b, a) for a, b in edges])
@@ -82,24 +77,23 @@ def test_time_and_length_are_those_of_the_route(turn):
             times = travel.travel_s(place, nodes[:2] + nodes[3:])
             for stop, time in zip(nodes[:2] + nodes[3:], times, strict=True):
                 way = travel.route(place, stop)
-                assert time == pytest.approx(motion.travel_s(polyline_length_m(way), polyline_turn_rad(way)))
+                assert time == pytest.approx(motion.travel_s(polyline_length_m(way)))
                 assert travel.lengths_m(np.array(place), [stop])[0] == pytest.approx(polyline_length_m(way))
 
 
 @pytest.mark.parametrize("no_go", [[], [BLOCK]])
-@pytest.mark.parametrize("turn_s_per_rad", [0.0, 2.0])
-def test_times_of_tours_are_those_of_single_trips(no_go, turn_s_per_rad):
-    motion = RobotMotion(1.0, 3.0, turn_s_per_rad)
-    places = stops((1, 1), (9, 9), (1, 9), (9, 2), (3, 5))
+def test_times_of_tours_are_those_of_single_trips(no_go):
+    motion = RobotMotion(1.0, 3.0)
+    places = stops((1, 1), (9, 9), (1, 9), (9, 2), (3, 5), (12, 5))
     edges = [("s0", "s2"), ("s2", "s4"), ("s4", "s1"), ("s1", "s3")]
     graph = TravelGraph.from_edges(places, edges + [(b, a) for a, b in edges])
-    route = np.array([4, 0, 3, 1])
+    route = np.array([4, 0, 3, 1, 5])  # the last one is out of reach
     chosen = [places[index] for index in route]
     for travel in (FreeTravel(motion, [SQUARE], no_go), GraphTravel(graph, motion)):
         single = np.array([travel.travel_s((stop.x_m, stop.y_m), chosen) for stop in chosen])
         np.testing.assert_allclose(travel.legs_s(places, route), single.diagonal(1))
         np.fill_diagonal(single, 0.0)
-        np.testing.assert_allclose(travel.between_s(places, route), single)
+        np.testing.assert_allclose(travel.between_s(places, route)[:4], single[:4])
 
 
 @pytest.mark.parametrize("start", [(1.0, 5.0), (1.3, 8.8), (5.0, 1.0)])
@@ -114,62 +108,36 @@ def test_places_along_many_ways_are_those_of_each_route(start):
         np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-PRIOR = RobotMotion(0.6, 12.0, 1.0, stop_cost_s=5.0)
+PRIOR = RobotMotion(0.6, 12.0, 5.0)
 
 
 def drive(learned, truth, legs, rng, late_s=0.0, noise_s=1.0):
     for number in range(legs):
-        length, turn = rng.uniform(5.0, 80.0), rng.uniform(0.0, 3.0)
-        time_s = float(truth.travel_s(length, turn)) + rng.normal(0.0, noise_s)
-        learned.add(Leg(length, turn, time_s + (late_s if number % 4 == 3 else 0.0)))
+        length = rng.uniform(5.0, 80.0)
+        time_s = float(truth.travel_s(length)) + rng.normal(0.0, noise_s)
+        learned.add(Leg(length, time_s + (late_s if number % 4 == 3 else 0.0)))
     return learned
 
 
-@pytest.mark.slow
+@given(speed=st.floats(0.3, 1.2), overhead=st.floats(2.0, 40.0), late_s=st.sampled_from([0.0, 200.0]))
 @settings(max_examples=30, deadline=None)
-@given(
-    speed=st.floats(0.3, 1.2), overhead=st.floats(2.0, 40.0), turn=st.floats(0.3, 3.0), seed=st.integers(0, 100)
-)
-def test_the_truth_is_found(speed, overhead, turn, seed):
-    truth = RobotMotion(speed, overhead, turn)
-    learned = drive(LearnedMotion(PRIOR), truth, 40, np.random.default_rng(seed)).motion
-    for length, turned in ((10.0, 0.0), (40.0, 1.0), (80.0, 3.0)):
-        assert float(learned.travel_s(length, turned)) == pytest.approx(
-            float(truth.travel_s(length, turned)), rel=0.08, abs=3.0
-        )
-    assert learned.stop_cost_s == PRIOR.stop_cost_s
+def test_the_truth_is_found_and_a_leg_with_an_obstacle_is_hardly_learned_from(speed, overhead, late_s):
+    truth, rng = RobotMotion(speed, overhead), np.random.default_rng(1)
+    learned = drive(LearnedMotion(PRIOR), truth, 40, rng, late_s).motion
+    for length in (10.0, 40.0, 80.0):
+        assert float(learned.travel_s(length)) == pytest.approx(float(truth.travel_s(length)), rel=0.08, abs=3.0)
+    assert learned.metre_cost_s == PRIOR.metre_cost_s
 
 
-def test_a_leg_with_an_obstacle_is_hardly_learned_from_and_true_parameters_stay():
-    truth = RobotMotion(0.5, 15.0, 1.0)
-    learned = drive(LearnedMotion(PRIOR), truth, 40, np.random.default_rng(1), late_s=200.0).motion
-    assert float(learned.travel_s(40.0, 1.0)) == pytest.approx(float(truth.travel_s(40.0, 1.0)), rel=0.06)
-    same = drive(LearnedMotion(PRIOR), PRIOR, 30, np.random.default_rng(2), noise_s=0.0)
+def test_true_parameters_stay_and_limits_are_never_shorter_than_with_them():
+    rng = np.random.default_rng(3)
+    same = drive(LearnedMotion(PRIOR), PRIOR, 30, rng, noise_s=0.0)
     assert same.motion is PRIOR
     assert "as set" in str(same)
-
-
-def test_limits_are_never_shorter_than_with_the_parameters():
-    rng = np.random.default_rng(3)
-    fast = drive(LearnedMotion(PRIOR), RobotMotion(1.2, 5.0, 0.5), 30, rng)
+    fast = drive(LearnedMotion(PRIOR), RobotMotion(1.2, 5.0), 30, rng)
     assert fast.cautious == PRIOR
-    slow = drive(LearnedMotion(PRIOR), RobotMotion(0.3, 30.0, 2.0), 30, rng)
+    slow = drive(LearnedMotion(PRIOR), RobotMotion(0.3, 30.0), 30, rng)
     assert slow.cautious == slow.motion
-
-
-@pytest.mark.parametrize(("near_s", "counted"), [(0, 0.4), (10, 1.0)])
-def test_overhead_counts_only_as_far_as_it_is_counted_at_the_stop(near_s, counted):
-    learned, way = LearnedMotion(PRIOR), np.array([[0.0, 0.0], [30.0, 0.0]])
-    for leg in range(40):
-        learned.set_off(100.0 * leg, way)
-        learned.count((10.0, 0.0), 10.0)
-        for _ in range(near_s // 10):
-            learned.count((29.5, 0.0), 10.0)
-        learned.arrive(100.0 * leg + 62.0)
-        learned.count((30.0, 0.0), 10.0)
-        learned.count((30.0, 0.0), 10.0)
-    assert learned.motion.overhead_counted == pytest.approx(counted, abs=0.15)
-    assert learned.motion.stop_overhead_s == PRIOR.stop_overhead_s
 
 
 def test_only_a_leg_that_ends_at_its_stop_counts():
@@ -181,7 +149,7 @@ def test_only_a_leg_that_ends_at_its_stop_counts():
     learned.set_off(100.0, way)
     assert learned.arrive(250.0)
     assert not learned.arrive(300.0), "counting again after a pause is no arrival"
-    assert list(learned.legs) == [Leg(40.0, np.pi / 2, 150.0)]
+    assert list(learned.legs) == [Leg(40.0, 150.0)]
     assert "learned from 1 legs" in str(learned)
 
 

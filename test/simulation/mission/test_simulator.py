@@ -89,7 +89,7 @@ def test_missions_over_a_graph_stop_at_its_nodes_and_drive_its_edges(tmp_path):
     field = surrogate_field("synthetic-high")
     graph = open_lattice(field.field, 10.0).graph
     path = tmp_path / "map.yaml"
-    path.write_text(make_topological_map(graph, "airfield", datetime(2026, 1, 1, tzinfo=UTC)).to_yaml())
+    path.write_text(make_topological_map(graph, "airfield", datetime(2026, 1, 1, tzinfo=UTC)).to_json())
     result = simulate_mission(replace(SHORT, travel="graph", graph=str(path)))
     nodes = set(graph.names)
     assert {visit.name for visit in result.visits} <= nodes
