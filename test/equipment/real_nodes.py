@@ -13,8 +13,6 @@ import contextlib
 import json
 import math
 import os
-import shutil
-import signal
 import socket
 import struct
 import subprocess
@@ -29,19 +27,17 @@ from typing import Any
 
 import rclpy
 import yaml
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import BatteryState, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from soilmoist_msgs.msg import Visit as VisitMessage
 from soilmoist_msgs.srv import Command
-from std_msgs.msg import Bool
 
 from msg_adapters.counts import counts_from_message, samples_from_message
-from msg_adapters.environment import diagnostics_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.point_cloud import to_seconds
 from msg_adapters.soilmoist_types import reply_from_message, request_to_message, visit_from_message
@@ -49,7 +45,7 @@ from soilmoist_ros.exploration import MissionStatus, OperatorRequest, Reply, Vis
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
 from soilmoist_ros.nodes.process_group import ProcessGroup, loopback_environment
-from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, VISITS
+from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, VISITS
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation import MissionSettings, surrogate_field
@@ -76,7 +72,6 @@ class Heard:
     visits: list[tuple[float, Visit]] = field(default_factory=list)
     records: list[CountRecord] = field(default_factory=list)
     quarantined: list[CountRecord] = field(default_factory=list)
-    health: dict[str, dict[str, str]] = field(default_factory=dict)
     samples: Samples | None = None
 
 
@@ -105,8 +100,6 @@ class Operator:
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
         self._node = node = Node("operator", context=self._context)
-        self._battery = node.create_publisher(BatteryState, "battery_state", SENSOR)
-        self._stop = node.create_publisher(Bool, "emergency_stop", LATCHED)
         self._command = node.create_client(Command, "planner/command")
         for kind, topic, take, qos in (
             (Clock, "/clock", self._on_clock, CLOCK),
@@ -115,7 +108,6 @@ class Operator:
             (PointCloud2, "quarantined_counts", partial(self._on_counts, self.heard.quarantined), RECORDS),
             (PointCloud2, "samples", self._on_samples, LATCHED),
             (VisitMessage, "visits", self._on_visit, VISITS),
-            (DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
         ):
             node.create_subscription(kind, topic, take, qos)
         self._executor = SingleThreadedExecutor(context=self._context)
@@ -149,13 +141,6 @@ class Operator:
             time.sleep(0.005)
         return reply_from_message(answer.result()) if answer.done() else None
 
-    def press(self, pressed: bool) -> None:
-        self._stop.publish(Bool(data=pressed))
-
-    def charge(self, share: float) -> None:
-        """Publish the charge of the battery [0..1]."""
-        self._battery.publish(BatteryState(present=True, percentage=share))
-
     def _on_clock(self, message: Clock) -> None:
         self.now_s = to_seconds(message.clock) - self._start_s
 
@@ -177,10 +162,6 @@ class Operator:
         visit = visit_from_message(message)
         self.heard.visits.append((visit.end_stamp_s - self._start_s, visit))
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for part in diagnostics_from_message(message):
-            self.heard.health[part.name] = {"level": part.level.name, "message": part.message, **part.values}
-
 
 @dataclass(frozen=True, kw_only=True)
 class NodesSettings:
@@ -189,14 +170,12 @@ class NodesSettings:
     :param out: folder of the run
     :param mission: field, seed, strategy and hours
     :param time_factor: simulated time per real time
-    :param navigator: as in :class:`DemoSettings`
     :param scenario: faults of links, receiver, sensor and navigation, as in a file of config/scenarios
     """
 
     out: Path
     mission: MissionSettings
     time_factor: float = 30.0
-    navigator: str = "goto_node"
     scenario: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -214,7 +193,6 @@ class RealNodes:
         self.settings = settings
         self._out, self._domain = settings.out.absolute(), domain
         self._stack = contextlib.ExitStack()
-        self.restarts = dict.fromkeys(ON_ROBOT, 0)
 
     def __enter__(self) -> RealNodes:
         out, settings = self._out, self.settings
@@ -247,8 +225,7 @@ class RealNodes:
         scenario = out / "scenario.yaml"
         scenario.write_text(yaml.safe_dump(dict(settings.scenario) or {"title": "nothing goes wrong"}))
         demo = DemoSettings(
-            out, settings.mission, settings.time_factor, settings.navigator, str(scenario),
-            exit_when_finished=False,
+            out, settings.mission, settings.time_factor, "goto_node", str(scenario), exit_when_finished=False
         )  # fmt: skip
         files = write_configuration(demo, self.field, out)
         ports = {device: self._port() for device in ("logger", "gnss")}
@@ -305,10 +282,6 @@ class RealNodes:
 
     def kill(self, name: str) -> None:
         self._robot.kill(name)
-        self.restarts[name] += 1
-
-    def freeze(self, name: str, frozen: bool) -> None:
-        os.kill(self._robot.pid(name), signal.SIGSTOP if frozen else signal.SIGCONT)
 
     def settle(self, limit_s: float = LIMIT_S) -> None:
         """Wait until the map has all that the driver has stored, with the simulator at rest."""
@@ -339,11 +312,6 @@ class RealNodes:
         left = left if left_bytes is None else left_bytes
         with self._control.open("r+b" if self._control.exists() else "wb") as file:  # others have mapped it
             file.write(struct.pack("<qq", step_ns, left))
-
-    def delete_bag(self) -> None:
-        """Delete the bag that is being recorded, as somebody who frees a disk."""
-        for bag in self.bags[-1:]:
-            shutil.rmtree(bag, ignore_errors=True)
 
 
 def _library(folder: Path) -> Path:

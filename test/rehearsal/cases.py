@@ -80,9 +80,7 @@ class Fault(StrEnum):
     LINK_GARBAGE = "link_garbage"
     """Half of the lines of logger and receiver are damaged, with garbage between them."""
     KILL_DRIVER = "kill_driver"  # the driver is killed, and comes back
-    KILL_RECORDER = "kill_recorder"  # the recorder is killed, and comes back
     DISK_FULL = "disk_full"  # no space is left on the disk
-    BAG_DELETED = "bag_deleted"  # somebody deletes the bag that is being recorded
     BATTERY_STALE = "battery_stale"  # the state of the battery is no longer published
     DETOUR = "detour"  # the navigation drives into the nearest no-go area, and stays in it for half a minute
     STRAY = "stray"  # the navigation leaves its route by 3 to 20 m
