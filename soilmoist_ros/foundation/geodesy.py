@@ -146,15 +146,10 @@ class LocalFrame:
 
 
 def squared_distances(xy_m: Array, others_m: Array) -> Array:
-    """Squared distances between places of the plane, shapes (n, 2) and (m, 2) [m], as shape (n, m) [m^2].
+    """Squared distances between places of the plane, shapes (n, 2) and (m, 2) [m], as shape (n, m) [m^2]."""
+    from scipy.spatial.distance import cdist
 
-    Bit for bit those of scipy.spatial, whose import takes longer than many a map.
-    """
-    east, north = (xy_m[:, None, axis] - others_m[:, axis] for axis in (0, 1))
-    east *= east
-    north *= north
-    east += north
-    return east
+    return np.asarray(cdist(xy_m, others_m, "sqeuclidean"))
 
 
 def distance_and_bearing(start: LatLon, end: LatLon) -> tuple[float, float]:

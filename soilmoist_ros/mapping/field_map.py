@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from bisect import insort
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -33,7 +32,6 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.joint_fit import JointModel
 from soilmoist_ros.mapping.knowledge import NOTHING, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Progress
 from soilmoist_ros.mapping.mapping_settings import MappingSettings
 from soilmoist_ros.mapping.records import (
@@ -226,8 +224,6 @@ class FieldMap:
         self._made: dict[str, tuple[object, Any]] = {}
         self._joint = None if knowledge.is_empty else JointModel(knowledge, self._estimate, settings.noise)
         self._finds_drift = settings.drift_model == "auto" and settings.fit == "reml"
-        self._raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, settings.keep_nugget)
-        self._computing = threading.Lock()
         self.curve_of: Callable[[MapState], MoistureCurve | None] | None = None
         """Calibration that follows from the records of a state, instead of that of the settings."""
         self.reset()
@@ -462,21 +458,19 @@ class FieldMap:
         fit, settings = self.fit(state), self.settings
         if fit is None:
             return None
-        timed = state.mapped_timed
-        changing = None if timed is None else Changing(timed, self._change(state, fit), state.stamp_s)
-        curve = settings.curve if self.curve_of is None else self.curve_of(state)
-        with self._computing:
-            return make_soil_map(
-                state.samples,
-                self.grid if grid is None else grid,
-                fit,
-                curve,
-                settings.keep_nugget,
-                progress,
-                self._raster if grid is None else None,
-                changing,
-                settings.footprint_radius_m,
-            )
+        change = self._change(state, fit)
+        timed = None if change == NO_CHANGE else state.mapped_timed
+        changing = None if timed is None else Changing(timed, change, state.stamp_s)
+        return make_soil_map(
+            state.samples,
+            self.grid if grid is None else grid,
+            fit,
+            settings.curve if self.curve_of is None else self.curve_of(state),
+            settings.keep_nugget,
+            progress,
+            changing,
+            settings.footprint_radius_m,
+        )
 
     def fit(self, state: MapState) -> VariogramFit | None:
         """The variogram of a state, ``None`` while its samples are too few."""

@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.drift import NO_CHANGE, Change, Changing
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
-from soilmoist_ros.mapping.kriging.rows import RasterKriging
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples import Samples, noise_rate, pooled
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
@@ -166,7 +165,7 @@ class SoilMap:
     :param variogram: the variogram used
     :param mean_rate: mean rate m* of the samples [counts/s]; their noise has it unless the fit has a local rate
     :param keep_nugget: whether the map has the rate with its micro-scale variation, or the smooth part only
-    :param made_by: the fitted kriging that made the map; ``None`` if :meth:`RasterKriging.update` did
+    :param made_by: the fitted kriging that made the map; ``None`` for a map that was made elsewhere
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
     """
 
@@ -288,7 +287,6 @@ def make_soil_map(
     curve: MoistureCurve | None = None,
     keep_nugget: bool = True,
     progress: Callable[[float], None] | None = None,
-    raster: RasterKriging | None = None,
     changing: Changing | None = None,
     footprint_radius_m: float = 0.0,
 ) -> SoilMap:
@@ -298,7 +296,6 @@ def make_soil_map(
     knows besides the samples is used.
 
     :param curve: calibration that turns the rate into soil moisture
-    :param raster: of the same grid and nugget; makes the map if it can, from what it has kept
     :param changing: the samples by place and time, how their mean changed, and the time of the map [s]; a drift
         needs at most :data:`MAX_EXACT_SAMPLES`, and the samples by time at the places of the samples
     """
@@ -306,19 +303,9 @@ def make_soil_map(
     model = variogram.variogram if isinstance(variogram, VariogramFit) else variogram
     known_rate = None if fit is None else fit.noise_rate
     prior = None if fit is None else fit.prior
-    kriging, rasters = None, None
-    drifts = changing is not None and changing.change.drift is not None
-    if raster is not None and prior is None and len(samples) and not drifts:
-        mean_rate = (fit.mean_rate if fit is not None else 0.0) or noise_rate(samples)
-        rasters = raster.update(samples, model, known_rate or mean_rate)
-    if rasters is not None:
-        rate, variance = rasters
-        clipped = clip_negative(variance, model.sill)
-    else:
-        kriging = PoissonKriging(model, keep_nugget, known_rate, prior)
-        samples = _fit(kriging, samples, changing)
-        rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress)
-        clipped, mean_rate = kriging.clipped_variances, (fit.mean_rate if fit else 0.0) or kriging.noise_mean_rate
+    kriging = PoissonKriging(model, keep_nugget, known_rate, prior)
+    samples = _fit(kriging, samples, changing)
+    rate, variance = kriging.predict_grid(grid.x_m, grid.y_m, grid.mask, progress)
     return SoilMap(
         grid,
         rate,
@@ -326,11 +313,11 @@ def make_soil_map(
         samples=samples,
         variogram=model,
         fit=fit,
-        mean_rate=mean_rate,
+        mean_rate=(fit.mean_rate if fit else 0.0) or kriging.noise_mean_rate,
         curve=curve,
         keep_nugget=keep_nugget,
         made_by=kriging,
-        clipped_variances=clipped,
+        clipped_variances=kriging.clipped_variances,
         change=NO_CHANGE if changing is None else changing.change,
         footprint_radius_m=footprint_radius_m,
     )

@@ -11,16 +11,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pyproj import Geod, Transformer
-from scipy.spatial.distance import cdist
 
-from soilmoist_ros.foundation.geodesy import (
-    LocalFrame,
-    PlaneMove,
-    distance_and_bearing,
-    fit_move,
-    move_between,
-    squared_distances,
-)
+from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove, distance_and_bearing, fit_move, move_between
 
 
 def test_the_plane_is_topocentric_east_north():
@@ -101,14 +93,6 @@ def test_distances_and_bearings_are_those_of_geodesics(start, end):
     assert found_m == pytest.approx(distance_m, abs=0.05, rel=0.01 if far else 1e-4)
     if distance_m > 0.01 and not far and max(abs(start[0]), abs(end[0])) < 89:
         assert (found_deg - bearing_deg + 180) % 360 - 180 == pytest.approx(0, abs=0.6)
-
-
-def test_squared_distances_are_those_of_scipy():
-    rng = np.random.default_rng(3)
-    xy, others = rng.normal(0, 100, (40, 2)), rng.normal(0, 1e-3, (30, 2))
-    np.testing.assert_array_equal(squared_distances(xy, others), cdist(xy, others, "sqeuclidean"))
-    np.testing.assert_array_equal(np.sqrt(squared_distances(xy, others)), cdist(xy, others))
-    assert squared_distances(xy[:0], others).shape == (0, 30)
 
 
 # Moves between planes: exact inverses, recovered by a fit, and right on the earth -------------------------------

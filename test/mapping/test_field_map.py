@@ -95,7 +95,6 @@ def test_the_map_is_that_of_the_samples_at_once():
     np.testing.assert_array_equal(samples.xy, places)
     for band, wanted in zip(found.bands, expected.bands, strict=True):
         np.testing.assert_allclose(band, wanted, rtol=1e-9)
-    assert found.made_by is None
     np.testing.assert_allclose(found.evaluate(GRID.cells).rate, found.rate[GRID.mask], rtol=1e-9)
     assert found.fit.n_samples == 12
 

@@ -279,8 +279,7 @@ def test_of_very_many_samples_neighbours_are_pooled(is_known, factor, monkeypatc
     (before, now), truth = simulated(2, 120, 0.9)
     known = Knowledge((EarlierSurvey("may", 0.0, before),)) if is_known else None
     exact = mapped(now, known)
-    for name in ("soil_map.MAX_EXACT_SAMPLES", "kriging.rows.MAX_SAMPLES"):
-        monkeypatch.setattr(f"soilmoist_ros.mapping.{name}", 60)
+    monkeypatch.setattr("soilmoist_ros.mapping.soil_map.MAX_EXACT_SAMPLES", 60)
     quick = mapped(now, known)
     assert len(quick.kriging.places) <= 60 < len(quick.samples) == len(exact.kriging.places)
     assert quick.pooling == f"of 120 samples in {len(quick.kriging.places)} pools"

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.foundation.errors import IllConditionedError
-from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram, sample_correlation
+from soilmoist_ros.mapping import PoissonKriging, Variogram, sample_correlation
 from soilmoist_ros.mapping.kriging.poisson_kriging import clip_negative
-from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Points
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 
@@ -336,10 +335,7 @@ def test_every_way_to_a_map_equals_the_dense_solution(model, keep_nugget):
     variogram = MODELS[model]
     kriging = PoissonKriging(variogram, keep_nugget, 4.0).fit(XY, COUNTS, EXPOSURE_S)
     rate, variance, weights = dense(variogram, CELLS, keep_nugget, 4.0 / EXPOSURE_S)
-    shape = len(AXES[1]), len(AXES[0])
-    raster = RasterKriging(*AXES, np.ones(shape, bool), keep_nugget)
-    updated = raster.update(Samples(XY, COUNTS, EXPOSURE_S), variogram, 4.0)
-    for found in (kriging.predict(CELLS), kriging.predict_grid(*AXES), updated):
+    for found in (kriging.predict(CELLS), kriging.predict_grid(*AXES)):
         np.testing.assert_allclose(np.ravel(found[0]), rate, atol=1e-8)
         np.testing.assert_allclose(np.ravel(found[1]), variance, atol=1e-8)
     of_places, lagrange = kriging.weights(CELLS)
