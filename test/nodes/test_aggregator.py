@@ -30,7 +30,7 @@ ELSEWHERE = {"nodes/console.py", "exploration/mission/types.py"}
 VARIABLES = {
     ("sensing/survey/driver.py", "name"): {"logger link", "GNSS link"},
     ("exploration/control/mission_control.py", "name"): {"position", "records"},
-    ("nodes/mapper.py", "name"): {"records", "field", "messages"},
+    ("nodes/mapper.py", "name"): {"records", "field", "messages", "others"},
 }
 """Parts whose name is an argument."""
 

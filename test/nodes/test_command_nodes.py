@@ -25,7 +25,7 @@ from msg_adapters.mission import mission_to_message
 from msg_adapters.point_cloud import to_seconds, to_time
 from msg_adapters.soil_map import soil_map_from_message, soil_map_to_message
 from soilmoist_ros.exploration import MissionStatus, Phase, Stop
-from soilmoist_ros.mapping import Samples, map_cells
+from soilmoist_ros.mapping import map_cells
 from soilmoist_ros.nodes.command_nodes import NodeMonitor
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, published_qos
 from soilmoist_ros.pipeline import open_survey, replay_bag
@@ -152,46 +152,34 @@ STATUS = MissionStatus(
 )  # fmt: skip
 
 
-@pytest.fixture
-def live(ros):
-    """A live mission and its monitor; errors in callbacks end the monitor, as in the demo."""
+def test_the_monitor_shows_every_topic_and_messages_of_others_do_no_harm(ros):
     survey = open_survey("example")
-    found = LiveMission("test", [LiveMap(), LiveMap("salt", np.full(survey.map.grid.mask.shape, 4.0))])
-    executor = SingleThreadedExecutor(context=ros.context)
-    monitor = NodeMonitor(found, ros.context)
+    live = LiveMission("test", [LiveMap(), LiveMap("salt", np.full(survey.map.grid.mask.shape, 4.0))])
+    executor = SingleThreadedExecutor(context=ros.context)  # errors in callbacks end the monitor, as in the demo
+    monitor = NodeMonitor(live, ros.context)
     executor.add_node(monitor)
-    found.spin = lambda condition: ros.wait_for(lambda: (executor.spin_once(timeout_sec=0.02), condition())[1])
-    found.survey, found.monitor = survey, monitor
-    yield found
-    executor.shutdown(timeout_sec=2)
-    monitor.destroy_node()
-
-
-def publisher(ros, kind, topic, profile=LATCHED):
-    return ros.node.create_publisher(kind, topic, profile)
-
-
-def test_it_shows_every_topic(ros, live):
-    survey = live.survey
+    # Called here, since a latched topic may replace a message before delivery.
+    monitor._on_mission(live.robots[0], DiagnosticStatus(message="of another robot"))
+    monitor._on_map(live.maps[0], PointCloud2(height=2, width=3))
+    monitor._on_samples(PointCloud2())
+    assert (live.robots[0].status, live.maps[0].text, len(live.samples_xy)) == ({}, "", 0)
     for number in range(4):
         survey.map.add(CountRecord(1e9 + number, 10.0 * number + 5, 20.0, 30.0, 400, 100.0, 95.0))
     soil_map = survey.map.compute(survey.map.state)
-    publisher(ros, DiagnosticStatus, "mission").publish(mission_to_message(STATUS))
-    publisher(ros, PointCloud2, "samples").publish(samples_to_message(survey.map.state.samples, 1e9))
-    publisher(ros, PointCloud2, "soil_map").publish(soil_map_to_message(survey.map.grid, soil_map, 1e9))
-    publisher(ros, PointCloud2, "salt/soil_map").publish(soil_map_to_message(survey.map.grid, soil_map, 1e9))
-    live.spin(lambda: live.robots[0].status and len(live.samples_xy) and all(one.text for one in live.maps))
+    cells = soil_map_to_message(survey.map.grid, soil_map, 1e9)
+    for topic, message in (
+        ("mission", mission_to_message(STATUS)), ("soil_map", cells), ("salt/soil_map", cells),
+        ("samples", samples_to_message(survey.map.state.samples, 1e9)),
+    ):  # fmt: skip
+        ros.node.create_publisher(type(message), topic, LATCHED).publish(message)
+
+    def shown():
+        executor.spin_once(timeout_sec=0.02)
+        return live.robots[0].status and len(live.samples_xy) and all(one.text for one in live.maps)
+
+    ros.wait_for(shown)
     assert live.robots[0].state == "counting: because"
     np.testing.assert_allclose(live.samples_xy, survey.map.state.samples.xy)
     assert "mean squared error salt" in live.facts["map"]
-
-
-def test_messages_of_others_do_no_harm(live):
-    """The test calls the callbacks, since a latched topic may replace a message before delivery."""
-    live.monitor._on_samples(samples_to_message(Samples(np.zeros((1, 2)), [3.0], [1.0]), 1e9))
-    live.monitor._on_mission(live.robots[0], DiagnosticStatus(message="of another robot"))
-    live.monitor._on_map(live.maps[0], PointCloud2(height=2, width=3))
-    live.monitor._on_samples(PointCloud2())
-    assert live.robots[0].status == {}
-    assert live.maps[0].text == ""
-    assert len(live.samples_xy) == 1
+    executor.shutdown(timeout_sec=2)
+    monitor.destroy_node()

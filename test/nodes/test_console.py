@@ -152,8 +152,7 @@ def test_the_page_leads_with_the_dose_of_the_newest_map(ros, tmp_path, browser):
     counts = ros.node.create_publisher(PointCloud2, "counts", RECORDS)
     ros.wait_for(counts.get_subscription_count, message="the mapper")
     expect(seen.page.locator("#dose")).to_be_hidden()
-    for message in (counts_to_message([one]) for one in survey.map.track):
-        counts.publish(message)
+    counts.publish(counts_to_message(survey.map.track))
     run = survey.run(survey.map.snapshot())
     seen.shows("dose", irrigation(run).steps[0])
     seen.page.evaluate("scrollTo(0, 0)")

@@ -101,7 +101,7 @@ def test_arguments_go_to_every_node_that_has_the_parameter_before_the_file(monke
         3.0, "fmi:60", 0.9, True,
     )  # fmt: skip
     assert values["recorder"]["out"] == "runs"
-    assert (console["host"], console["runs"], console["covariate_dir"]) == ("127.0.0.1", "runs", "covariates")
+    assert (console["host"], console["runs"]) == ("127.0.0.1", "runs")
     assert {value["node"] for value in values.values()} == {f"/r1/{name}" for name in nodes}
     with pytest.raises(InputError, match="planner: parameter hours must be a number, got 'two'"):
         stand_in.start(ROBOT, monkeypatch, {"hours": "two"})
@@ -189,14 +189,6 @@ def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_pa
             stand_in.start(ROBOT, monkeypatch, {"remap": wrong})
 
 
-def test_nothing_is_recorded_without_record_and_all_ends_with_the_mission_if_wished(monkeypatch):
-    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"record": "false", "exit_when_finished": "true"}))
-    assert list(nodes) == ["mapper", "planner", "sensor_driver", "watchdog"]
-    assert isinstance(ended(nodes["planner"])[0], stand_in.Shutdown)
-    assert ended(nodes["mapper"]) == []
-    assert all(ended(nodes["planner"], code) == [] for code in (1, -9, -11)), "one that crashed starts again"
-
-
 SAID = (
     b"[INFO] [17.5] [mapper]: hello\nthere is no field 'x' -> give a file\nhours must be >= 0\n",
     b"[WARN] [17.6] [mapper]: bye\nthe port 8050 is in use\n",
@@ -233,16 +225,13 @@ def test_a_node_that_cannot_start_ends_the_launch_and_a_console_only_itself(monk
 
 
 def test_a_reason_of_several_lines_is_whole(monkeypatch):
-    heard = []
-    node = next(
-        one for one in stand_in.start(ROBOT, monkeypatch, {}, heard=heard) if isinstance(one, stand_in.Node)
-    )
-    heard[0](stand_in.ProcessIO(text=SAID[0][:50]))
-    heard[0](stand_in.ProcessIO(text=SAID[0][50:]))
-    with pytest.raises(InputError, match=r"ends: there is no field 'x' -> give a file\nhours must be >= 0$"):
-        node.on_exit(stand_in.ProcessExited(returncode=2), stand_in.LaunchContext())
-    with pytest.raises(InputError, match=r"ends: it ended with exit code 2$"):
-        node.on_exit(stand_in.ProcessExited(returncode=2), stand_in.LaunchContext())
+    heard, end = [], (stand_in.ProcessExited(returncode=2), stand_in.LaunchContext())
+    node = next(iter(by_name(stand_in.start(ROBOT, monkeypatch, {}, heard=heard)).values()))
+    for part in (SAID[0][:50], SAID[0][50:]):
+        heard[0](stand_in.ProcessIO(text=part))
+    for why in (r"there is no field 'x' -> give a file\nhours must be >= 0$", r"it ended with exit code 2$"):
+        with pytest.raises(InputError, match=f"ends: {why}"):
+            node.on_exit(*end)
 
 
 def test_unknown_arguments_are_refused_with_a_suggestion(monkeypatch):
@@ -274,15 +263,21 @@ def test_empty_lists_are_lists_and_a_missing_parameter_file_is_named(monkeypatch
             stand_in.start(file, monkeypatch, {"params_file": "nix.yaml", **more})
 
 
-def test_nodes_that_crash_start_again_and_none_is_killed_while_it_saves(monkeypatch, seen, tmp_path):
-    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"out": str(tmp_path)}))
+def test_nodes_that_crash_start_again_none_is_killed_while_it_saves_and_all_end_with_the_mission_if_wished(
+    monkeypatch, seen
+):
+    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {}))
     for action in nodes.values():
         assert (action.respawn, action.respawn_delay) == (True, 2.0)
         assert min(float(action.sigterm_timeout), float(action.sigkill_timeout)) >= 60
-    assert seen(nodes["planner"])["respawn_limit_s"] == 60.0
-    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"out": str(tmp_path), "respawn": "false"}))
+    given = {"respawn": "false", "record": "false", "exit_when_finished": "true"}
+    nodes = by_name(stand_in.start(ROBOT, monkeypatch, given))
+    assert list(nodes) == ["mapper", "planner", "sensor_driver", "watchdog"], "nothing is recorded"
     assert not any(action.respawn for action in nodes.values())
     assert seen(nodes["planner"])["respawn_limit_s"] == 0.0
+    assert isinstance(ended(nodes["planner"])[0], stand_in.Shutdown)
+    assert ended(nodes["mapper"]) == []
+    assert all(ended(nodes["planner"], code) == [] for code in (1, -9, -11)), "one that crashed starts again"
 
 
 def test_driver_and_mapper_store_records_in_one_folder_and_each_launch_is_another_map(monkeypatch, seen, tmp_path):

@@ -113,36 +113,43 @@ def document(latitude=53.0):
     return found
 
 
-@pytest.mark.parametrize("datum", [FIELD, MAP])
-def test_a_map_of_another_datum_is_forgotten_when_the_right_one_is_back(datum):
+def elsewhere():
+    """A map of another datum, of which the nodes lie in the field."""
+    found = document(53.0009)
+    for entry in found["nodes"]:
+        entry["node"]["pose"]["position"]["y"] -= 500.0
+    return found
+
+
+def in_another_frame():
+    found = document()
+    found["transformation"]["parent"] = "odom"
+    for entry in found["nodes"]:
+        entry["node"].pop("parent_frame")
+    return found
+
+
+def broken():
+    found = document()
+    found["nodes"][0]["node"]["edges"][0]["node"] = "z"
+    return found
+
+
+@pytest.mark.parametrize(
+    ("datum", "wrong", "causes"),
+    [
+        (FIELD, elsewhere, {"frame_mismatch", "map_changed"}),
+        (MAP, elsewhere, {"frame_mismatch", "map_changed"}),
+        (FIELD, in_another_frame, {"frame_mismatch"}),
+        (FIELD, broken, {"map_changed"}),
+    ],
+)
+def test_a_map_that_cannot_be_used_holds_the_robot_until_the_right_one_is_back(datum, wrong, causes):
     navigation = MapOfTheNavigation(datum)
     assert navigation.causes(document()) == set()
-    elsewhere = document(53.0009)
-    for entry in elsewhere["nodes"]:
-        entry["node"]["pose"]["position"]["y"] -= 500.0
-    assert navigation.causes(elsewhere) == {"frame_mismatch", "map_changed"}
-    assert navigation.causes(document()) == set()
-
-
-def test_a_map_in_another_frame_holds_the_robot_until_the_right_one_is_back():
-    navigation = MapOfTheNavigation(FIELD)
-    elsewhere = document()
-    elsewhere["transformation"]["parent"] = "odom"
-    for entry in elsewhere["nodes"]:
-        entry["node"].pop("parent_frame")
-    assert navigation.causes(document()) == set()
-    assert navigation.causes(elsewhere) == {"frame_mismatch"}
-    assert navigation.causes(document()) == set()
-
-
-def test_a_map_that_cannot_be_read_is_another_map():
-    navigation = MapOfTheNavigation(FIELD)
-    assert navigation.causes(document()) == set()
-    broken = document()
-    broken["nodes"][0]["node"]["edges"][0]["node"] = "z"
-    assert navigation.causes(broken) == {"map_changed"}
-    assert navigation.causes(document()) == set()
-    assert navigation.causes(broken) == {"map_changed"}
+    for _ in range(2):
+        assert navigation.causes(wrong()) == causes
+        assert navigation.causes(document()) == set()
     longer = document()
     longer["nodes"][1]["node"]["pose"]["position"]["x"] = 55.0
     assert navigation.causes(longer) == set()
@@ -299,22 +306,6 @@ class ToLL(metaclass=type("Metaclass", (type,), {"_TYPE_SUPPORT": "there"})):
         self.questions.clear()
 
 
-class Values:
-    """Parameters of a planner."""
-
-    def __init__(self):
-        self.values = {"frame": "field", "navigation_frame": "map", "base_frame": "base_link",
-                       "navigation_datum": "robot"}  # fmt: skip
-
-    def text(self, name):
-        return self.values[name]
-
-    number = text
-
-    def as_dict(self):
-        return self.values
-
-
 @pytest.fixture
 def planner(monkeypatch):
     service, warnings = ToLL(), []
@@ -325,13 +316,14 @@ def planner(monkeypatch):
         get_clock=lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=10**9)),
     )
     monkeypatch.setitem(sys.modules, "tf2_msgs.msg", None)  # not installed
-    return node, service, warnings
+    values = {"frame": "field", "navigation_frame": "map", "base_frame": "base_link", "navigation_datum": "robot"}
+    parameters = SimpleNamespace(text=values.get, number=values.get, as_dict=lambda: values)
+    return lambda: (PlannerFrames(node, parameters, ACRE), service, warnings)
 
 
 def test_the_service_is_asked_until_it_answers(planner, monkeypatch):
-    node, service, _ = planner
     monkeypatch.setitem(sys.modules, "robot_localization.srv", SimpleNamespace(ToLL=ToLL))
-    frames = PlannerFrames(node, Values(), ACRE)
+    frames, service, _ = planner()
     assert frames.tick() == ""
     assert not service.questions
     service.there = True
@@ -351,9 +343,8 @@ def test_the_service_is_asked_until_it_answers(planner, monkeypatch):
 
 
 def test_without_its_type_the_datum_comes_from_a_drive(planner, monkeypatch):
-    node, _, warnings = planner
     monkeypatch.setitem(sys.modules, "robot_localization.srv", None)
-    frames = PlannerFrames(node, Values(), ACRE)
+    frames, _, warnings = planner()
     frames.tick()
     assert any("robot_localization/srv/ToLL is not installed" in each for each in warnings)
     assert any("the frames are not checked: tf2_msgs is not installed" in each for each in warnings)

@@ -116,10 +116,8 @@ def gone(number):
         return True
 
 
-@contextmanager
-def group(folder, **environment):
-    with ProcessGroup(environment, folder / "log") as nodes:
-        yield nodes
+def group(folder):
+    return ProcessGroup({}, folder / "log")
 
 
 def start(nodes, *names):
@@ -141,25 +139,23 @@ def test_nodes_end_with_the_group_the_last_started_first(journal, tmp_path):
     assert all(gone(number) for number in numbers(journal))
 
 
-def test_a_node_that_ignores_sigint_is_killed_and_the_others_end_well_when_the_body_fails(journal, tmp_path):
-    with pytest.raises(KeyboardInterrupt), group(tmp_path) as nodes:  # noqa: PT012
-        start(nodes, "good", "deaf", "plain", "good_2")
-        ready(journal, 4)
-        nodes.stop(limit_s=2.0)
-        raise KeyboardInterrupt
-    assert [name for name, _, text in said(journal) if text == "SIGINT"] == ["good_2", "good"]
-    assert all(gone(number) for number in numbers(journal))
-
-
-def test_who_does_not_want_to_wait_leaves_nothing_behind(journal, tmp_path, monkeypatch):
+@pytest.mark.parametrize("waits", [True, False])
+def test_a_node_that_ignores_sigint_is_killed_also_if_the_body_fails_and_nobody_waits(
+    journal, tmp_path, monkeypatch, waits
+):
     def impatient(_seconds):
         raise KeyboardInterrupt
 
+    names = ("good", "deaf", "plain", "good_2")
     with pytest.raises(KeyboardInterrupt), group(tmp_path) as nodes:  # noqa: PT012
-        start(nodes, "good", "deaf")
-        ready(journal, 2)
-        monkeypatch.setattr(process_group.time, "sleep", impatient)
-        nodes.stop()
+        start(nodes, *names)
+        ready(journal, len(names))
+        if not waits:
+            monkeypatch.setattr(process_group.time, "sleep", impatient)
+        nodes.stop(limit_s=2.0)
+        raise KeyboardInterrupt
+    if waits:
+        assert [name for name, _, text in said(journal) if text == "SIGINT"] == ["good_2", "good"]
     assert all(gone(number) for number in numbers(journal))
 
 
@@ -259,12 +255,9 @@ def test_every_holder_has_a_domain_of_its_own_until_it_ends(tmp_path, monkeypatc
             assert again == domain == third
 
 
-def test_ports_lie_below_those_that_linux_hands_out():
+def test_ports_lie_below_those_that_linux_hands_out_and_the_shell_of_a_robot_changes_nothing():
     lowest = 32768
     assert LAST_PORT + PORTS_EACH * max(DOMAINS) < lowest
     assert 0 not in DOMAINS, "which is that of everybody else"
-
-
-def test_the_shell_of_a_robot_neither_joins_nor_parts_the_nodes_of_a_simulation():
     discovery = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "", "ROS_DISCOVERY_SERVER": ""}
     assert loopback_environment(3).items() >= {"ROS_DOMAIN_ID": "3", **discovery}.items()

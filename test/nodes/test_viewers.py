@@ -75,35 +75,25 @@ def fields():
     return {topic: {field.name for field in message.fields} for topic, message in messages.items()}
 
 
-def test_rviz_shows_topics_in_their_type_and_quality_of_service():
-    displays = rviz_displays()
+def test_rviz_shows_topics_in_their_type_and_quality_and_has_no_tool_that_could_drive_the_robot_by_accident():
+    displays, layout = rviz_displays(), rviz_layout()
     for display in displays:
         topic = base(display["Topic"]["Value"])
         assert TOPICS[topic] == RVIZ_SHOWS[display["Class"].removeprefix("rviz_default_plugins/")]
         durability = "Transient Local" if topic in LATCHED else "Volatile"
-        assert display["Topic"]["Durability Policy"] == durability
-        assert display["Topic"]["Reliability Policy"] == "Reliable"
-        assert display["Enabled"] == display["Value"]
-    shown = {display["Topic"]["Value"].removeprefix("/") for display in displays}
-    assert shown == {
-        "soil_map", "compaction/soil_map", "uncertainty", "samples", "counts", "quarantined_counts", "plan",
-        "plan_markers", "robot_pose",
-    }  # fmt: skip
-
-
-def test_rviz_opens_with_the_robot_on_one_map_and_has_no_tool_that_could_drive_it_by_accident():
-    layout = rviz_layout()
+        quality = display["Topic"]["Durability Policy"], display["Topic"]["Reliability Policy"]
+        assert (*quality, display["Enabled"]) == (durability, "Reliable", display["Value"])
+    maps = [one for one in displays if base(one["Topic"]["Value"]) in ("soil_map", "uncertainty")]
+    assert [one["Name"] for one in maps if one["Enabled"]] == ["Soil moisture"]
     assert layout["Global Options"]["Fixed Frame"] == "map"
     shown = {display["Class"].removeprefix("rviz_default_plugins/"): display for display in layout["Displays"]}
-    assert shown["RobotModel"]["Description Topic"]["Value"] == "/robot_description"
-    assert shown["RobotModel"]["Description Topic"]["Durability Policy"] == "Transient Local"
-    assert shown["Odometry"]["Topic"]["Value"] == "/odom"
-    on = {name for name in ("RobotModel", "PoseWithCovariance", "TF", "Odometry") if shown[name]["Enabled"]}
-    assert on == {"RobotModel", "PoseWithCovariance"}
-    maps = [one for one in rviz_displays() if base(one["Topic"]["Value"]) in ("soil_map", "uncertainty")]
-    assert [one["Name"] for one in maps if one["Enabled"]] == ["Soil moisture"]
+    model = shown["RobotModel"]["Description Topic"]
+    assert (model["Value"], model["Durability Policy"]) == ("/robot_description", "Transient Local")
     tools = {tool["Class"].removeprefix("rviz_default_plugins/") for tool in layout["Tools"]}
     assert tools == {"MoveCamera", "Select", "FocusCamera", "Measure"}
+    text = (ROOT / "config" / "rviz" / "soilmoist.rviz").read_text()
+    named = {base(topic) for topic in re.findall(r"Value: (/\S+)", text)}
+    assert named - {"uncertainty_updates"} <= TOPICS.keys() | OF_THE_ROBOT.keys()
 
 
 def test_coloured_fields_exist(fields):
@@ -128,6 +118,10 @@ def test_foxglove_panels_show_topics_that_they_can_show():
     button = panels["Publish!emergency"]
     assert (button["topicName"], button["datatype"]) == ("/emergency_stop", "std_msgs/Bool")
     assert json.loads(button["value"]) == {"data": True}
+    called = {panel["serviceName"] for name, panel in panels.items() if name.startswith("CallService!")}
+    assert called == {f"/planner/{verb}" for verb in ("start", "pause", "resume", "abort", "skip", "command")}
+    request = json.loads(panels["CallService!home"]["requestPayload"])
+    assert request == {"verb": "return_home", "who": "Foxglove"}
 
 
 def test_plots_are_of_numbers_of_the_topics():
@@ -151,20 +145,6 @@ def test_plots_are_of_numbers_of_the_topics():
             assert kinds[topic].get_fields_and_field_types()[field] in NUMBERS
     for splitter in root.iter("DockSplitter"):
         assert len(list(splitter)) == int(splitter.attrib["count"]) == len(splitter.attrib["sizes"].split(";"))
-
-
-def test_foxglove_buttons_call_the_services_of_the_planner():
-    panels = foxglove_layout()["configById"]
-    called = {panel["serviceName"] for name, panel in panels.items() if name.startswith("CallService!")}
-    assert called == {f"/planner/{verb}" for verb in ("start", "pause", "resume", "abort", "skip", "command")}
-    request = json.loads(panels["CallService!home"]["requestPayload"])
-    assert request == {"verb": "return_home", "who": "Foxglove"}
-
-
-def test_both_layouts_say_nothing_of_other_topics():
-    text = (ROOT / "config" / "rviz" / "soilmoist.rviz").read_text()
-    named = {base(topic) for topic in re.findall(r"Value: (/\S+)", text)}
-    assert named - {"uncertainty_updates"} <= TOPICS.keys() | OF_THE_ROBOT.keys()
 
 
 def test_the_architecture_picture_names_every_node_and_topic():
