@@ -25,7 +25,6 @@ from soilmoist_ros.reporting.output_folder import replaced_together, writable
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, limits_of
 from soilmoist_ros.reporting.page.frame import number, percent, render_page, with_interval
 from soilmoist_ros.reporting.page.viewer import (
-    FIXED_VWC,
     PERCENT,
     colour_limits,
     map_data,
@@ -189,7 +188,7 @@ def _layers(season: Season) -> Iterator[dict[str, Any]]:
     if moist:
         vwc, unit = 100 * stack("vwc"), PERCENT + guess_text(_calibration(season))
         look = shown_as("Soil moisture", unit, 1, WATER, colour_limits(vwc, vwc_sd))
-        yield layer("vwc", vwc, **look, sd="vwc_sd", fixed=FIXED_VWC, about="Pale is dry, dark blue is wet.")
+        yield layer("vwc", vwc, **look, sd="vwc_sd", about="Pale is dry, dark blue is wet.")
     look = shown_as("Neutron rate", "counts/s", 2, RATE, colour_limits(rate, rate_sd))
     yield layer("rate", rate, **look, sd="rate_sd", about="More neutrons mean drier soil.")
     change = 100 * stack("vwc_change") if moist else stack("rate_change")

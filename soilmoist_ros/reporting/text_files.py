@@ -88,37 +88,6 @@ def _cell(name: str, value: object) -> object:
     return f"{value:.13g}" if name.endswith("_stamp_s") else f"{value:.8g}"
 
 
-# When each sample of a map was counted --------------------------------------------------------------------------
-
-
-def sample_times(run: MapRun) -> NDArray[np.float64]:
-    """Begin of the first and end of the last record of each sample, and their number; shape (n, 3) [s, s, -].
-
-    Samples do not remember their records, so each record counts for the nearest sample. Where a mission maps only
-    what was counted at stops, records between the visits are left out. NaN for a sample without a record.
-    """
-    from scipy.spatial import cKDTree
-
-    samples = run.soil_map.samples
-    used = [
-        (one.x_m, one.y_m, one.stamp_s - one.exposure_s, one.stamp_s, one.raw_counts)
-        for one in run.track
-        if not one.quarantine and math.isfinite(one.x_m + one.y_m)
-    ]
-    table = np.array(used, float).reshape(-1, 5)
-    if run.mission is not None and table[:, 4].sum() > samples.counts.sum():
-        visits = [(visit.arrival_stamp_s, visit.end_stamp_s) for visit in run.mission.visits]
-        during = [(table[:, 2] >= begin - 1e-3) & (table[:, 3] <= end + 1e-3) for begin, end in visits]
-        table = table[np.any(during, axis=0)] if during else table[:0]
-    times = np.tile([np.inf, -np.inf, 0.0], (len(samples), 1))
-    if len(table) and len(samples):
-        nearest = cKDTree(samples.xy).query(table[:, :2])[1]
-        np.minimum.at(times[:, 0], nearest, table[:, 2])
-        np.maximum.at(times[:, 1], nearest, table[:, 3])
-        np.add.at(times[:, 2], nearest, 1)
-    return np.where(np.isfinite(times), times, np.nan)
-
-
 # The samples, the track, the field and its no-go areas as GeoJSON (RFC 7946) ------------------------------------
 
 
@@ -155,14 +124,12 @@ def _sample_features(run: MapRun) -> list[dict[str, Any]]:
     # As on the map, no value leaves what the soil can hold; below the curve there is none.
     vwc = interval.vwc if curve is None else np.where(np.isnan(curve.vwc(rate)), np.nan, interval.vwc)
     lon_lat = _lon_lat(run.frame, samples.xy)
-    begin, end, n_records = sample_times(run).T
     return [
         _feature(
             f"sample-{i + 1}", "sample", {"type": "Point", "coordinates": lon_lat[i].tolist()},
             raw_counts=round(float(counts[i])), effective_exposure_s=round(float(exposure[i]), 3),
             rate_cps=rate[i], rate_sd_cps=rate_sd[i], vwc=vwc[i], vwc_sd=vwc_sd[i],
-            vwc_p05=interval.vwc_p05[i], vwc_p95=interval.vwc_p95[i], n_records=round(n_records[i]),
-            first_stamp_s=begin[i], last_stamp_s=end[i], calibrated=calibrated,
+            vwc_p05=interval.vwc_p05[i], vwc_p95=interval.vwc_p95[i], calibrated=calibrated,
         )
         for i in range(len(rate))
     ]  # fmt: skip

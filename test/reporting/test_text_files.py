@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import json
 from types import SimpleNamespace
 
@@ -18,7 +17,7 @@ from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation import LocalFrame, csv_text, text_of_csv
 from soilmoist_ros.mapping import Samples, Variogram, make_soil_map
 from soilmoist_ros.reporting.opened_run import OpenedRun
-from soilmoist_ros.reporting.text_files import samples_collection, write_samples, write_visits
+from soilmoist_ros.reporting.text_files import write_samples, write_visits
 
 
 def refuse(constant):
@@ -66,19 +65,6 @@ def test_sample_values(collection, the_map):
     assert found["vwc_p05"] < found["vwc"] < found["vwc_p95"]
 
 
-def test_samples_know_when_they_were_counted(make_run):
-    run = make_run()
-    first, *more = run.track
-    jump = dataclasses.replace(first, stamp_s=first.stamp_s + 1e4, x_m=first.x_m + 0.1)
-    found = samples_collection(dataclasses.replace(run, track=[*more, first, jump]))
-    times = [
-        [one["properties"][name] for name in ("first_stamp_s", "last_stamp_s", "n_records")]
-        for one in of_kind(found, "sample")
-    ]
-    assert times[0] == [first.stamp_s - first.exposure_s, first.stamp_s + 1e4, 2]
-    assert times[1] == [more[0].stamp_s - more[0].exposure_s, more[0].stamp_s, 1]
-
-
 def test_nothing_counted_and_nowhere_moved(make_run, the_map, tmp_path):
     soil = make_soil_map(Samples([(1.0, 2.0)], [0], [10.0]), the_map.grid, Variogram("gaussian", 0, 9, 1))
     found = load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil, track=())))
@@ -86,8 +72,6 @@ def test_nothing_counted_and_nowhere_moved(make_run, the_map, tmp_path):
     (sample,) = of_kind(found, "sample")
     assert sample["properties"]["rate_cps"] == 0
     assert sample["properties"]["rate_sd_cps"] is None
-    assert sample["properties"]["n_records"] == 0
-    assert sample["properties"]["first_stamp_s"] is None
 
 
 def test_a_field_on_the_antimeridian_is_one_piece(make_run, tmp_path):

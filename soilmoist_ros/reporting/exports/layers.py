@@ -173,15 +173,10 @@ def visits_layer(source: RunSource) -> Layer:
 
 
 def samples_layer(source: RunSource, one: ExportedProperty) -> Layer:
-    """Merged samples with counts, exposure, moisture and its interval; with times where the clock has a date."""
+    """Merged samples with counts, exposure, moisture and its interval."""
     columns = dict(one.samples)
     longitude, latitude = columns.pop("longitude_deg"), columns.pop("latitude_deg")
-    for stamp, name in (("first_stamp_s", "start_utc"), ("last_stamp_s", "end_utc")):
-        if stamp in columns:
-            columns[name] = times(_dated(columns[stamp]))
-    for name in ("raw_counts", "n_records"):
-        if name in columns:
-            columns[name] = columns[name].astype(np.int32)
+    columns["raw_counts"] = columns["raw_counts"].astype(np.int32)
     shapes = _points(*source.frame.to_local(latitude, longitude).T)
     columns["calibrated"] = texts([one.calibration] * len(shapes))
     return Layer(f"samples{one.suffix}", "Point", shapes, columns)

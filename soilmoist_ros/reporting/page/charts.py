@@ -47,18 +47,16 @@ class Line(NamedTuple):
     colour: ChartColour = "line"
     name: str = ""
     dashed: bool = False
-    width_px: float = 2.0
 
 
 class Dots(NamedTuple):
-    """Dots of one size or of a size each; ``error`` draws bars of that half length."""
+    """Dots of one size; ``error`` draws bars of that half length."""
 
     x: ArrayLike
     y: ArrayLike
     colour: ChartColour = "line"
     name: str = ""
-    size_px: ArrayLike = 6.0
-    hollow: bool = False
+    size_px: float = 6.0
     error: ArrayLike | None = None
 
 
@@ -98,8 +96,8 @@ class Chart:
     :param key: anchor in the page
     :param alt: description in words, for readers who cannot see it
     :param x: limits of the horizontal axis, ``y`` of the vertical one
-    :param x_ticks: labels of the horizontal axis as (value, text), ``y_ticks`` of the vertical one, ``top_ticks``
-        above the plot; ``x_ticks`` and ``y_ticks`` are made from the limits by default
+    :param x_ticks: labels of the horizontal axis as (value, text), by default made from the limits; ``y_ticks`` of
+        the vertical one
     """
 
     key: str
@@ -111,10 +109,8 @@ class Chart:
     x_label: str
     y_label: str
     caption: str = ""
-    height_px: int = 260
     x_ticks: Sequence[tuple[float, str]] | None = None
     y_ticks: Sequence[tuple[float, str]] | None = None
-    top_ticks: Sequence[tuple[float, str]] = ()
 
     @property
     def paths(self) -> list[Path]:
@@ -128,24 +124,20 @@ class Chart:
 
     @property
     def across(self) -> list[AxisTick]:
-        """Labels of the horizontal axis; every second one is minor where there are many."""
-        return _ticks(round_ticks(*self.x, 6) if self.x_ticks is None else self.x_ticks, self.x, 5, 2)
+        """Labels of the horizontal axis; every second one is minor where there are more than five."""
+        ticks = _ticks(round_ticks(*self.x, 6) if self.x_ticks is None else self.x_ticks, self.x)
+        return [tick._replace(minor=len(ticks) > 5 and number % 2 > 0) for number, tick in enumerate(ticks)]
 
     @property
     def up(self) -> list[AxisTick]:
         """Labels of the vertical axis."""
         return _ticks(round_ticks(*self.y, 5) if self.y_ticks is None else self.y_ticks, self.y)
 
-    @property
-    def top(self) -> list[AxisTick]:
-        """Labels above the plot; two of three are minor where there are many."""
-        return _ticks(self.top_ticks, self.x, 6, 3)
-
     def _paths(self, mark: Mark) -> Iterator[Path]:
         if isinstance(mark, Line):
             dash = " dash" if mark.dashed else ""
             d = "".join(map(_joined, _pieces(self._points(mark.x, mark.y))))
-            yield Path(d, f"s-{mark.colour}{dash}", mark.width_px)
+            yield Path(d, f"s-{mark.colour}{dash}", 2.0)
         elif isinstance(mark, Area):
             edges = np.hstack([self._points(mark.x, mark.high), self._points(mark.x, mark.low)])
             pieces = (np.vstack([piece[:, :2], piece[::-1, 2:]]) for piece in _pieces(edges))
@@ -161,13 +153,8 @@ class Chart:
             low, high = self._points(mark.x, y - error), self._points(mark.x, y + error)
             bars = (f"M{_xy(a)}L{_xy(b)}" for a, b in zip(low, high, strict=True))
             yield Path("".join(bars), "s-faint", 1.0)
-        sizes = np.broadcast_to(np.asarray(mark.size_px, float), len(points))
-        for size in np.unique(np.round(sizes, 1)):
-            chosen = (np.round(sizes, 1) == size) & np.isfinite(points).all(axis=1)
-            d = "".join(f"M{_xy(p)}h0" for p in points[chosen])
-            yield Path(d, f"s-{mark.colour} dot", float(size))
-            if mark.hollow:
-                yield Path(d, "s-mark dot", float(size) - 3)
+        d = "".join(f"M{_xy(point)}h0" for point in points[np.isfinite(points).all(axis=1)])
+        yield Path(d, f"s-{mark.colour} dot", mark.size_px)
 
     def _points(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Points in the SVG's units, shape (n, 2); far outside they are cut, which changes nothing visible."""
@@ -176,11 +163,10 @@ class Chart:
         return np.clip(BOX * np.column_stack([across, 1 - up]), -9 * BOX, 10 * BOX)
 
 
-def _ticks(given: Sequence[tuple[float, str]], limits: Limits, many: int = 0, major: int = 1) -> list[AxisTick]:
-    """Labels within the limits; of more than ``many``, only each ``major``-th is not minor."""
+def _ticks(given: Sequence[tuple[float, str]], limits: Limits) -> list[AxisTick]:
+    """Labels within the limits."""
     low, high = limits
-    inside = [(round(100 * (at - low) / (high - low), 2), text) for at, text in given if low <= at <= high]
-    return [AxisTick(at, text, len(inside) > many and i % major > 0) for i, (at, text) in enumerate(inside)]
+    return [AxisTick(round(100 * (at - low) / (high - low), 2), text) for at, text in given if low <= at <= high]
 
 
 def _key_class(mark: Mark) -> str:
@@ -188,7 +174,7 @@ def _key_class(mark: Mark) -> str:
         return f"k-line b-{mark.colour}{' dash' if mark.dashed else ''}"
     if isinstance(mark, Area):
         return f"k-area b-{mark.colour}"
-    return f"k-dot b-{mark.colour}{' hollow' if mark.hollow else ''}"
+    return f"k-dot b-{mark.colour}"
 
 
 def _pieces(points: Array) -> Iterator[Array]:
@@ -270,7 +256,7 @@ def factor_chart(track: Sequence[CountRecord]) -> Chart:
     return Chart(
         "factors", "Correction factors over time", "Correction factors over time",
         [
-            Line(time, product, "ink", "product", width_px=2.5), Line(time, pressure, "line", "pressure"),
+            Line(time, product, "ink", "product"), Line(time, pressure, "line", "pressure"),
             Line(time, humidity, "green", "humidity"),
             Line(time, intensity, "purple", "incoming neutrons", dashed=True),
         ],
@@ -286,7 +272,7 @@ def cross_validation_chart(loo: LeaveOneOut) -> Chart:
     return Chart(
         "validation", "Cross-validation", "Observed against predicted rate of each sample",
         [
-            Line(ends, ends, "soft", "prediction = observation", width_px=1.2),
+            Line(ends, ends, "soft", "prediction = observation"),
             Dots(loo.predicted, loo.observed, "line", "samples" + (", ± 1 sd" if few else ""),
                  6 if few else 4, error=loo.sd if few else None),
         ],
@@ -294,7 +280,6 @@ def cross_validation_chart(loo: LeaveOneOut) -> Chart:
         f"Each sample predicted from all others. {percent(loo.coverage95)} of the {len(loo.observed)} samples lie "
         f"in their 95 % interval; errors are {loo.standardised_sd:.2f} times as large as stated (1 is right); "
         f"root mean square error {number(loo.rmse)} counts/s, counting noise included.",
-        340,
     )  # fmt: skip
 
 

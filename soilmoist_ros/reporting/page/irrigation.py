@@ -107,7 +107,7 @@ class IrrigationAdvice:
     :param edges: limits between the zones [m^3/m^3]; ``None`` if they only compare places of this field
     :param basis: where the limits of the zones come from, as a sentence
     :param water: water in the root zone of the mean of the field, as a sentence; empty without a real calibration
-    :param level: what is known of the absolute moisture, as a sentence
+    :param level: doubt about the absolute moisture, in sentences; empty without one
     :param steps: what to do, a sentence or two each, the most important first
     :param dose: dose of the field, or why there is none
     :param doses: rows of its table
@@ -273,6 +273,7 @@ def _water(run: MapRun) -> str:
 
 
 def _level(run: MapRun) -> str:
+    """What is wrong with the level of the moisture, or not known of it; empty if it is meant as it stands."""
     if not run.calibrated:
         return "Not calibrated: the map shows where it is drier and wetter, but not how much water there is."
     if calibration_of(run) == UNKNOWN_SENSOR:
@@ -289,22 +290,13 @@ def _level(run: MapRun) -> str:
             "Illustrative: the calibration is a guess. Trust where it is drier and wetter, but not the "
             "percentages and millimetres."
         )
-    source = f" ({run.calibration.source})" if run.calibration and run.calibration.source else ""
-    if run.simulated:
-        return f"Simulated{source}: no real field was measured."
     if not is_usable(run.soil_map):
         return "The count rate does not fit the calibration: do not use the percentages and millimetres."
-    if calibration_of(run) == "general":
-        return (
-            f"By the general calibration{source}: no soil core of this field. The level of the percentages and "
-            "millimetres is as uncertain as their intervals say; the pattern does not depend on it."
-        )
     if calibration_sd(run.soil_map) is None:
         return (
-            f"Calibrated{source}, but the site file has no standard deviation of N0: intervals and certainty "
-            "leave an error of the calibration out."
+            "There is no standard deviation of N0: intervals and certainty leave an error of the calibration out."
         )
-    return f"Calibrated{source}: the percentages and millimetres are meant as they stand, with their intervals."
+    return ""
 
 
 def _steps(run: MapRun, found: IrrigationAdvice, limits: _Limits) -> Iterator[str]:

@@ -21,12 +21,10 @@ from soilmoist_ros.reporting.one_place import at_one_place
 from soilmoist_ros.reporting.page import wording
 from soilmoist_ros.reporting.page.charts import (
     Chart,
-    Dots,
     Line,
     cross_validation_chart,
     factor_chart,
     forecast_chart,
-    limits_of,
     rate_chart,
 )
 from soilmoist_ros.reporting.page.decision import decision
@@ -60,7 +58,7 @@ def render_report(run: MapRun) -> str:
     return render_page(
         "report.html.j2", title=run.title, version=run.version, place=run.field_name,
         when=wording.survey_time(run), where=wording.place(run), simulated=run.simulated, run=run, curve=curve,
-        facts=wording.facts(run), headline=wording.headline(run), notes=notes(run), irrigation=found,
+        facts=wording.facts(run), support=wording.support(run), notes=notes(run), irrigation=found,
         guessed=has_no_level(run), decision=decision(run),
         covariates=covariate_rows(run), map_data=None if still else viewer_data(run, found),
         pictures=() if still else list(pictures(run)),
@@ -346,7 +344,7 @@ def mission_sentences(mission: MissionResult) -> list[str]:
 
 
 def course_charts(mission: MissionResult) -> Iterator[Chart]:
-    """Error, coverage and distance against time; without a truth, only the distance."""
+    """Error and coverage against time; none without a truth."""
     if not mission.series:
         return
     columns = series_columns(mission.series, [""])
@@ -371,9 +369,3 @@ def course_charts(mission: MissionResult) -> Iterator[Chart]:
             x, (min(50.0, float(np.nanmin(coverage, initial=100.0)) - 5), 102.0), "Mission time [h]",
             "Coverage [%]", "Share of the field whose true rate lies in the 95 % interval of the map.",
         )  # fmt: skip
-    distance, finished = columns["distance_m"], hours[1:][np.diff(columns["samples"]) > 0]
-    yield Chart(
-        "course-distance", "Distance", "Distance driven against mission time",
-        [Line(hours, distance), Dots(finished, np.interp(finished, hours, distance), "ink", "stop finished", 4.0)],
-        x, limits_of(distance, zero=True), "Mission time [h]", "Distance [m]",
-    )  # fmt: skip

@@ -107,20 +107,14 @@ def variogram_chart(soil_map: SoilMap, classes: Classes) -> Chart:
     ]
     if fit is not None and fit.mode != soil_map.variogram:
         marks.append(Line(lag_m, classes.likely, "orange", "most likely (fitted)", dashed=True))
-    size_px = 7 + 8 * np.sqrt(classes.pairs / max(classes.pairs.max(), 1))
-    marks.append(Dots(lag_m, classes.gamma, "ink", "samples (pairs: above)", size_px, True))
+    marks.append(Dots(lag_m, classes.gamma, "ink", "samples", 9.0))
     return Chart(
         "variogram", "Semivariance against distance",
         f"Semivariance of the count rate against distance: {len(lag_m)} classes, {percent(classes.inside)} of "
         "them within the interval of the model used. A table has the numbers.",
         marks, (0.0, 1.04 * float(lag_m.max())), (bottom, max(top, 1e-12)), "Distance between samples [m]",
-        "Semivariance of the rate [(counts/s)²]", _caption(soil_map, classes), 300,
-        top_ticks=[(lag, _count(pairs)) for lag, pairs in zip(lag_m, classes.pairs.tolist(), strict=True)],
+        "Semivariance of the rate [(counts/s)²]", _caption(soil_map, classes),
     )  # fmt: skip
-
-
-def _count(pairs: int) -> str:
-    return str(pairs) if pairs < 1000 else f"{pairs / 1000:.1f}k" if pairs < 9950 else f"{pairs / 1000:.0f}k"
 
 
 def _caption(soil_map: SoilMap, classes: Classes) -> str:

@@ -42,8 +42,6 @@ NOTHING = 65535
 MAX_CELLS = 90_000
 """Cells from which a raster is thinned."""
 STOPS = 24
-FIXED_VWC = (0.0, 50.0)
-"""Colour limits of moisture that make reports comparable [% by volume]."""
 ROBOTS = {"blue": "#0072b2", "orange": "#b34700", "green": "#00704f", "purple": "#7a3f7a", "gold": "#8a6d00"}
 """Colours of the robots in order; further robots repeat them from the first."""
 MAX_PLACES = 4000
@@ -209,7 +207,7 @@ def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]
         yield _layer(
             run, index, "vwc", 100 * soil_map.vwc,
             **shown_as(f"{name}Soil moisture", unit, 1, WATER, moisture_limits(run)),
-            low=f"p05{end}", high=f"p95{end}", fixed=FIXED_VWC,
+            low=f"p05{end}", high=f"p95{end}",
             hatch=_hatch(run, soil_map.beyond_limits & soil_map.grid.mask),
             hatchText="very unsure: the interval reaches a limit of the soil",
             about="Pale is dry, dark blue is wet. Hatched: the interval reaches dry or saturated soil.",

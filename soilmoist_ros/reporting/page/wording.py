@@ -35,9 +35,6 @@ from soilmoist_ros.reporting.page.frame import area, duration, length, percent, 
 from soilmoist_ros.reporting.page.statistics import band_statistics, undefined_share
 from soilmoist_ros.sensing import UNKNOWN_SENSOR, n0_in_other_time, reason_text, unusual_factors
 
-_UNCERTAIN = "The map of the rate is not sure enough for a soil moisture yet: more or longer stops would help."
-"""Advice for simulated counts, which use the calibration of the simulation."""
-
 
 class Fact(NamedTuple):
     """One figure of the headline: value, unit and a short explanation."""
@@ -152,49 +149,7 @@ def _effort_facts(run: MapRun) -> list[Fact]:
     return found
 
 
-def headline(run: MapRun) -> list[str]:
-    """The result in plain sentences."""
-    soil_map, found = run.soil_map, make_budget(run)
-    if at_one_place(run):
-        return [found.text] if found else []
-    mapped, undefined = " ".join(area(float(field_polygon(soil_map.grid).area))), undefined_share(soil_map)
-    if not run.calibrated:
-        return [
-            f"{mapped} were mapped as a neutron count rate. More neutrons mean drier soil, but without a "
-            "calibration the rate cannot be turned into water content.",
-            _support(run),
-        ]
-    if undefined == 1:
-        todo = _UNCERTAIN if run.simulated else "Check N0 and whether all tubes were counted."
-        return [
-            f"{mapped} were mapped, but the count rate lies below the calibration curve everywhere, so no "
-            f"soil moisture could be computed. {todo}"
-        ]
-    if not statistics.is_usable(soil_map):
-        todo = (
-            "Do not use the soil moisture before N0, the bulk density and the tubes that were counted have been "
-            "checked; the map of the count rate holds."
-        )
-        return [
-            f"{mapped} were mapped, but on {percent(statistics.unusable_share(soil_map))} of the area the soil "
-            "moisture is impossible or not defined: the count rate does not fit the calibration. "
-            f"{_UNCERTAIN if run.simulated else todo}"
-        ]
-    wet = band_statistics(soil_map.vwc)
-    sentences = [
-        f"On average, 100 litres of soil hold {volume(_mean(run))} litres of water in the {mapped} mapped.",
-        f"The driest twentieth of the area is below {volume(wet.p05)} %, the wettest above {volume(wet.p95)} %.",
-        found.text if found else "", _support(run),
-    ]  # fmt: skip
-    if undefined > 0:
-        sentences.append(
-            f"On {percent(undefined)} of the area the rate lies below the calibration curve: the map shows "
-            "saturated soil there."
-        )
-    return sentences
-
-
-def _support(run: MapRun) -> str:
+def support(run: MapRun) -> str:
     """Support of each value and resolution of the map, in words."""
     size_m = statistics.resolution_m(run.soil_map, run.footprint_radius_m or 0.0)
     mean = run.support_text.startswith("mean")
@@ -344,9 +299,9 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
     why_dry = "N0 is probably too low, or lattice and organic water too high"
     for code, share, text in (
         (
-            NoteCode.RATE_BELOW_CURVE, 0.0 if run.simulated else below,
-            "the count rate is too low for any soil moisture, and the map shows saturated soil: check N0 and "
-            "whether all tubes were counted.",
+            NoteCode.RATE_BELOW_CURVE, below,
+            "the count rate is too low for any soil moisture, and the map shows saturated soil: "
+            f"{unsure if run.simulated else 'check N0 and whether all tubes were counted'}.",
         ),
         (
             NoteCode.ABOVE_PORE_VOLUME, too_wet,

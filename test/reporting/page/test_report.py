@@ -185,8 +185,8 @@ def test_without_calibration(make_run, uncalibrated):
 @pytest.mark.slow
 def test_undefined_and_impossible_moisture_is_named(make_run, steep):
     text = Page(render_report(make_run(soil_map=steep))).text
-    assert "impossible or not defined" in text
-    assert "On average, 100" not in text
+    assert "do not use the percentages" in text
+    assert "of the area: N0 does not fit the rate" in text
 
 
 @pytest.mark.slow

@@ -48,13 +48,12 @@
 
   // ---- colours
   const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
-  const limits = (layer) => byId("fixed").checked && layer.fixed ? layer.fixed : [layer.from, layer.to];
   function painter(layer) {
     if (layer.kind === "zones") {
       const fills = (layer.zones || data.zones).map((zone) => rgb(zone.colour));
       return (value) => fills[Math.round(value)];
     }
-    const stops = layer.colours.map(rgb), [from, to] = limits(layer), last = stops.length - 1;
+    const stops = layer.colours.map(rgb), { from, to } = layer, last = stops.length - 1;
     return function (value) {
       const at = Math.min(Math.max((value - from) / (to - from), 0), 1) * last;
       const low = stops[Math.floor(at)], high = stops[Math.ceil(at)], part = at - Math.floor(at);
@@ -248,20 +247,18 @@
         to.append(item);
       });
     } else {
-      const range = limits(shown), bar = element("div", "", "bar"), ticks = element("div", "", "ticks");
+      const bar = element("div", "", "bar"), ticks = element("div", "", "ticks"), marks = shown.ticks;
       bar.style.background = "linear-gradient(to right," + shown.colours.join(",") + ")";
-      const marks = range === shown.fixed ? [0, 10, 20, 30, 40, 50] : shown.ticks;
       const digits = marks.length > 1 && (marks[1] - marks[0]) % 1 === 0 && marks[0] % 1 === 0 ? 0 : shown.digits;
       marks.forEach(function (tick) {
         const mark = element("span", number(tick, digits));
-        mark.style.left = 100 * (tick - range[0]) / (range[1] - range[0]) + "%";
+        mark.style.left = 100 * (tick - shown.from) / (shown.to - shown.from) + "%";
         ticks.append(mark);
       });
       to.append(element("div", (shown.name || shown.title) + " [" + shown.unit + "]", "unit"), bar, ticks);
     }
     if (bits(shown)) { to.append(element("span", shown.hatchText, "swatch hatched")); }
     byId("map-about").textContent = values(shown).every(isNaN) ? "The first survey has none before it." : shown.about;
-    byId("fixed").parentNode.hidden = !shown.fixed;
   }
 
   // ---- reading a place
@@ -395,7 +392,6 @@
     if (input.checked) { select(input.value); }
   });
   document.querySelectorAll("#map-overlays input").forEach((input) => input.addEventListener("change", draw));
-  byId("fixed").addEventListener("change", () => select(shown.key));
   window.addEventListener("resize", resize);
   ["(prefers-color-scheme: dark)", "print"].forEach((query) => window.matchMedia(query).addEventListener("change", draw));
   window.addEventListener("beforeprint", () => document.querySelectorAll("details:not([open])").forEach(function (part) {
