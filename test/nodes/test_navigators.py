@@ -273,7 +273,7 @@ def test_nav2_arrives_by_way_points_facing_along_the_way(ros, world, nav2, drive
         return driver.navigator.on_the_way
 
     ros.wait_for(heard, message="feedback")
-    assert driver.navigator.on_the_way == "7.5 m to go, 2 recoveries"
+    assert driver.navigator.on_the_way == "7.5 m to go, recoveries: 2"
     assert driver.navigator.feedback_age_s >= 0.0
     driver.cancel(3)
     assert driver.end_of(3).outcome is Outcome.CANCELED

@@ -215,7 +215,7 @@ def test_a_shifted_navigation_is_refused_and_holds_a_mission_until_it_agrees(ros
         def refusal():
             answer = planning.call("start")
             assert not answer.success
-            return "TF places the robot 30.0 m north of its fix" in answer.message
+            return "TF places the robot 30.0 m from its fix (0.0 m east, 30.0 m north" in answer.message
 
         ros.wait_for(refusal, message="the refusal of a start")
         frames = ros.wait_for(lambda: (last := part(found, "frames")) and last.level is Level.ERROR and last)
@@ -228,7 +228,7 @@ def test_a_shifted_navigation_is_refused_and_holds_a_mission_until_it_agrees(ros
         planning.wait_phase(Phase.TRAVELLING)
         tf.move = shifted
         # While the robot drives, its TF and fixes are not of the same moment: 29.9 m will do.
-        planning.wait(lambda status: status.phase is Phase.PAUSED and "m north of" in status.reason, "a hold")
+        planning.wait(lambda status: status.phase is Phase.PAUSED and "m from its fix" in status.reason, "a hold")
         assert world.goal is None
         tf.move = PlaneMove()
         planning.wait_phase(Phase.TRAVELLING)

@@ -131,7 +131,6 @@ BASE_M = 20.0  # extent of the pairs from which the turn of a frame is known [m]
 MAX_FITTED = 500
 TURN_SHOWN_M = 0.1  # displacement of the field from which the turn of a frame is part of its datum [m]
 MAX_SPEED_MPS = 3.0  # speed above which a robot is not allowed for [m/s]
-_DIRECTIONS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 
 
 class FrameVerdict(NamedTuple):
@@ -197,9 +196,8 @@ class FrameCheck:
         message = f"TF and fix agree within {away_m:.1f} m (limit {limit_m:.1f} m)"
         if away_m > limit_m:
             message = (
-                f"TF places the robot {away_m:.1f} m {direction(east_m, north_m)} of its fix "
-                f"({east_m:.1f} m east, {north_m:.1f} m north; limit {limit_m:.1f} m): "
-                f"{self._remedy(found, (east_m, north_m))}"
+                f"TF places the robot {away_m:.1f} m from its fix ({east_m:.1f} m east, {north_m:.1f} m north; "
+                f"limit {limit_m:.1f} m): {self._remedy(found, (east_m, north_m))}"
             )
         return FrameVerdict(away_m <= limit_m, message, (east_m, north_m), limit_m, len(pairs))
 
@@ -233,15 +231,6 @@ class FrameCheck:
             f"give the navigation the field's datum {own}, "
             f"or set navigation_datum: {other}, which explains the shift"
         )
-
-
-def direction(east_m: float, north_m: float) -> str:
-    """Direction in words, one of eight.
-
-    >>> direction(0.0, 30.0), direction(-1.0, -1.1)
-    ('north', 'south-west')
-    """
-    return _DIRECTIONS[round(math.atan2(north_m, east_m) / (math.pi / 4)) % 8]
 
 
 def datum_text(frame: LocalFrame, move: PlaneMove) -> str:
@@ -419,8 +408,7 @@ class RobotFrames:
         if self._settings.datum == MAP:
             self._map_fault = f"{text} was {self._datum} before: start the planner again"
         elif self._settings.datum == FIELD:
-            where = direction(known[0] - place[0], known[1] - place[1])
-            self._map_fault = f"{text} lies {away_m:.1f} m {where} of the field's: set navigation_datum: map"
+            self._map_fault = f"{text} lies {away_m:.1f} m from the field's: set navigation_datum: map"
 
     def take_datum_answers(self, latitude_longitude_deg: Sequence[Place]) -> bool:
         """Take in what the datum service says of the places :data:`ASKED_M` about :attr:`ask_about_m`.

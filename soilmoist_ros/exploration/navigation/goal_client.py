@@ -439,13 +439,6 @@ class ActionStatus:
 
 # Numbers of Nav2 in words: error codes of its actions, and feedback on the way ----------------------------------
 
-_TASKS: Final[Mapping[int, str]] = MappingProxyType(
-    {100: "following the path", 200: "planning the path", 300: "planning the path", 400: "finding a route",
-     500: "smoothing the path", 600: "following the way points", 700: "turning on the spot", 710: "backing up",
-     720: "driving straight", 730: "assisted driving", 740: "waiting", 900: "docking"}
-)  # fmt: skip
-"""First error code of each task; the codes of recoveries are ten apart."""
-
 _CAUSES: Final[Mapping[int, str]] = MappingProxyType({
     1: "a server of Nav2 rejected the goal", 2: "a server of Nav2 cannot be reached",
     101: "there is no such controller", 102: "a transform is missing", 103: "the path is invalid",
@@ -470,9 +463,7 @@ def failure(code: int, text: str = "") -> str:
     """
     if code == 0:
         return text
-    task, cause = _TASKS.get(code - code % 10) or _TASKS.get(code - code % 100, ""), _CAUSES.get(code, "")
-    words = ": ".join(filter(None, (f"{task} failed" if task else "", cause))) or "unknown cause"
-    return f"{words} (Nav2 error {code}{f': {text}' if text else ''})"
+    return f"{_CAUSES.get(code, 'unknown cause')} (Nav2 error {code}{f': {text}' if text else ''})"
 
 
 def progress(remaining_m: float, recoveries: int) -> str:
@@ -482,5 +473,4 @@ def progress(remaining_m: float, recoveries: int) -> str:
     :param recoveries: recoveries since the goal began
     """
     ahead = [f"{remaining_m:.1f} m to go"] if math.isfinite(remaining_m) else []
-    tries = {0: [], 1: ["1 recovery"]}.get(recoveries, [f"{recoveries} recoveries"])
-    return ", ".join([*ahead, *tries])
+    return ", ".join([*ahead, *([f"recoveries: {recoveries}"] if recoveries else [])])

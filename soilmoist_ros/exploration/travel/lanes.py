@@ -146,8 +146,8 @@ def _end(line: Any, index: int, number: int, shapes: Sequence[Any], tree: Any) -
 class LaneTravel(GraphTravel):
     """Shortest routes along lanes, on which nobody turns around but at their ends and junctions.
 
-    Routes from where the car is begin in its direction of travel, which :meth:`moved` keeps; other routes begin
-    in any. Times between stops of a tour allow for the direction of arrival.
+    Routes from where the car is begin in its direction of travel, which :meth:`moved` keeps; other routes, and
+    those between stops of a tour, begin in any.
     """
 
     def __init__(self, graph: TravelGraph, *args: Any) -> None:
@@ -217,30 +217,6 @@ class LaneTravel(GraphTravel):
         return np.array(
             [self.slower_m(way) for way in self._ways(start, stops)] if limited else np.zeros(len(stops))
         )
-
-    def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
-        """See :class:`TravelModel`."""
-        nodes = self._nodes([stops[int(index)] for index in indices])
-        if len(nodes) < 2:
-            return np.empty(0)
-        edge = -1 if self._place is None else self._best_entry(np.asarray(self._place, float), nodes[0])[1]
-        if edge >= 0:
-            edge = self._edges_to(edge, nodes[0])[-1]
-        limits = np.inf if self.graph.limit_mps is None else self.graph.limit_mps
-        slower_m = self.graph.length_m * np.maximum(self.motion.speed_mps / limits - 1, 0.0)
-        legs_m = []
-        for before, node in pairwise(nodes):
-            new = int(edge >= 0)  # of the edges on the way
-            if edge < 0:  # it may leave in any direction
-                first = np.flatnonzero(self.graph.edges[:, 0] == before).tolist()
-                leads = [(self.graph.length_m[one] + self._lengths_from(one)[2][node], one) for one in first]
-                length_m, edge = min(leads, default=(math.inf, -1))
-            else:
-                length_m = float(self._lengths_from(edge)[2][node])
-            way = self._edges_to(edge, node) if math.isfinite(length_m) else [-1]
-            legs_m.append(length_m + slower_m[way[new:]].sum())
-            edge = way[-1]
-        return self.motion.travel_s(np.array(legs_m))
 
     def _entries(self, place: Array) -> list[tuple[float, int, int, Array]]:
         """Ways onto the lanes: length to the end of an edge [m], the edge, its end, and the corner to enter at.

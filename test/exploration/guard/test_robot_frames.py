@@ -279,7 +279,7 @@ def test_a_shift_of_30_m_is_named_with_direction_and_remedy():
     _, verdict = checked(STANDING, PlaneMove(0.0, (0.0, 30.0)))
     assert verdict.agrees is False
     assert verdict.offset_m == pytest.approx((0.0, 30.0))
-    assert "TF places the robot 30.0 m north of its fix (0.0 m east, 30.0 m north; limit 2.0 m)" in verdict.message
+    assert "TF places the robot 30.0 m from its fix (0.0 m east, 30.0 m north; limit 2.0 m)" in verdict.message
     assert "give the navigation the field's datum 52.4660000,12.9580000" in verdict.message
     explained = verdict.message.split("navigation_datum: ")[1].split(", which")[0]
     again = checked(STANDING, PlaneMove(0.0, (0.0, 30.0)), parse_datum(explained, PLANE))[1]

@@ -81,20 +81,9 @@ def test_a_car_does_not_turn_around_on_a_lane(lanes):
     assert travel.lengths_m(np.array([150.0, 0.0]), [at(lanes, 130, 0)])[0] == pytest.approx(20, abs=2.5)
 
 
-def test_a_tour_allows_for_the_direction_of_arrival(lanes):
-    travel = LaneTravel(lanes, MOTION)
-    stops = [at(lanes, 20, 0), at(lanes, 60, 0), at(lanes, 40, 0)]
-    legs = travel.legs_s(stops, np.array([0, 1, 2])) * MOTION.speed_mps
-    to_branch_m = 200 - stops[1].x_m - stops[2].x_m
-    assert legs == pytest.approx([stops[1].x_m - stops[0].x_m, to_branch_m], abs=0.1)
-    assert GraphTravel(lanes, MOTION).legs_s(stops, np.array([0, 1, 2]))[1] * 5 == pytest.approx(20, abs=6)
-    middle = at(lanes, 48, 0).x_m
-    west = np.where(lanes.xy[lanes.edges].max(axis=1)[:, 0] < middle + 0.1, 2.5, np.inf)  # half as fast there
+def test_limits_of_the_speed_count_on_every_way(lanes):
+    west = np.where(lanes.xy[lanes.edges].max(axis=1)[:, 0] < 60, 2.5, np.inf)  # half as fast there
     limited = replace(lanes, limit_mps=west)
-    slow = LaneTravel(limited, MOTION).legs_s(stops, np.array([0, 1, 2])) * MOTION.speed_mps
-    slow_m = [middle - stops[0].x_m, middle - stops[2].x_m]
-    assert slow == pytest.approx(legs + slow_m, abs=0.1)
-    # Between all stops at once as route by route.
     travel, chosen = GraphTravel(limited, MOTION), np.arange(0, len(lanes.stops), 3)
     ends = [limited.stops[index] for index in chosen]
     each = [
@@ -102,6 +91,10 @@ def test_a_tour_allows_for_the_direction_of_arrival(lanes):
         for a in ends
     ]
     assert travel.between_s(limited.stops, chosen) * MOTION.speed_mps == pytest.approx(np.array(each))
+    car = LaneTravel(limited, MOTION)
+    for travelled in (travel, car):
+        times = travelled.travel_s((0.0, 0.0), [at(limited, 50, 0), at(limited, 90, 0)])
+        assert times * MOTION.speed_mps == pytest.approx([100, 150], abs=6)
 
 
 def test_the_arrow_points_to_the_next_bend_of_the_lane(lanes):
