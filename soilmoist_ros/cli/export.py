@@ -24,7 +24,7 @@ from soilmoist_ros.foundation import InputError, SoilmoistError
 @click.option("--rate-column", default="RATE", show_default=True,
               help="Column of the irrigation rate in dose, at most ten characters.")  # fmt: skip
 @click.option("--rate-unit", type=click.Choice(["mm", "l/m2", "m3/ha", "in", "gal/ac"]), default="mm",
-              show_default=True, help="Unit of the rate; in and gal/ac give a sheet in acres.")  # fmt: skip
+              show_default=True, help="Unit of the rate.")  # fmt: skip
 @click.option("--isoxml-version", type=click.IntRange(3, 4), default=3, show_default=True,
               help="Version of ISOXML. Terminals for version 4 read version 3 too.")  # fmt: skip
 @click.option("--isoxml-form", type=click.Choice(["grid1", "grid2", "polygons"]), default="grid1",

@@ -10,7 +10,7 @@ of this distribution, so the mean of the missing water is not the missing water 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -248,12 +248,13 @@ class DosePlan:
         left = zones_mean(dry, "net_mm") - settings.efficiency * top if dry else 0.0
         return top, left if left > settings.efficiency * settings.steps_mm / 2 else 0.0
 
-    def largest_text(self, shown: Callable[[float], str] = "{:g} mm".format) -> str:
+    @property
+    def largest_text(self) -> str:
         """Largest dose, and what makes it the largest."""
         top, most, step = self.capped[0], self.settings.max_dose_mm, self.settings.steps_mm
         if most - top < 1e-6 * most:
-            return f"{shown(top)} is the largest dose of the machine"
-        return f"{shown(top)} is the largest dose in steps of {shown(step)} up to the {shown(most)} of the machine"
+            return f"{top:g} mm is the largest dose of the machine"
+        return f"{top:g} mm is the largest dose in steps of {step:g} mm up to the {most:g} mm of the machine"
 
 
 def saved_zones(summary: Any, where: Path | None = None) -> list[DoseZone]:

@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,32 +30,10 @@ RATE_UNITS: dict[str, Fraction] = {
 """Units of a rate for one millimetre of water; all are exact."""
 
 
-class Units(NamedTuple):
-    """Units of a sheet: their names, their number in 1 mm, 1 m^2 and 1 m^3, and decimals of a depth."""
-
-    depth: str
-    area: str
-    water: str
-    per_mm: float
-    per_m2: float
-    per_m3: float
-    decimals: int
-
-    @classmethod
-    def of(cls, rate_unit: str) -> Units:
-        """Acres and inches for the units of the United States, else hectares and millimetres."""
-        if rate_unit in ("in", "gal/ac"):
-            return cls("in", "ac", "gal", 1 / 25.4, 1 / 4046.8564224, 1 / 0.003785411784, 2)
-        return cls("mm", "ha", "m³", 1.0, 1e-4, 1.0, 0)
-
-    def dose(self, gross_mm: float) -> str:
-        """A dose without its unit."""
-        return f"{round(gross_mm * self.per_mm, 2):g}"
-
-    def missing(self, figures_mm: tuple[float, float, float]) -> str:
-        """Missing water with its interval, without the unit."""
-        net, low, high = (f"{figure * self.per_mm:.{self.decimals}f}" for figure in figures_mm)
-        return f"{net} ({low} to {high})"
+def missing_text(figures_mm: tuple[float, float, float]) -> str:
+    """Missing water with its interval, without the unit."""
+    net, low, high = (f"{figure:.0f}" for figure in figures_mm)
+    return f"{net} ({low} to {high})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +52,7 @@ class Plan(DosePlan):
         top, left = self.capped
         return {
             "calibration": self.one.calibration, "survey": self.date or "no date",
-            "missing [mm]": Units.of("mm").missing(self.missing_mm), "decision sure on": percent(self.sure),
+            "missing [mm]": missing_text(self.missing_mm), "decision sure on": percent(self.sure),
             **({} if math.isnan(self.need_sure) else {"need sure on": f"{percent(self.need_sure)} of it"}),
             "water": f"{self.volume_m3:.0f} m3",
             **({"typical soil": self.settings.texture} if self.settings.texture else {}),

@@ -440,7 +440,7 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
     before: tuple[str, ...] = ("simulated",) if run.simulated else ()
     before += () if found.certain else ("best estimate, not certain",)
     what, left = ": ".join([*before, what[0].lower() + what[1:]]), found.capped[1]
-    most = f"; {found.largest_text()}, about {left:.0f} mm remain missing" if left else ""
+    most = f"; {found.largest_text}, about {left:.0f} mm remain missing" if left else ""
     yield f"{what[0].upper()}{what[1:]}{most}; {share}{_surer(run, found)}."
     if doses:
         settings = found.settings

@@ -19,30 +19,20 @@ from reporting.exports.irrigated import OUTLINE, irrigated
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import BorderSource
 from soilmoist_ros.reporting.exports import irrigation, isoxml, sheet
-from soilmoist_ros.reporting.exports.irrigation import (
-    RATE_UNITS,
-    Units,
-    dose_layer,
-    irrigation_plan,
-    rate,
-    write_dose,
-)
+from soilmoist_ros.reporting.exports.irrigation import RATE_UNITS, dose_layer, irrigation_plan, rate, write_dose
 from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run, open_run, open_source
-from soilmoist_ros.reporting.exports.sheet import headline, write_sheet
+from soilmoist_ros.reporting.exports.sheet import write_sheet
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.page.field_dose import field_dose
 from soilmoist_ros.reporting.page.irrigation import irrigation as page_irrigation
 from soilmoist_ros.sensing import Irrigation
 
-MM = Units.of("mm")
-
 
 @pytest.fixture
 def plan(monkeypatch):
     source, its = irrigated()
-    for module in (irrigation, sheet):
-        monkeypatch.setattr(module, "irrigation_plan", lambda *_: its)
+    monkeypatch.setattr(irrigation, "irrigation_plan", lambda *_: its)
     return source, its
 
 
@@ -87,57 +77,46 @@ def test_without_a_dose_the_reason_is_named():
             write(source, source.run.folder, ExportSettings())
 
 
-def test_facts_fit_a_designator_and_the_headline_says_what_to_do():
-    _, plan = irrigated((0.0, 60.0, 60.0))
-    assert all(len(f"{name}: {value}") <= 32 for name, value in plan.facts.items())
-    assert headline(plan, MM) == "Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
-    assert headline(replace(plan, zones=plan.zones[:1]), MM) == "No irrigation"
-    guess = replace(plan, zones=[replace(zone, needed=0.5) for zone in plan.zones])
-    assert headline(guess, MM) == "Best estimate, not certain: Irrigate 60 mm on 0.64 of 1.00 ha: 382 m³"
-    assert guess.facts == {**plan.facts, "best estimate": "not certain"}
-    assert all(len(f"{name}: {value}") <= 32 for name, value in guess.facts.items())
-    acres = "Irrigate 2.36 in on 1.57 of 2.46 ac: 100,784 gal"  # 25.4 mm, 4046.86 m2, 3.7854 l
-    assert headline(plan, Units.of("gal/ac")) == acres
-
-
-def test_files_name_what_the_largest_dose_leaves_missing():
+def test_facts_fit_a_designator():
     source, plan = irrigated((0.0, 12.5, 17.5))
     small = {"steps_mm": 2.5, "max_dose_mm": 18.0, "root_depth_mm": 500}
-    zones = [replace(zone, net_mm=zone.gross_mm + 12.3 * (zone.gross_mm == 17.5)) for zone in plan.zones]
-    plan = replace(plan, zones=zones, settings=plan.settings.model_copy(update=small))
-    assert plan.facts["capped at"] == "17.5 mm, 12 mm remain"
-    assert all(len(f"{name}: {value}") <= 32 for name, value in plan.facts.items())
-    assert dose_layer(source, plan, ExportSettings()).columns["LEFT_MM"].tolist() == [0, 0, 12.3]
-    xml, _ = isoxml.task_data(source, plan, ExportSettings())
+    zones = [
+        replace(zone, net_mm=zone.gross_mm + 12.3 * (zone.gross_mm == 17.5), needed=0.5) for zone in plan.zones
+    ]
+    most = replace(plan, zones=zones, settings=plan.settings.model_copy(update=small))
+    assert most.facts["best estimate"] == "not certain"
+    assert "best estimate" not in plan.facts
+    assert most.facts["capped at"] == "17.5 mm, 12 mm remain"
+    assert all(len(f"{name}: {value}") <= 32 for name, value in most.facts.items())
+    assert dose_layer(source, most, ExportSettings()).columns["LEFT_MM"].tolist() == [0, 0, 12.3]
+    xml, _ = isoxml.task_data(source, most, ExportSettings())
     assert b"capped at: 17.5 mm, 12 mm remain" in xml
-    page = sheet.sheet(source, plan, ExportSettings(rate_unit="in"))
-    shown = [text.get_text() for part in (page, *page.axes) for text in part.texts]
-    largest = "0.69 in is the largest dose in steps of 0.1 in up to the 0.71 in of the machine"
-    assert f"{largest}: about 0.48 in remain missing." in shown
-    assert {"area [ac]", "water [gal]", "missing [in]", "0.49 in", "0.69 in"} < set(shown)
-    assert headline(plan, Units.of("in")) in shown
+    largest = "17.5 mm is the largest dose in steps of 2.5 mm up to the 18 mm of the machine"
+    assert most.largest_text == largest
 
 
 @pytest.mark.slow
-def test_the_sheet_is_one_page_with_every_dose(plan, tmp_path):
-    source, its = plan
+def test_the_sheet_is_one_page_with_every_dose_and_the_advice(monkeypatch, tmp_path):
+    advice = "Best estimate: irrigate 10 to 15 mm on 0.64 of 1.00 ha; decision sure on 55 % of the area. " * 5
+    source, its = irrigated(irrigation={"advice": advice.strip()})
+    monkeypatch.setattr(sheet, "irrigation_plan", lambda *_: its)
     (path,) = write_sheet(source, tmp_path, ExportSettings())
     content = path.read_bytes()
     assert (content.count(b"/Type /Page\n") + content.count(b"/Type /Page "), content[:5]) == (1, b"%PDF-")
-    its = replace(its, zones=[replace(zone, needed=0.5) for zone in its.zones])
     page = sheet.sheet(source, its, ExportSettings(rate_unit="m3/ha"))
-    shown = [text.get_text() for axes in page.axes for text in axes.texts] + [
-        text.get_text() for text in page.texts
-    ]
-    for text in ("West", "10 mm", "15 mm", "100", "150", "N", "  50 m", headline(its, MM)):
+    shown = [text.get_text() for part in (page, *page.axes) for text in part.texts]
+    for text in ("West", "10 mm", "15 mm = 150", "dose [m3/ha]", "70 %", "N", "  50 m"):
         assert text in shown
+    assert advice.strip() in [text.replace("\n", " ") for text in shown]
     assert any("calibration: own   survey: 2026-05-03" in text for text in shown)
     page.canvas.draw()
     height, width = page.bbox.height, page.bbox.width
-    for text in filter(lambda text: text.get_text(), page.texts):
-        box = text.get_window_extent()
+    boxes = [text.get_window_extent() for text in page.texts if text.get_text()]
+    for box in boxes:
         assert 0 < box.x0 < box.x1 < (1 - sheet.MARGIN / 2) * width
         assert 0 < box.y0 < box.y1 < height
+    above = min(box.y0 for box in boxes if box.y0 > height / 2)
+    assert above > page.axes[0].get_window_extent().y1, "no text is on the map"
 
 
 @pytest.mark.slow
