@@ -25,9 +25,8 @@ GROUPS: Mapping[str, str] = {
     "speed_mps stop_overhead_s min_dwell_s metre_cost_s navigator autostart",
     "Map": "model fit noise local drift_model map_from cell_m",
     "Knowledge": "site earlier prior covariates",
-    "Simulation": "person seed time_factor scenario real_speed_mps cadence_s footprint_m position_sd_m weather "
-    "drift drift_hour series_every_s random_field earlier_surveys persistence survey_days pattern_days "
-    "covariate_correlation useless_covariates",
+    "Simulation": "person seed time_factor scenario cadence_s footprint_m position_sd_m weather drift drift_hour "
+    "series_every_s random_field earlier_surveys persistence covariate_correlation useless_covariates",
     "Output": "console leave",
 }
 """Names of the options below each heading of ``--help``, in their order; all others come last."""

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import FreeTravel, GraphTravel
-from soilmoist_ros.foundation import InputError
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import mission_fields
@@ -44,7 +43,7 @@ class VirtualSystem:
     yield equal counts. The scenario applies to each robot.
 
     :param settings: field, seed, robots, sensor and noise; settings of the mission itself are ignored
-    :raises InputError: if the field, the graph or the scenario cannot be used
+    :raises InputError: if the field or the graph cannot be used
     """
 
     def __init__(
@@ -61,8 +60,7 @@ class VirtualSystem:
         self.field = fields[0]
         self.grid = self.field.field.grid(settings.cell_m)
         self.map = mission_map(self.field.field, self.grid, settings.graph)
-        _require_edges(self.map.graph.edges, self.map.graph.names, scenario)
-        travel = GraphTravel(self.map.graph, settings.real_motion)
+        travel = GraphTravel(self.map.graph, settings.motion)
         starts = start_stops(self.field.field, fenced_map(self.field.field, self.map).stops, settings)
         self.robots = tuple(
             SimulatedRobot(number, settings, fields, travel, start.xy, start_s, gnss_period_s, scenario)
@@ -96,16 +94,6 @@ class VirtualSystem:
     def stamp_s(self) -> float:
         """Current simulated time [s since 1970 UTC]."""
         return self.start_s + self.now_s
-
-
-def _require_edges(edges: NDArray[np.intp], names: tuple[str, ...], scenario: Scenario) -> None:
-    known = {(names[start], names[end]) for start, end in edges.tolist()}
-    lost = [edge for edge in scenario.navigation.failing_edges if edge not in known]
-    if lost:
-        raise InputError(
-            f"the map has no edge {', '.join(f'{start} -> {end}' for start, end in lost)}",
-            "correct 'failing_edges' in the scenario, or give its map as 'graph'",
-        )
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 from soilmoist_ros.sensing.position.nmea import NmeaParser
 from soilmoist_ros.simulation import GoalEnded, MissionSettings, Sent, simulate_mission
-from soilmoist_ros.simulation.robot.scenario import Scenario, load_scenario
+from soilmoist_ros.simulation.robot.scenario import load_scenario
 from soilmoist_ros.simulation.system import GNSS, LOGGER, PropertyCounted, VirtualSystem
 
 START_S = 1_780_000_000.0
@@ -112,17 +111,6 @@ def test_a_receiver_can_be_wrong_without_a_word():
         shift = (2000.0, -300.0) if 600 <= true.stamp_s - START_S < 630 else (0.0, 0.0)
         assert places[1] - places[0] == pytest.approx(shift, abs=0.1)
         assert (seen.status, seen.quality) == (true.status, true.quality)
-
-
-@pytest.mark.slow
-def test_failing_edges_must_be_on_the_map():
-    edge = VirtualSystem(SETTINGS, START_S).map.graph
-    start, end = (edge.names[number] for number in edge.edges[0])
-    good = Scenario.model_validate({"navigation": {"failing_edges": [[start, end]]}})
-    VirtualSystem(SETTINGS, START_S, scenario=good)
-    bad = Scenario.model_validate({"navigation": {"failing_edges": [[start, "nowhere"]]}})
-    with pytest.raises(InputError, match=f"no edge {start} -> nowhere"):
-        VirtualSystem(SETTINGS, START_S, scenario=bad)
 
 
 @pytest.mark.slow

@@ -316,43 +316,9 @@ class Ridge(Shape):
         return lambda xy: np.exp(-0.5 * (((xy - middle) @ across - self.offset_m) / self.width_m) ** 2)
 
 
-class Gradient(Shape):
-    """A uniform slope from one side of the field to the other."""
-
-    values: ClassVar[tuple[str, ...]] = ("low", "high")
-
-    family: Literal["gradient"] = "gradient"
-    low: Positive  # value at the start of the slope and before it
-    high: Positive  # value at the end of the slope and beyond it
-    angle_deg: float = 0.0  # direction from 'low' to 'high' [deg]
-
-    def _share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
-        along, middle = direction(self.angle_deg), extent.centre
-        half_width = float(np.abs(along) @ (extent.high - extent.low)) / 2
-        return lambda xy: np.clip(0.5 + (xy - middle) @ along / (2 * half_width), 0.0, 1.0)
-
-
-class Half(Shape):
-    """Two uniform halves with a straight, smooth border."""
-
-    values: ClassVar[tuple[str, ...]] = ("low", "high")
-
-    family: Literal["half"] = "half"
-    low: Positive  # value on the near side of the border
-    high: Positive  # value on the far side of the border
-    transition_m: Positive = 6.0  # width of the transition [m]
-    angle_deg: float = 0.0  # direction from 'low' to 'high', across the border [deg]
-    offset_m: float = 0.0  # distance of the border from the middle of the field, along ``angle_deg`` [m]
-
-    def _share(self, extent: GridExtent, rng: np.random.Generator | None) -> Truth:
-        along, middle = direction(self.angle_deg), extent.centre
-        return lambda xy: smooth_step((xy - middle) @ along - self.offset_m, self.transition_m)
-
-
 FAMILIES: dict[str, type[RateFormula]] = {
     **dict.fromkeys(("gaussian_field", "exponential", "matern32"), RandomField), "patches": Patches,
-    "ridge": Ridge, "gradient": Gradient, "half": Half, "halves": Halves, "rough_patch": RoughPatch,
-    "strips": Strips, "texture": Texture,
+    "ridge": Ridge, "halves": Halves, "rough_patch": RoughPatch, "strips": Strips, "texture": Texture,
 }  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import csv
 import math
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,6 @@ KINDS = ("points", "grid", "formula")
 MAXIMUM: dict[Quantity, float] = {"rate_cps": math.inf, "vwc": MAX_VWC}
 HEADER_REMEDY = "name the columns x_m, y_m and rate_cps (or vwc) in the first line, separated by commas"
 MAX_MISTAKES = 20
-MAX_NODES = 50_000_000
 
 
 class TruthVariogram(Section):
@@ -69,8 +68,7 @@ class TruthSection(Section):
 
     points: Path | None = None
     """CSV with x_m, y_m and rate_cps or vwc, extrapolated by ordinary kriging; path relative to the field file."""
-    grid: Path | None = None
-    """CSV like ``points`` on a regular grid, interpolated linearly, or GeoTIFF (.tif) in any reference system."""
+    grid: Path | None = None  # GeoTIFF (.tif) in any reference system; path relative to the field file
     formula: Formula | None = None  # family of fields and its parameters
     band: str | None = None
     """Name of the GeoTIFF's band; by default ``rate``, or the first one if none has this name."""
@@ -87,8 +85,10 @@ class TruthSection(Section):
             raise ValueError(f"give one truth: 'points', 'grid' or 'formula', {found}")
         if self.variogram is not None and self.points is None:
             raise ValueError("'variogram' belongs to 'points'; remove it")
-        if self.band is not None and not (self.grid is not None and _is_geotiff(self.grid)):
-            raise ValueError("'band' belongs to a 'grid' that is a GeoTIFF (.tif); remove it")
+        if self.grid is not None and self.grid.suffix.lower() not in (".tif", ".tiff"):
+            raise ValueError("'grid' must be a GeoTIFF (.tif); give up to 1000 places of a table as 'points'")
+        if self.band is not None and self.grid is None:
+            raise ValueError("'band' belongs to 'grid'; remove it")
         if (self.soil is None) != (self.calibration is None):
             have, lack = ("soil", "calibration") if self.soil is not None else ("calibration", "soil")
             raise ValueError(f"{have!r} is of no use without {lack!r}; give both or neither")
@@ -154,10 +154,7 @@ def load_surrogate(path: Path, rng: np.random.Generator | None = None) -> Surrog
             raise InputError(str(error), f"{remedy} {path}, or an even grid as 'grid'", file) from None
     elif section.grid is not None:
         file = path.parent / section.grid
-        if _is_geotiff(file):
-            read, quantity = _read_geotiff(file, section.band, field, extent, grid.cells)
-        else:
-            read, quantity = _read_grid(file, grid.cells)
+        read, quantity = _read_geotiff(file, section.band, field, extent, grid.cells)
         truth = RateGrid(read.x_m, read.y_m, _rate(read.values, quantity, curve, path))
     else:
         assert section.formula is not None
@@ -195,24 +192,6 @@ def _rate(values: Array, quantity: Quantity, curve: MoistureCurve | None, path: 
         remedy = "add 'soil' and 'calibration' to 'truth', or give rates (rate_cps)"
         raise InputError([Mistake(text, remedy, path, 0, "truth")])
     return curve.rate_cps(values)
-
-
-def _is_geotiff(path: Path) -> bool:
-    return path.suffix.lower() in (".tif", ".tiff")
-
-
-def _read_grid(path: Path, cells: Array) -> tuple[RateGrid, Quantity]:
-    """Read a CSV with the nodes of a regular grid, in any order; the spacing may differ between x and y."""
-    xy, values, quantity = read_table(path, gaps=True, least=4)
-    axes = [_even_axis(path, name, xy[:, axis]) for axis, name in enumerate(("x_m", "y_m"))]
-    if len(axes[0]) * len(axes[1]) > MAX_NODES:
-        size = f"{len(axes[0])} x {len(axes[1])}"
-        raise InputError(f"spans {size} nodes", "use larger steps, or check the coordinates", path)
-    columns, rows = (np.rint((xy[:, k] - axes[k][0]) / np.diff(axes[k])[0]).astype(int) for k in (0, 1))
-    raster = np.full((len(axes[1]), len(axes[0])), np.nan)
-    raster[rows, columns] = values
-    reach_m = max(axis[1] - axis[0] for axis in axes)
-    return _complete(path, RateGrid(axes[0], axes[1], raster), cells, reach_m), quantity
 
 
 def _read_geotiff(
@@ -260,32 +239,10 @@ def _complete(path: Path, grid: RateGrid, cells: Array, reach_m: float) -> RateG
     return RateGrid(x_m, y_m, values[row, column])
 
 
-def _even_axis(path: Path, name: str, values: Array) -> Array:
-    """Node coordinates of a grid along one axis."""
-    nodes = np.unique(np.round(values, 6))
-    steps = np.diff(nodes)
-    step = float(steps.min(initial=np.inf))
-    whole = np.rint(steps / step)
-    step = float(steps.sum() / max(whole.sum(), 1))  # the mean is less rounded than any single step
-    count = int(whole.sum()) + 1
-    if len(nodes) < 2 or np.abs(steps - whole * step).max() > 0.01 * step or count > 100 * len(nodes):
-        text = f"is not evenly spaced: {len(nodes)} values, the closest {steps.min(initial=np.inf):g} m apart"
-        remedy = "give a regular grid of two or more rows and columns, or use 'points' instead of 'grid'"
-        raise InputError([Mistake(text, remedy, path, 0, name)])
-    return np.asarray(nodes[0] + step * np.arange(count))
-
-
-class Table(NamedTuple):
-    """Values at positions, from a CSV file."""
-
-    xy: Array  # distinct positions [m], shape (n, 2)
-    values: Array  # values at these positions, shape (n,); NaN where the file has none
-    quantity: Quantity  # quantity of the values
-
-
-def read_table(path: Path, gaps: bool = False, least: int = 3) -> Table:
+def read_table(path: Path) -> tuple[Array, Array, Quantity]:
     """Read a CSV with the columns x_m, y_m and rate_cps or vwc; other columns and lines with ``#`` are ignored.
 
+    :returns: distinct positions, shape (n, 2) [m], their values, shape (n,), and the quantity of these
     :raises InputError: with every mistake: a missing column, a value that is not a number or out of range, a
         duplicate position, too few points
     """
@@ -307,8 +264,6 @@ def read_table(path: Path, gaps: bool = False, least: int = 3) -> Table:
         numbers = dict.fromkeys(("x_m", "y_m", quantity), math.nan)
         for name in numbers:
             cell = cells.get(name, "")
-            if name == quantity and gaps and cell.lower() in ("", "nan", "na"):
-                continue
             with suppress(ValueError):
                 numbers[name] = float(cell)
             if not math.isfinite(numbers[name]):
@@ -323,13 +278,13 @@ def read_table(path: Path, gaps: bool = False, least: int = 3) -> Table:
             text = f"the place x_m = {x:g}, y_m = {y:g} occurs twice"
             mistakes.append(Mistake(text, "keep one value for each place", path, line))
         seen[x, y] = value
-    if not mistakes and len(seen) < least:
-        mistakes = [Mistake(f"has {len(seen)} points, but at least {least} are needed", "add more", path)]
+    if not mistakes and len(seen) < 3:
+        mistakes = [Mistake(f"has {len(seen)} points, but at least 3 are needed", "add more", path)]
     if len(mistakes) > MAX_MISTAKES:
         mistakes[MAX_MISTAKES:] = [Mistake(f"has {len(mistakes) - MAX_MISTAKES} more mistakes", "", path)]
     if mistakes:
         raise InputError(mistakes)
-    return Table(np.array(list(seen), float), np.array(list(seen.values())), quantity)
+    return np.array(list(seen), float), np.array(list(seen.values())), quantity
 
 
 def _out_of_range(value: float, quantity: Quantity) -> str:

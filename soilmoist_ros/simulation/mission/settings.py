@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -345,10 +345,6 @@ class MissionSettings:
         None, "Shortest time at a stop, whatever the dwell rule says; stops that leave less are skipped. Default: "
         "one record.", float, unit="s", low=0, above=True,
     )  # fmt: skip
-    real_speed_mps: float | None = _setting(
-        None, "Speed of the robot where the planner expects another. Default: as expected.", float, unit="m/s",
-        low=0, above=True,
-    )  # fmt: skip
     metre_cost_s: float = _setting(
         0.0, "Time that it is worth to avoid a metre: the planner drives less.", unit="s/m", low=0
     )
@@ -410,11 +406,6 @@ class MissionSettings:
         0.9, "Correlation of the patterns of two surveys: 1 if nothing but the mean changes, 0 if the earlier "
         "surveys say nothing about this one.", low=0, check=_share,
     )  # fmt: skip
-    survey_days: float = _setting(7.0, "Time between two surveys.", unit="d", low=0, above=True)
-    pattern_days: float = _setting(
-        0.0, "Time in which the persistence of the pattern falls to a third (1/e); 0: it never falls.", unit="d",
-        low=0,
-    )  # fmt: skip
     covariate_correlation: float | None = _setting(
         None, "Correlation of a simulated covariate with the truth, from -1 to 1. The map knows the values, but "
         "not the correlation. Default: no covariate.", float, low=-1, check=_share,
@@ -472,7 +463,7 @@ class MissionSettings:
 
     @property
     def motion(self) -> RobotMotion:
-        """Motion of the robots, as the planner expects."""
+        """Motion of the robots, and what avoiding a stop or a metre is worth."""
         from soilmoist_ros.exploration import RobotMotion
 
         return RobotMotion(self.speed_mps, self.stop_overhead_s, self.metre_cost_s)
@@ -490,11 +481,6 @@ class MissionSettings:
         :raises InputError: if the aim needs a calibration that is missing
         """
         return self.target != "rate" if self.aim is None else self.aim.wants_moisture(self.target, calibrated)
-
-    @property
-    def real_motion(self) -> RobotMotion:
-        """Motion of the robots."""
-        return replace(self.motion, speed_mps=self.real_speed_mps or self.speed_mps)
 
     @property
     def rate_drift(self) -> RateDrift:

@@ -3,9 +3,9 @@
 """Knowledge of a simulated field before the mission: surveys of earlier dates, and covariates.
 
 In a series of surveys, the rate of survey s is ``mean_s + Z_s(x)``. All Z have the variance and the correlation
-R(h) of the field's pattern. Between surveys s and t their correlation at one place is
-``T(s, t) = persistence * exp(-days/pattern_days)``. With T = L L', ``Z_s = sum_k L[s, k] E_k``, where E_0 is the
-pattern of the present survey, as it is, and the other E are independent random fields. So the present truth does
+R(h) of the field's pattern. The correlation T of two surveys at one place is the persistence. With T = L L',
+``Z_s = sum_k L[s, k] E_k``, where E_0 is the pattern of the present survey, as it is, and the other E are
+independent random fields. So the present truth does
 not depend on the series, and the surveys of a shorter series are the latest ones of a longer series.
 """
 
@@ -33,6 +33,7 @@ STOPS = 100  # approximate number of stops of an earlier survey
 STOP_RECORDS = 7
 """Records of 10 s at each of them: what a robot counts in two hours, which it does on the way, too."""
 RECORD_S = 10.0
+SURVEY_DAYS = 7  # time between two surveys [d]
 MEAN_SD = 0.08
 """Standard deviation of the mean rates of surveys, as a share of the present mean: wet and dry weather."""
 _MAX_PAIR_PLACES = 400
@@ -63,7 +64,9 @@ def earlier_series(
     pattern = field.variogram or pattern_variogram(field, grid)
     present = field.rate_at(grid.cells)
     mean, spread = float(present.mean()), math.sqrt(pattern.structured_sill)
-    lower = np.linalg.cholesky(_correlations(settings))
+    correlations = np.full((count + 1, count + 1), settings.persistence)
+    np.fill_diagonal(correlations, 1.0 + 1e-12)  # a persistence of 1 leaves it on the border of having a factor
+    lower = np.linalg.cholesky(correlations)
     extent = GridExtent.of(field.field.polygon, grid.cell_m)
     x_m, y_m = extent.axes()
     nodes = np.stack(np.meshgrid(x_m, y_m), axis=-1).reshape(-1, 2)
@@ -77,20 +80,10 @@ def earlier_series(
         deviation = sum(share * one for share, one in zip(lower[back], drawn, strict=False))
         rate = RateGrid(x_m, y_m, np.maximum(own_mean + deviation, FLOOR * mean))
         was = replace(field, truth=rate)
-        days = back * settings.survey_days
+        days = back * SURVEY_DAYS
         records = _lattice_records(was, rng, settings.footprint_m, -days * DAY_S)
         surveys.append(SimulatedSurvey(f"{days:g} days before", was, records))
     return surveys
-
-
-def _correlations(settings: MissionSettings) -> Array:
-    """Correlation of the patterns of all surveys, the present first, shape (s, s)."""
-    days = settings.survey_days * np.arange(settings.earlier_surveys + 1)
-    apart = np.abs(days[:, None] - days)
-    decay = np.exp(-apart / settings.pattern_days) if settings.pattern_days > 0 else np.ones_like(apart)
-    between = settings.persistence * decay
-    np.fill_diagonal(between, 1.0 + 1e-12)  # a persistence of 1 leaves the factor on the border of its existence
-    return between
 
 
 def pattern_variogram(field: SurrogateField, grid: FieldGrid) -> Variogram:

@@ -242,7 +242,7 @@ class _Simulation:
             if settings.certify
             else None,
         )
-        body = VirtualRobot(settings.real_motion, start.xy)
+        body = VirtualRobot(settings.motion, start.xy)
         if settings.person is not None:
             habits, rng = Habits.parse(settings.person), person_stream(seed, number)
             body = VirtualPerson(body.motion, start.xy, habits, self.stops, settings.position_sd_m, rng)

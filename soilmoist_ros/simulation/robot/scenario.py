@@ -74,8 +74,6 @@ class NavigationFaults(Section):
     unknown_target: Literal["rejected", "aborted"] = "rejected"
     """Result of a goal for an unknown node; ``aborted``: the goal is accepted first."""
     goals: tuple[GoalFault, ...] = ()  # faults of goals, by number of the goal
-    failing_edges: tuple[tuple[str, str], ...] = ()
-    """Blocked edges [from, to]: the robot stops at the first node, and the goal is aborted."""
     absent: tuple[Span, ...] = ()
     """Periods without a navigation server; an active goal is lost without a result, and the robot stops."""
 
@@ -154,7 +152,6 @@ class SensorFaults(Section):
     tubes: tuple[TubeFault, ...] = ()  # periods of bad tubes
     counts: tuple[CountFault, ...] = ()  # single wrong counts, by number of the record
     weather: tuple[WeatherFault, ...] = ()  # periods of bad weather sensors
-    clock_drift: float = 0.0  # drift of the logger's clock [s/s]: 0.001 is 3.6 s in an hour
 
 
 class RateChange(Span):

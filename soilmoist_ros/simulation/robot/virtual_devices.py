@@ -158,8 +158,7 @@ class FaultySensor:
         for single in self._faults.counts:
             if single.hits(record.record_number) and single.tube <= len(counts):
                 counts[single.tube - 1] = float(single.counts)
-        drift_s = self._faults.clock_drift * elapsed_s
-        sent = replace(record, tube_counts=tuple(counts), stamp_s=record.stamp_s + drift_s)
+        sent = replace(record, tube_counts=tuple(counts))
         for weather in self._faults.weather:
             if weather.covers(elapsed_s):
                 before = getattr(self._last or sent, weather.quantity)

@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import astuple, dataclass
-from itertools import pairwise
 from operator import itemgetter
 from typing import Final
 
@@ -251,14 +250,12 @@ class VirtualNavigation:
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
         shares = along / along[-1] if along[-1] > 0 else np.ones_like(along)
         passing = dict(zip(nodes, (now_s + drive_s * shares[len(way) - len(nodes) :]).tolist(), strict=True))
-        ends = [passing[edge[0]] for edge in pairwise(nodes) if edge in self._faults.failing_edges]
-        ends += [now_s + fault.share_of_way * drive_s] if fault is not None else []
+        fails_s = math.inf if fault is None else now_s + fault.share_of_way * drive_s
         for node, passed_s in passing.items():
-            if passed_s <= min(ends, default=math.inf):
+            if passed_s <= fails_s:
                 self._plan(passed_s, OnRoute(self._goal_id, node))
-        if ends:
-            error_code = fault.error_code if fault is not None and pose is not None else 0
-            self._end_at(min(ends), GoalOutcome.ABORTED, error_code)
+        if fault is not None:
+            self._end_at(fails_s, GoalOutcome.ABORTED, fault.error_code if pose is not None else 0)
         else:
             self._end_at(arrival_s, GoalOutcome.SUCCEEDED)
 

@@ -19,7 +19,7 @@ datum: {latitude_deg: 53.1234567891, longitude_deg: -0.000000123}
 polygon: [[0.123456789, 0], [40, 0], [40, 1234.56789], [0, 30]]
 no_go: [[[25, 20], [30, 20], [30, 26], [25, 26]]]
 cell_m: 2
-truth: {formula: {family: gradient, low: 2, high: 3, angle_deg: 30}}
+truth: {formula: {family: ridge, background: 2, crest: 3, angle_deg: 30}}
 """
 
 

@@ -31,12 +31,6 @@ def plane(x, y):
     return 3.0 + 0.02 * x + 0.01 * y
 
 
-def grid_csv(x, y, column="rate_cps", value=plane):
-    return f"x_m,y_m,{column}\n" + "".join(
-        f"{east:g},{north:g},{value(east, north)}\n" for north in y for east in x
-    )
-
-
 def mistakes_of(path):
     with pytest.raises(InputError) as caught:
         load_surrogate(path)
@@ -133,43 +127,6 @@ def test_an_ill_conditioned_extrapolation_is_refused_with_a_remedy(tmp_path):
     assert "give a 'nugget', another range or the exponential model as 'variogram'" in mistake.remedy
 
 
-# Grids
-
-
-def test_a_grid_is_interpolated_linearly(tmp_path):
-    data = grid_csv(np.arange(0, 41, 5), np.arange(0, 31, 10))
-    surrogate = load_surrogate(write(tmp_path, "  grid: truth.csv\n", data))
-    places = np.random.default_rng(1).uniform(0, 30, (50, 2))
-    np.testing.assert_allclose(surrogate.rate_at(places), plane(*places.T), rtol=1e-9)
-
-
-EVEN = np.arange(0, 41, 5)
-
-
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        (grid_csv([0, 10, 20, 33, 40], [0, 30]), r"truth.csv \[x_m\]: is not evenly spaced: .* -> give a regular"),
-        (grid_csv([0, 40], [7]) + "1,7,3\n2,7,3\n", r"\[y_m\]: is not evenly spaced: 1 values"),
-        (grid_csv([0, 10, 20], [0, 10, 20, 30]),
-         r"has no value in 35.0% of the field: x = 27 m, y = 1 m has none"),
-        (grid_csv([900, 910], [0, 30]), "truth.csv: has no value in the field -> check the field's datum"),
-        (grid_csv(EVEN, EVEN).replace("\n20,10,3.5", "\n20,10,"), r""),
-    ],
-)  # fmt: skip
-def test_mistakes_in_grids_are_named(tmp_path, data, message):
-    if not message:
-        data = re.sub(r"^20,10,.*$", "20,10,nan", data, flags=re.MULTILINE)
-        message = r"truth.csv: has no value in \d\.\d% of the field: x = 19 m, y = 9 m has none"
-    assert re.search(message, str(mistakes_of(write(tmp_path, "  grid: truth.csv\n", data))[0]))
-
-
-def test_a_gap_inside_a_no_go_area_is_no_mistake(tmp_path):
-    data = re.sub(r"^20,10,.*\n", "", grid_csv(EVEN, EVEN), flags=re.MULTILINE)
-    field = FIELD + "no_go: [[[16,6],[24,6],[24,14],[16,14]]]\n"
-    load_surrogate(write(tmp_path, "  grid: truth.csv\n", data, field=field))
-
-
 # GeoTIFF
 
 
@@ -225,8 +182,10 @@ def test_a_raster_cut_along_the_boundary_is_complete(tmp_path):
         return np.where(np.hypot(x - 20, y - 15) < 4.5, -9999.0, cut(x, y))
 
     geotiff(tmp_path / "truth.tif", with_a_hole)
-    mistake = mistakes_of(write(tmp_path, "  grid: truth.tif\n"))[0]
-    assert "of the field: x = 19 m, y = 13 m has none" in mistake.message
+    path = write(tmp_path, "  grid: truth.tif\n")
+    assert "of the field: x = 19 m, y = 13 m has none" in mistakes_of(path)[0].message
+    path.write_text(FIELD + "no_go: [[[14,9],[26,9],[26,21],[14,21]]]\ntruth:\n  grid: truth.tif\n")
+    load_surrogate(path)  # a gap inside a no-go area is no mistake
 
 
 @pytest.mark.slow
@@ -275,9 +234,10 @@ def test_a_formula_of_moisture_and_its_generator(tmp_path):
     [
         ("", "field.yaml: the field file has no truth: it cannot be simulated -> add a section 'truth' with"),
         ("  hours: 2\n", "field.yaml:4 [truth]: give one truth: 'points', 'grid' or 'formula', but there is none"),
-        ("  points: a.csv\n  grid: b.csv\n", "but there are 2: points, grid"),
-        ("  grid: a.csv\n  variogram: {range_m: 3}\n", "'variogram' belongs to 'points'; remove it"),
-        ("  grid: a.csv\n  band: x\n", "'band' belongs to a 'grid' that is a GeoTIFF (.tif); remove it"),
+        ("  points: a.csv\n  grid: b.tif\n", "but there are 2: points, grid"),
+        ("  grid: a.tif\n  variogram: {range_m: 3}\n", "'variogram' belongs to 'points'; remove it"),
+        ("  points: a.csv\n  band: x\n", "'band' belongs to 'grid'; remove it"),
+        ("  grid: a.csv\n", "'grid' must be a GeoTIFF (.tif); give up to 1000 places of a table as 'points'"),
         ("  points: a.csv\n  soil: {bulk_density_gcm3: 1.4}\n", "'soil' is of no use without 'calibration'"),
         ("  pionts: a.csv\n",
          "field.yaml:5 [truth.pionts]: unknown key 'pionts' -> remove it or use one of: points,"),
@@ -286,11 +246,11 @@ def test_a_formula_of_moisture_and_its_generator(tmp_path):
         ("  points: a.csv\n  variogram: {nugget: 2, sill: 1}\n", "'sill' is the total sill and must be greater"),
         ("  formula: {low: 1}\n", "field.yaml:5 [truth.formula]: a formula is a block of keys with a 'family'"),
         ("  formula:\n    family: rigde\n", "field.yaml:5 [truth.formula]: unknown family 'rigde'; known are"),
-        ("  formula:\n    family: half\n    low: -1\n    high: 2\n",
-         "field.yaml:7 [truth.formula.low]: input should"),
+        ("  formula:\n    family: ridge\n    background: -1\n    crest: 2\n",
+         "field.yaml:7 [truth.formula.background]: input should"),
         ("  formula: {family: matern32, mean: 4, sd: 0.4, range_m: 9000}\n",
          "field.yaml [truth.formula]: no random field with the matern32 model of range 9000 m"),
-        ("  formula: {family: half, quantity: vwc, low: 0.1, high: 0.2}\n",
+        ("  formula: {family: ridge, quantity: vwc, background: 0.1, crest: 0.2}\n",
          "field.yaml [truth]: the truth is a moisture (vwc), but there is no calibration curve"),
     ],
 )  # fmt: skip

@@ -24,7 +24,7 @@ def field_file(folder, polygon, no_go, cell_m=5.0):
     content = {
         "datum": {"latitude_deg": 53.0, "longitude_deg": -0.5}, "polygon": np.asarray(polygon, float).tolist(),
         "no_go": [np.asarray(ring, float).tolist() for ring in no_go], "cell_m": cell_m,
-        "truth": {"formula": {"family": "gradient", "low": 3.0, "high": 6.0, "angle_deg": 30}},
+        "truth": {"formula": {"family": "texture", "low": 3.0, "high": 6.0}},
     }  # fmt: skip
     path = folder / "field.yaml"
     path.write_text(json.dumps(content))
