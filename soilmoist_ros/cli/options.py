@@ -223,7 +223,7 @@ def covariate_option(more: str = "") -> Callable[[Command], Command]:
     """Add ``--covariate``; the command receives the texts as ``covariates``."""
     text = (
         "Raster that may explain the map, such as relief or a satellite image. BAND is a number, a name, or "
-        "what is derived from elevations: elevation, slope, aspect, curvature, wetness. Or polygons of a soil "
+        "what is derived from elevations: elevation, slope, aspect, curvature. Or polygons of a soil "
         f"map, whose attribute is BAND. Repeatable.{more}"
     )
     kind = Parsed("FILE[:BAND]", require=_require_covariate)

@@ -35,14 +35,13 @@ from soilmoist_ros.mapping.covariate_files import (
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.samples import check_xy
 
-Derived = Literal["elevation", "slope", "aspect", "northness", "eastness", "curvature", "wetness"]
+Derived = Literal["elevation", "slope", "aspect", "northness", "eastness", "curvature"]
 DERIVED: tuple[Derived, ...] = get_args(Derived)
 """Covariates derived from elevations; ``elevation`` is the band itself, ``aspect`` northness and eastness."""
 EXTENDED_M = 15.0
 """Distance up to which a missing cell has the value of the nearest known one, the less certain the farther [m]."""
 MAX_TERRAIN_CELLS = 100_000
 """Cells of the raster on which elevations are evaluated; a larger one gets larger cells."""
-TERRAIN_MARGIN = 1.0  # width of the surroundings whose water may run into the field, as a share of its extent
 MIN_SPREAD = 1e-9
 """Standard deviation of a covariate, as a share of its largest value, below which it is the same everywhere."""
 
@@ -503,6 +502,9 @@ def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapp
 def _derived(source: CovariateSource, bands: RasterBands) -> tuple[tuple[Derived, ...], int]:
     """Layers that are derived from the elevations in a raster, and the number of its band."""
     derive, band = source.derive, source.band
+    if band == "wetness" and band not in bands.names:
+        remedy = "make it in a GIS (GRASS: r.topidx) and give its raster, or use slope and curvature"
+        raise InputError("has no band 'wetness', and no wetness index is derived", remedy, source.path)
     if not derive and band in DERIVED and band not in bands.names:
         derive, band = (band,), ""
     return derive, bands.number(band)
@@ -537,17 +539,14 @@ def _of_raster(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> d
 def _terrain(bands: RasterBands, number: int, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:
     """Covariates derived from elevations, on the cells of the field.
 
-    The elevations are evaluated at their own resolution, if it is not finer than the map, and with their
-    surroundings, from which water runs into the field.
+    The elevations are evaluated at their own resolution, if it is not finer than the map.
     """
     (west, south), (east, north) = grid.box
-    margin_m = TERRAIN_MARGIN * max(east - west, north - south)
-    area = (east - west + 2 * margin_m) * (north - south + 2 * margin_m)
     pixel_m = bands.pixel_m(frame)
     if not math.isfinite(pixel_m):
         return dict.fromkeys(("elevation", *DERIVED), np.full(grid.shape, np.nan))
-    step_m = max(pixel_m, grid.cell_m, math.sqrt(area / MAX_TERRAIN_CELLS))
-    margin_m = max(margin_m, 2 * step_m)
+    step_m = max(pixel_m, grid.cell_m, math.sqrt((east - west) * (north - south) / MAX_TERRAIN_CELLS))
+    margin_m = 2 * step_m
     x_m, y_m = (
         np.arange(low - margin_m, high + margin_m + step_m, step_m) for low, high in ((west, east), (south, north))
     )

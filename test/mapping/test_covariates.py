@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import rasterio
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Transformer
 from rasterio.transform import Affine
@@ -25,7 +25,7 @@ from soilmoist_ros.mapping import (
     read_covariates,
     require_covariates,
 )
-from soilmoist_ros.mapping.covariate_files import OTHER, derivatives, filled_pits, indicators, upslope_area
+from soilmoist_ros.mapping.covariate_files import OTHER, derivatives, indicators
 
 FRAME = LocalFrame(53.268, -0.5245)
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=2.0)
@@ -115,11 +115,11 @@ def test_bands_by_number_and_name(tmp_path):
 
 
 @pytest.mark.slow
-def test_elevations_give_slope_and_wetness(tmp_path):
+def test_elevations_give_the_form_of_the_ground(tmp_path):
     path = write_raster(tmp_path / "relief.tif", function=lambda x, y: 0.002 * (x - 30) ** 2 + 0.02 * y, reach=150)
     sources = [
         CovariateSource(path, derive=("elevation", "slope", "aspect", "curvature")),
-        CovariateSource(path, "wetness", name="valley"),
+        CovariateSource(path, "slope", name="valley"),
     ]
     found = read_covariates(sources, FRAME, GRID)
     assert found.names == (
@@ -128,7 +128,7 @@ def test_elevations_give_slope_and_wetness(tmp_path):
         "relief northness",
         "relief eastness",
         "relief curvature",
-        "valley wetness",
+        "valley slope",
     )
     x, y = GRID.cells.T
     values = dict(zip(found.names, found.layers[:, GRID.mask], strict=True))
@@ -138,7 +138,9 @@ def test_elevations_give_slope_and_wetness(tmp_path):
     slope = np.hypot(0.004 * (x - 30), 0.02)
     assert np.corrcoef(values["relief slope"], slope)[0, 1] > 0.99
     assert np.corrcoef(values["relief eastness"], x)[0, 1] < -0.99
-    assert np.corrcoef(values["valley wetness"], -np.abs(x - 30))[0, 1] > 0.8
+    np.testing.assert_array_equal(values["valley slope"], values["relief slope"])
+    with pytest.raises(InputError, match=r"no band 'wetness'.* r\.topidx"):
+        read(f"{path}:wetness")
 
 
 @pytest.mark.slow
@@ -333,8 +335,8 @@ def test_what_the_text_of_a_source_means(tmp_path):
 @pytest.mark.parametrize("about", [(5000, 0), (2e6, 3e6)])
 def test_elevations_off_the_field_are_named(tmp_path, about):
     path = write_raster(tmp_path / "relief.tif", about=about)
-    with pytest.raises(InputError, match=r"no value of 'relief wetness' in the field"):
-        read(f"{path}:wetness")
+    with pytest.raises(InputError, match=r"no value of 'relief slope' in the field"):
+        read(f"{path}:slope")
 
 
 SQUARE = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 40), (20, 40)], cell_m=5.0)
@@ -405,35 +407,6 @@ def test_the_curvature_of_a_bowl_and_of_a_dome():
     inner = slice(1, -1), slice(1, -1)
     np.testing.assert_allclose(derivatives(bowl, STEP_M)["curvature"][inner], -0.06)
     np.testing.assert_allclose(derivatives(-bowl, STEP_M)["curvature"][inner], 0.06)
-
-
-def test_water_on_a_plane_gathers_with_the_distance_from_its_top():
-    area = upslope_area(raster(lambda x, y: 0.1 * y, 9, 201), STEP_M)
-    middle = area[:, 100] / STEP_M  # per metre of contour
-    np.testing.assert_allclose(middle, STEP_M * np.arange(9, 0, -1), rtol=1e-9)
-
-
-def test_wetness_of_a_plane_is_that_of_the_formula():
-    found = derivatives(raster(lambda x, y: 0.1 * y, 9, 201), STEP_M)["wetness"]
-    np.testing.assert_allclose(found[2, 100], np.log(7 * STEP_M / 0.1), rtol=1e-3)
-
-
-@settings(max_examples=30)
-@given(st.integers(0, 2**32 - 1))
-def test_all_water_leaves_any_surface_at_its_edge(seed):
-    rng = np.random.default_rng(seed)
-    elevation = rng.normal(0, 1, (12, 15))
-    elevation[rng.random((12, 15)) < 0.1] = np.nan
-    filled = filled_pits(elevation, STEP_M)
-    known = np.isfinite(elevation)
-    np.testing.assert_array_equal(np.isfinite(filled), known)
-    assert (filled[known] >= elevation[known]).all()
-    area = upslope_area(filled, STEP_M)
-    padded = np.pad(filled, 1, constant_values=np.nan)
-    around = np.array([np.roll(padded, (r, c), (0, 1)) for r in (-1, 0, 1) for c in (-1, 0, 1)])[:, 1:-1, 1:-1]
-    lowest = np.nanmin(np.where(np.isnan(around), np.inf, around), axis=0) >= filled
-    assert area[known & lowest].sum() == pytest.approx(known.sum() * STEP_M**2)
-    assert np.isnan(around[:, known & lowest]).any(axis=0).all()
 
 
 def bank(x, y):
