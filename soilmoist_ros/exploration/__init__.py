@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.guard.failsafes import FAILSAFES as FAILSAFES, LIMITS as LIMITS, Cause as Cause, WatchLimits as WatchLimits, chosen_response as chosen_response, consequence as consequence, find_cause as find_cause
     from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M as ROBOT_RADIUS_M, Fence as Fence, KeepoutMask as KeepoutMask, keepout_mask as keepout_mask, unreachable as unreachable
     from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph as FencedGraph, Outside as Outside
-    from soilmoist_ros.exploration.guard.robot_frames import ASKED_M as ASKED_M, ROBOT as ROBOT, FrameSettings as FrameSettings, RobotFrames as RobotFrames, Transform as Transform, yaw_rotation as yaw_rotation
+    from soilmoist_ros.exploration.guard.robot_frames import FrameSettings as FrameSettings, RobotFrames as RobotFrames, Transform as Transform, yaw_rotation as yaw_rotation
     from soilmoist_ros.exploration.guard.signals import EmergencyTopic as EmergencyTopic
     from soilmoist_ros.exploration.guard.watch import POSES_FROZEN_S as POSES_FROZEN_S, Watch as Watch
     from soilmoist_ros.exploration.mission.events import ANYBODYS as ANYBODYS, FORGOTTEN as FORGOTTEN, Action as Action, CancelGoal as CancelGoal, Command as Command, Event as Event, Finish as Finish, GoalFailed as GoalFailed, GoalReached as GoalReached, GoTo as GoTo, Moved as Moved, Publish as Publish, RecordArrived as RecordArrived, RequestPlan as RequestPlan, StartCounting as StartCounting, Tick as Tick, VisitDone as VisitDone
@@ -65,7 +65,7 @@ __getattr__, __dir__, __all__ = open_door(
         "guard.failsafes": "Cause FAILSAFES LIMITS WatchLimits chosen_response consequence find_cause",
         "guard.fence": "Fence KeepoutMask ROBOT_RADIUS_M keepout_mask unreachable",
         "guard.fenced_graph": "FencedGraph Outside",
-        "guard.robot_frames": "ASKED_M FrameSettings ROBOT RobotFrames Transform yaw_rotation",
+        "guard.robot_frames": "FrameSettings RobotFrames Transform yaw_rotation",
         "guard.signals": "EmergencyTopic",
         "guard.watch": "POSES_FROZEN_S Watch",
         "mission.events": "ANYBODYS Action CancelGoal Command Event FORGOTTEN Finish GoTo GoalFailed GoalReached Moved Publish RecordArrived RequestPlan StartCounting Tick VisitDone",

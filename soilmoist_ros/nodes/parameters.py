@@ -44,7 +44,7 @@ REMOVED: Final = {
     "clear_s": "an alarm ends when its cause has been over for 10 s",
     "covariate_dir": "covariates are named in the field file, or by the parameter of mapper and planner",
     "counts_bad_s": "the records of 60 s are judged",
-    "datum_service": "remap the service toLL",
+    "datum_service": "no service is asked: give the datum, or drive 20 m by hand",
     "delete_oldest": "the recorder deletes nothing",
     "edge_actions": "the actions of the usual navigations are known, and those that the map describes",
     "failures_to_pause": "the operator is asked after 5 failures in a row",

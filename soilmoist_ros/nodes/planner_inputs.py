@@ -12,9 +12,8 @@ from threading import Lock
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import Point, PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
-from rclpy.task import Future
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
@@ -34,10 +33,8 @@ from msg_adapters import (
     transforms_from_message,
 )
 from soilmoist_ros.exploration import (
-    ASKED_M,
     DATUM,
     KNOWN_ACTIONS,
-    ROBOT,
     Cause,
     FrameSettings,
     MissionControl,
@@ -72,10 +69,6 @@ _AGAIN_TICKS: Final = 10  # seconds after which a map of the navigation that cou
 SLICE: Final = 100  # records that are taken at a time; some 20 ms of work
 PAUSE_S: Final = 0.05  # shortest time between the slices of different messages [s]: each costs a sync of the disk
 MAX_MESSAGES: Final = 20_000
-ASK_AGAIN_S: Final = 5.0
-DATUM_TYPE: Final = "robot_localization/srv/ToLL"
-"""Service of navsat_transform that gives the latitude and longitude of a place in the frame of the navigation."""
-DATUM_SERVICE: Final = "toLL"
 
 
 class PlannerInputs:
@@ -315,7 +308,6 @@ class PlannerFrames:
         self.settings = frame_settings(values)
         self.robot = RobotFrames(field, self.settings)
         self._poses = node.create_publisher(PoseWithCovarianceStamped, "robot_pose", DEFAULT)
-        self._ask = self._datum_client()
         self._listener: _Listener | None = None
         try:
             kind = interface_class("tf2_msgs/msg/TFMessage")
@@ -346,45 +338,13 @@ class PlannerFrames:
         return self.robot.health(ros_now_s(self._node))
 
     def tick(self) -> str:
-        """Ask for the datum, once a second; returns why the robot must not drive, or nothing."""
+        """Take in what TF has sent, once a second; returns why the robot must not drive, or nothing."""
         self._take_transforms()
-        self._ask()
         return self.robot.fault
 
     def _take_transforms(self) -> None:
         if self._listener is not None:
             self.robot.take_transforms(self._listener.take(), ros_now_s(self._node))
-
-    def _datum_client(self) -> Callable[[], None]:
-        """Function that asks the robot's datum service, if the datum comes from the robot."""
-        if self.settings.datum != ROBOT:
-            return lambda: None
-        try:
-            kind = interface_class(DATUM_TYPE)
-        except ImportError as error:
-            self._node.get_logger().warning(
-                f"{DATUM_TYPE} is not installed, so the datum of the navigation is found from a drive ({error})"
-            )
-            return lambda: None
-        client = self._node.create_client(kind, DATUM_SERVICE)
-        asked: list[tuple[float, list[Future]]] = []
-
-        def ask() -> None:
-            if asked and all(future.done() for future in asked[0][1]):
-                answers = [future.result() for _, futures in asked for future in futures]
-                asked.clear()
-                if all(answer is not None for answer in answers):
-                    points = [answer.ll_point for answer in answers]
-                    self.robot.take_datum_answers([(float(at.latitude), float(at.longitude)) for at in points])
-            if asked and time.monotonic() - asked[0][0] > ASK_AGAIN_S:
-                for future in asked.pop()[1]:
-                    client.remove_pending_request(future)
-            if self.robot.move is None and not asked and client.service_is_ready():
-                places = (ASKED_M + self.robot.ask_about_m).tolist()
-                questions = [kind.Request(map_point=Point(x=float(x), y=float(y))) for x, y in places]
-                asked.append((time.monotonic(), [client.call_async(question) for question in questions]))
-
-        return ask
 
 
 class _Listener:

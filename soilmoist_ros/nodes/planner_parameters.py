@@ -108,7 +108,7 @@ PARAMETERS: Final = (
     row("navigation_frame", "", "frame of the navigation's map and goals; empty if it is the same as frame"),
     row("navigation_datum", "field", "origin of the navigation's frame: field (the field's datum), "
         "LAT,LON[,YAW] in degrees (YAW: its x axis, counter-clockwise from east), map (named in the "
-        "navigation's map), or robot (its datum service, else TF and fixes of a drive)"),
+        "navigation's map), or robot (TF and fixes of a drive by hand)"),
     row("base_frame", "base_link", "frame of the robot's base in TF"),
     row("antenna_x_m", 0.0, "GNSS antenna, forward of the base frame's origin", "m", -50.0, 50.0),
     row("antenna_y_m", 0.0, "GNSS antenna, to the left of the base frame's origin", "m", -50.0, 50.0),

@@ -5,7 +5,6 @@
 import copy
 import json
 import math
-import sys
 import threading
 from datetime import datetime
 from types import SimpleNamespace
@@ -20,7 +19,6 @@ pytest.importorskip("tf2_msgs")
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped
 from rclpy.node import Node
-from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from test_planner import Planning
@@ -39,10 +37,10 @@ from soilmoist_ros.exploration.guard.robot_frames import (
     yaw_rotation,
 )
 from soilmoist_ros.exploration.guard.watch import Doing, Watch
-from soilmoist_ros.foundation import Level, LocalFrame, PlaneMove, move_between
+from soilmoist_ros.foundation import Level, LocalFrame, PlaneMove
 from soilmoist_ros.mapping import Change, Changing, Drift, Field, TimedSamples, estimate_variogram
 from soilmoist_ros.mapping.samples import as_samples
-from soilmoist_ros.nodes.planner_inputs import PlannerFrames, PlannerInputs
+from soilmoist_ros.nodes.planner_inputs import PlannerInputs
 from soilmoist_ros.nodes.topics import DEFAULT, RECORDS, TF, TF_STATIC
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -270,82 +268,3 @@ def test_a_robot_with_another_datum_arrives_at_the_right_places(ros, tmp_path):
             place = (pose.pose.pose.position.x, pose.pose.pose.position.y)
             assert math.dist(place, world.place) < 2.0 * world.rate * 0.1
             assert abs(pose.pose.pose.orientation.w) == pytest.approx(1.0, abs=1e-3)
-
-
-# The datum of a navigation from the robot's datum service; its type is imported at run time, and a fake here ----
-
-ACRE = Field("test", LocalFrame(52.0, 13.0), np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]))
-DATUM = LocalFrame(52.001, 13.002)
-
-
-class ToLL(metaclass=type("Metaclass", (type,), {"_TYPE_SUPPORT": "there"})):
-    """Like robot_localization/srv/ToLL."""
-
-    def __init__(self):
-        self.there, self.questions, self.forgotten = False, [], 0
-
-    class Request:
-        def __init__(self, map_point):
-            self.map_point = map_point
-
-    def service_is_ready(self):
-        return self.there
-
-    def call_async(self, question):
-        future = Future()
-        self.questions.append((question, future))
-        return future
-
-    def remove_pending_request(self, _future):
-        self.forgotten += 1
-
-    def answer(self):
-        for question, future in self.questions:
-            latitude, longitude = DATUM.to_geographic([(question.map_point.x, question.map_point.y)])[0]
-            future.set_result(SimpleNamespace(ll_point=SimpleNamespace(latitude=latitude, longitude=longitude)))
-        self.questions.clear()
-
-
-@pytest.fixture
-def planner(monkeypatch):
-    service, warnings = ToLL(), []
-    node = SimpleNamespace(
-        create_publisher=lambda *_: None,
-        create_client=lambda _kind, name: service if name == "toLL" else None,
-        get_logger=lambda: SimpleNamespace(warning=warnings.append),
-        get_clock=lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=10**9)),
-    )
-    monkeypatch.setitem(sys.modules, "tf2_msgs.msg", None)  # not installed
-    values = {"frame": "field", "navigation_frame": "map", "base_frame": "base_link", "navigation_datum": "robot"}
-    parameters = SimpleNamespace(text=values.get, number=values.get, as_dict=lambda: values)
-    return lambda: (PlannerFrames(node, parameters, ACRE), service, warnings)
-
-
-def test_the_service_is_asked_until_it_answers(planner, monkeypatch):
-    monkeypatch.setitem(sys.modules, "robot_localization.srv", SimpleNamespace(ToLL=ToLL))
-    frames, service, _ = planner()
-    assert frames.tick() == ""
-    assert not service.questions
-    service.there = True
-    frames.tick()
-    frames.tick()
-    assert len(service.questions) == 3, "one set of questions at a time"
-    monkeypatch.setattr("soilmoist_ros.nodes.planner_inputs.ASK_AGAIN_S", -1.0)
-    frames.tick()
-    assert service.forgotten == 3
-    monkeypatch.undo()
-    service.answer()
-    frames.tick()
-    wanted = move_between(ACRE.frame, DATUM, about_m=(30.0, 20.0))
-    assert frames.robot.move.place((30.0, 20.0)) == pytest.approx(wanted.place((30.0, 20.0)), abs=0.01)
-    frames.tick()
-    assert not service.questions, "what is known is not asked again"
-
-
-def test_without_its_type_the_datum_comes_from_a_drive(planner, monkeypatch):
-    monkeypatch.setitem(sys.modules, "robot_localization.srv", None)
-    frames, _, warnings = planner()
-    frames.tick()
-    assert any("robot_localization/srv/ToLL is not installed" in each for each in warnings)
-    assert any("the frames are not checked: tf2_msgs is not installed" in each for each in warnings)
-    assert "driven by hand" in frames.robot.waiting_for

@@ -49,11 +49,10 @@ USED = {
 """Parameters with which a node makes all its topics and services."""
 _ACTIONS = ("compute_and_track_route", "follow_path", "navigate_to_pose", "topological_navigation")
 ON_A_ROBOT = {
-    ("planner", "client"): {"/toLL"},
     ("watchdog", "client"): {f"/{name}/_action/cancel_goal" for name in _ACTIONS},
     ("watchdog", "subscriber"): {f"/{name}/_action/status" for name in _ACTIONS},
 }
-"""What a node uses where robot_localization knows the datum, or a navigation is there."""
+"""What a node uses where a navigation is there."""
 
 
 SEE_ALL = ("operator", "r1/console")

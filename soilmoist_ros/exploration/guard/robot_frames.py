@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -275,9 +275,6 @@ FIELD = "field"
 MAP = "map"
 ROBOT = "robot"  # as FIELD and MAP: sources of the datum of the navigation that are no datum themselves
 MAX_TF_AGE_S: Final = 5.0  # age from which TF no longer tells where the robot is [s]
-ASKED_M: Final = np.array([(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)])
-"""Places about which the robot's datum service is asked, relative to :attr:`RobotFrames.ask_about_m` [m]."""
-ASK_NEAR_M: Final = 500.0  # distance from the field at which the answers of the datum service are exact enough [m]
 _KEPT_FIXES: Final = 100
 
 
@@ -316,7 +313,6 @@ class RobotFrames:
         self._centre_m: Place = (float(field.polygon[:, 0].mean()), float(field.polygon[:, 1].mean()))
         self._settings = settings
         self.move: PlaneMove | None = None  # from the plane of the field to the frame of the navigation, if known
-        self.ask_about_m: Place = (0.0, 0.0)  # asked of the datum service, in the frame of the navigation [m]
         if settings.datum == FIELD:
             self.move = PlaneMove()
         elif settings.datum not in (MAP, ROBOT):
@@ -335,7 +331,7 @@ class RobotFrames:
             return self._unchecked
         if self._settings.datum == MAP:
             return self._map_fault or "a map of the navigation with a datum"
-        return f"the navigation's datum: a datum service, or {BASE_M:.0f} m driven by hand with TF and fixes"
+        return f"the navigation's datum: {BASE_M:.0f} m driven by hand with TF and fixes"
 
     def take_transforms(self, transforms: Iterable[Transform], now_s: float) -> None:
         """Take in transforms of TF."""
@@ -409,22 +405,6 @@ class RobotFrames:
             self._map_fault = f"{text} was {self._datum} before: start the planner again"
         elif self._settings.datum == FIELD:
             self._map_fault = f"{text} lies {away_m:.1f} m from the field's: set navigation_datum: map"
-
-    def take_datum_answers(self, latitude_longitude_deg: Sequence[Place]) -> bool:
-        """Take in what the datum service says of the places :data:`ASKED_M` about :attr:`ask_about_m`.
-
-        :returns: True if the frame of the navigation is known now; otherwise ask again, about another place
-        """
-        places = self._frame.to_local(*np.array(latitude_longitude_deg, float).T)
-        if self.move is not None or not np.isfinite(places).all():
-            return self.move is not None
-        found, _ = fit_move(places, ASKED_M + self.ask_about_m)
-        centre_m = found.place(self._centre_m)
-        if math.dist(centre_m, self.ask_about_m) > ASK_NEAR_M:
-            self.ask_about_m = centre_m
-            return False
-        self._use(found)
-        return True
 
     @property
     def fault(self) -> str:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration import ASKED_M, FrameSettings, RobotFrames, Transform, yaw_rotation
+from soilmoist_ros.exploration import FrameSettings, RobotFrames, Transform, yaw_rotation
 from soilmoist_ros.exploration.guard.robot_frames import FrameCheck, TransformTree, datum_text, parse_datum
 from soilmoist_ros.foundation import InputError, Level, LocalFrame, PlaneMove, move_between
 from soilmoist_ros.mapping.field import Field
@@ -134,26 +134,10 @@ def test_a_map_in_a_frame_of_nobody_is_refused_by_its_name(settings, frame, faul
     assert bool(robot.fault) == bool(fault)
 
 
-@pytest.mark.parametrize("origin", [OTHER, LocalFrame(52.1, 13.2)])
-def test_the_datum_of_the_robots_service(origin):
-    """The second origin is 18 km away, so the service is asked again, near the field."""
-    robot = frames("robot", frame="field")
-    assert "a datum service, or 20 m driven by hand" in robot.waiting_for
-    rounds = 0
-    while robot.move is None:
-        rounds += 1
-        asked = ASKED_M + robot.ask_about_m
-        robot.take_datum_answers([tuple(place) for place in origin.to_geographic(asked)])
-    assert rounds == (1 if origin is OTHER else 2)
-    wanted = move_between(DATUM, origin, about_m=(30.0, 20.0))
-    assert robot.move.place((30.0, 20.0)) == pytest.approx(wanted.place((30.0, 20.0)), abs=0.01)
-    drive(robot, wanted)
-    assert robot.fault == ""
-
-
 def test_the_datum_from_a_drive_by_hand():
     move = PlaneMove(1.0, (200.0, -50.0))
     robot = frames("robot", frame="field")
+    assert "20 m driven by hand" in robot.waiting_for
     drive(robot, move, steps=15)
     assert robot.move is None
     drive(robot, move, steps=30, start_s=15.0)
