@@ -279,8 +279,7 @@ class ConsoleServer:
         if self._may_steer(request):  # who only looks must not keep operators out
             return await self._follow(request, may_steer=True)
         address = _visitor(request).address
-        each = MAX_VIEWERS if self._access.is_proxied else MAX_VIEWERS_EACH
-        if self._onlookers.total() >= MAX_VIEWERS or self._onlookers[address] >= each:
+        if self._onlookers.total() >= MAX_VIEWERS or self._onlookers[address] >= MAX_VIEWERS_EACH:
             return self._web.Response(status=503, text="too many viewers are connected already\n")
         self._onlookers[address] += 1
         try:

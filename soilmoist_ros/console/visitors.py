@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
-from urllib.parse import SplitResult, urlsplit
+from urllib.parse import urlsplit
 
 from soilmoist_ros.exploration import OperatorRequest
 from soilmoist_ros.foundation import InputError, finite_number, foreign_text, optional_module
@@ -61,19 +61,11 @@ class Access:
 
     :param names: names under which the page is reached, besides addresses and ``localhost``
     :param renewed: called with each token that replaces a used one; may fail as files do
-    :param public: address of the page behind a proxy, empty without one; then nobody steers without a token, since
-        a proxy on this machine makes all visitors look like visitors from here
-    :raises InputError: if ``public`` is no address of a page
     """
 
-    def __init__(
-        self, names: tuple[str, ...] = (), renewed: Callable[[str], None] = lambda token: None, public: str = ""
-    ) -> None:
-        self._public = _page_address(public)
-        self.is_proxied = bool(self._public.netloc)
-        """True if visitors come through a proxy, whose address is then that of all."""
-        self._names = {name.lower().rstrip(".") for name in (*names, self._public.hostname or "") if name}
-        self.secure = self._public.scheme == "https"
+    def __init__(self, names: tuple[str, ...] = (), renewed: Callable[[str], None] = lambda token: None) -> None:
+        self._names = {name.lower().rstrip(".") for name in names}
+        self.secure = False
         """True if browsers shall send the cookie over TLS only."""
         self._renewed = renewed
         self._sessions: set[str] = set()
@@ -89,26 +81,19 @@ class Access:
                 f"the page is not served as {name or 'a host without a name'}: add the name to the parameter names"
             )
         origin = visitor.headers.get("Origin")
-        if origin is not None and not self._is_own(origin, host):
+        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
             return "the request came from a page of another site"
         followed = visitor.headers.get("Sec-Fetch-Mode") == "navigate"  # a link to the page is harmless
         if visitor.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none") and not followed:
             return "the request came from a page of another site"
         return ""
 
-    def _is_own(self, origin: str, host: str) -> bool:
-        """True if a page of an origin is the one that this host serves."""
-        parts = urlsplit(origin)
-        plain = self.secure and parts.hostname == self._public.hostname and parts.scheme != "https"
-        return parts.netloc.lower() == host.lower() and not plain
-
     def may_steer(self, visitor: Visitor) -> bool:
         """True if somebody at this machine, or with a token, sent it; to others the page is read-only."""
         host = _host_name(visitor.headers.get("Host", ""))
         forwarded = any(visitor.headers.get(name) is not None for name in _PROXY)
         from_here = _loopback(visitor.address) and (host == "localhost" or _loopback(host))
-        here = from_here and not forwarded and not self.is_proxied
-        return here or any(
+        return (from_here and not forwarded) or any(
             hmac.compare_digest(visitor.cookie.encode(), session.encode()) for session in self._sessions
         )
 
@@ -122,19 +107,6 @@ class Access:
         with contextlib.suppress(OSError):  # the next token cannot be shown: this visitor may steer all the same
             self._renewed(self.token)
         return session
-
-
-def _page_address(public: str) -> SplitResult:
-    try:
-        parts = urlsplit(public)
-        wrong = bool(public) and (parts.scheme not in ("http", "https") or not parts.hostname or bool(parts.query))
-    except ValueError:
-        wrong = True
-    if wrong:
-        raise InputError(
-            f"{public!r} is no address of a page", "set address to one such as https://robot.example/"
-        )
-    return parts
 
 
 def _host_name(host: str) -> str:

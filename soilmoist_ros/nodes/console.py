@@ -93,17 +93,17 @@ class Console(Node):
         self._board.put("choices", choices_view())
         self._subscribe(robots, values.text("map_topic"))
         self._steering = ConsoleSteering(self, robots, self._board)
-        host, public = values.text("host"), values.text("address")
+        host = values.text("host")
         names = (socket.gethostname(), f"{socket.gethostname()}.local", *values.texts("names"))
-        access = Access(names, self._show_token, public)
-        self._invites = bool(public) or host not in LOOPBACK
+        access = Access(names, self._show_token)
+        self._invites = host not in LOOPBACK
         fields, runs = (Path(values.text(name)).expanduser() for name in ("field_dir", "runs"))
         files = SurveyFiles(fields, runs, start)
         self._server = ConsoleServer(
             self._board, self._steering, access, lambda: self._picture, files, self._walks
         )
         port = self._server.start(host, values.whole("port"))
-        self._page = public or f"http://{reachable(host)}:{port}/"
+        self._page = f"http://{reachable(host)}:{port}/"
         self.get_logger().info(f"console: {self._page}")
         self._show_token(access.token)
         self._present = [

@@ -79,8 +79,6 @@ CONSOLE: Final = (
     row("port", 8050, "TCP port of the page; 0 for a free one", low=0, high=65535),
     row("names", [], "host names under which the page is reached; addresses, localhost and the name of this "
         "computer are always allowed"),
-    row("address", "", "address of the page behind a proxy, such as https://robot.example/; then nobody steers "
-        "without the token that the console prints; empty without a proxy"),
     row("robots", [], "namespaces of the robots on the field; that of this node if empty"),
     row("runs", "recordings", "folder whose runs the page shows, and where comparisons are written"),
     row("field_dir", "fields", "folder of field files; drawn fields are saved there"),

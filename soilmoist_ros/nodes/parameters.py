@@ -195,6 +195,8 @@ def current_names(table: Mapping[str, Parameter], given: Mapping[str, Any]) -> t
         responses = [f"{name.partition('.')[2]}:{values.pop(name)}" for name in single]
         values["failsafes"] = [*responses, *(given.get("failsafes") or [])]
         warnings.append(f"failsafe.CAUSE is read in this release only: set failsafes: [{', '.join(responses)}]")
+    if "field_dir" in table and values.pop("address", ""):  # without it, a proxy's visitors would look local
+        raise InputError("the page is not served behind a proxy", "leave address out; use an SSH tunnel or a VPN")
     of_planner = "strategy" in table
     if of_planner and (silent := values.pop("on_silence", None)) is not None:
         remedy = "leave it out"

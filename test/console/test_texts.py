@@ -65,7 +65,6 @@ too many viewers are connected already |
 end the program that uses it, which may be another survey, or choose another address and port |
 to steer from another machine, open {} (once) | the page cannot have port {} of {}: {} |
 openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -subj /CN=soilmoist |
-{} is no address of a page | set address to one such as https://robot.example/ |
 give a certificate and its key, both as PEM | is no certificate that can be used: {} |
 apt install openssl, or give --certificate and --key | openssl made no certificate: {} | a host without a name
 """

@@ -97,41 +97,6 @@ def test_a_visitor_with_the_token_steers_though_the_next_one_cannot_be_printed()
     assert access.may_steer(Visitor("192.168.1.9", AWAY, cookie))
 
 
-PROXIED = Access(public="https://robot.example:8443/")
-
-
-def test_behind_a_proxy_nobody_steers_without_a_token():
-    """A proxy may hide where its visitors come from, and may give its own name of the host."""
-    for host in ("127.0.0.1:8050", "localhost:8050", "robot.example:8443"):
-        assert PROXIED.refusal(Visitor("127.0.0.1", {"Host": host})) == ""
-        assert not PROXIED.may_steer(Visitor("127.0.0.1", {"Host": host}))
-    cookie = PROXIED.session(PROXIED.token)
-    assert PROXIED.may_steer(Visitor("127.0.0.1", {"Host": "robot.example:8443"}, cookie))
-    assert (PROXIED.secure, Access().secure) == (True, False)
-
-
-@pytest.mark.parametrize(
-    ("origin", "refused"),
-    [
-        ("https://robot.example:8443", False),
-        ("http://robot.example:8443", True),  # a page that somebody on the way has changed
-        ("https://robot.example", True),
-        ("https://evil.example:8443", True),
-    ],
-)
-def test_behind_a_proxy_with_tls_the_page_itself_has_tls(origin, refused):
-    visitor = Visitor("127.0.0.1", {"Host": "robot.example:8443", "Origin": origin})
-    assert bool(PROXIED.refusal(visitor)) is refused
-
-
-@pytest.mark.parametrize(
-    "public", ["robot.example", "ftp://robot.example", "https://", "https://[x", "http://a/?b=1"]
-)
-def test_an_address_that_is_none_is_refused(public):
-    with pytest.raises(InputError, match="no address of a page"):
-        Access(public=public)
-
-
 # Who has the controls (controls.py) -----------------------------------------------------------------------------
 
 

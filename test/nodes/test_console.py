@@ -129,7 +129,7 @@ def test_the_token_is_not_published_and_a_map_of_elsewhere_is_named(ros, tmp_pat
     outline = {"datum": {"latitude_deg": -35.0, "longitude_deg": 149.0}, "polygon": [[0, 0], [9, 0], [9, 9]]}
     (tmp_path / "field.yaml").write_text(json.dumps({"name": "far field", **outline}))
     said = ros.collect(Log, "/rosout", ROSOUT)
-    params = {"field": str(tmp_path / "field.yaml"), "port": 0, "address": "http://robot.example/"}
+    params = {"field": str(tmp_path / "field.yaml"), "port": 0, "host": "0.0.0.0"}
     process = ros.start("console", params={**params, "runs": str(tmp_path)})
     token = ros.wait_for(lambda: re.search(r"\?token=([\w-]+) \(once\)", process.output()), message="the token")[1]
     node = {"name": "n1", "pose": {"position": {"x": 1.0, "y": 2.0}}, "edges": []}
@@ -138,7 +138,7 @@ def test_the_token_is_not_published_and_a_map_of_elsewhere_is_named(ros, tmp_pat
     maps.publish(String(data=json.dumps({"meta": datum, "nodes": [{"node": node}]})))
     text = "1 of 1 nodes are on the other side of the earth"
     ros.wait_for(lambda: any(text in one.msg for one in said), message="a later message")
-    assert any(one.msg == "console: http://robot.example/" for one in said)
+    assert any(one.msg.startswith("console: http://") for one in said)
     assert not any(token in one.msg for one in said), "whoever may look could read it in a recording"
     assert process.stop() == 0
 

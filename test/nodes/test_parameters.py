@@ -179,8 +179,11 @@ def test_removed_parameters_are_named_and_ignored(ros, capfd):
     parameters = Parameters(make(ros, backoff_s=9.0, speed_mps=2.0), TABLE)
     assert parameters.number("speed_mps") == 2.0
     assert "parameter backoff_s is not used any more: the wait after the first failure" in capfd.readouterr().err
-    assert {row.name for node in NODES for row in table_of(node)} & set(REMOVED) == {*OF_OTHERS, "autostart"}
-    assert {row.name for row in table_of("planner")} & set(REMOVED) == {"autostart"}
+    of_planner = {"antenna_x_m", "antenna_y_m", "autostart"}
+    assert {row.name for node in NODES for row in table_of(node)} & set(REMOVED) == {*OF_OTHERS, *of_planner}
+    assert {row.name for row in table_of("planner")} & set(REMOVED) == of_planner
+    with pytest.raises(InputError, match="not served behind a proxy -> leave address out"):
+        Parameters(make(ros, address="https://robot.example/"), table_of("console"))
     Parameters(make(ros, max_stamp_age_s=0.0), (*TABLE, *table_of("planner")))
     assert "parameter max_stamp_age_s is not used any more" in capfd.readouterr().err
 
