@@ -72,7 +72,7 @@ def command(**given: Any) -> None:
 
     CORES has one row per core. Its first line names the columns: vwc [m3/m3], or gravimetric_water [g/g] and
     bulk_density_gcm3 [g/cm3]. Optional are distance_m from the probe, depth_cm (or top_cm and bottom_cm), profile
-    (cores of one place), date and weight. Columns in other units have other names, such as vwc_percent.
+    (cores of one place) and date. Columns in other units have other names, such as vwc_percent.
 
     With --beside, find the sensitivity of a sensor from counts next to a station. With --plan, find the places in
     a field where cores lower the uncertainty most, and write a sheet to fill in.

@@ -445,7 +445,7 @@ def _intensity_source(
     intensity: sensing.IntensityCorrection,
     records: Sequence[sensing.CountRecord],
 ) -> str:
-    monitor = f" of {intensity.monitor.name}" if intensity.monitor else ""
+    monitor = f" of {intensity.monitor}" if intensity.monitor else ""
     scaling = "" if intensity.scaling == "none" else f", scaled as in {intensity.scaling}"
     text = f"C{monitor} from {intensity.file.name if intensity.file else 'a constant'}{scaling}"
     try:
@@ -457,8 +457,7 @@ def _intensity_source(
     if not monitor and series.station:
         text = text.replace("C from", f"C of {series.station} from", 1)
     gap_s = series.longest_gap_s(records[0].stamp_s, records[-1].stamp_s)
-    filled = "held" if intensity.gaps == "hold" else "interpolated"
-    return f"{text}; gaps up to {gap_s / 3600:.1f} h {filled}" if gap_s > 0 else text
+    return f"{text}; gaps up to {gap_s / 3600:.1f} h interpolated" if gap_s > 0 else text
 
 
 def _range(factors: Sequence[float]) -> tuple[float, float, float]:

@@ -243,7 +243,7 @@ def _on_monitor(settings: sensing.CorrectionSettings) -> Iterator[FileFinding]:
         return
     reference = f"reference C0 {intensity.reference:g}"
     if isinstance(source, sensing.NeutronMonitor):
-        of = source.station or (intensity.monitor.name if intensity.monitor else "a station without a name")
+        of = source.station or intensity.monitor or "a station without a name"
         first, last = (_date(float(source.stamp_s[index])) for index in (0, -1))
         rates = [float(source.rate.min()), float(source.rate.max())]
         left_out = f"; not used: {listing(source.not_used)}" if source.not_used else ""

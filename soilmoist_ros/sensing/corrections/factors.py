@@ -19,8 +19,6 @@ DRY_BIOMASS_SHARE_M2KG = 0.009
 """Share of the counts that 1 kg/m^2 of dry biomass takes (Baatz et al. 2015, abstract)."""
 BIOMASS_WATER_SHARE_M2KG = 6.4 / 1210
 """Share of the counts that 1 kg/m^2 of biomass water equivalent takes: r2 / N0 of Baatz et al. (2015)."""
-CELLULOSE_WATER = 0.494
-"""Water equivalent of dry biomass [kg/kg] (Wahbi & Avery 2018, In situ destructive sampling, Springer)."""
 
 
 @dataclass(frozen=True)
@@ -185,11 +183,6 @@ def barometric_coefficient(depth_gcm2: float, cutoff_rigidity_gv: float) -> floa
 
 
 # Constant factors of a site: plants around the probe, and the road that it drives on ----------------------------
-
-
-def biomass_water_kgm2(fresh_kgm2: float, dry_kgm2: float) -> float:
-    """Biomass water equivalent [kg/m^2] above the ground: the water of the plants, and that of their cellulose."""
-    return fresh_kgm2 - dry_kgm2 + CELLULOSE_WATER * dry_kgm2
 
 
 def f_biomass(biomass_kgm2: float, share_m2kg: float) -> float:

@@ -25,7 +25,6 @@ from soilmoist_ros.sensing.corrections.factors import atmospheric_depth_gcm2
 
 Scaling = Literal["none", "hawdon2014", "mcjannet2023"]
 TABLE = Path(__file__).with_name("cutoff_rigidity.csv")
-Gaps = Literal["interpolate", "hold"]
 MAX_GAP_S = 6 * 3600.0
 _TAG = re.compile(r"<[^<>]{1,40}>")
 _KEY_AND_VALUE = re.compile(r"#\s*([A-Z][A-Z .]{2,20}):\s*(.*?)\s*")
@@ -146,8 +145,7 @@ class NeutronMonitor:
     :param stamp_s: middle of each interval [s since 1970-01-01 UTC], shape (n,), ascending
     :param rate: neutron-monitor rate, any unit, shape (n,), > 0
     :param interval_s: duration of an interval [s], 0 if the rates are momentary
-    :param gaps: interpolate between the neighbours of a gap, or hold the last rate
-    :param max_gap_s: maximum time between neighbours, or for which a rate is held [s]
+    :param max_gap_s: maximum time between neighbours of a rate that is interpolated [s]
     :param station: name of the station or column; empty if the file does not give it
     :param not_used: other columns of the file
     """
@@ -155,7 +153,6 @@ class NeutronMonitor:
     stamp_s: NDArray[np.float64]
     rate: NDArray[np.float64]
     interval_s: float = 0.0
-    gaps: Gaps = "interpolate"
     max_gap_s: float = MAX_GAP_S
     station: str = ""
     not_used: tuple[str, ...] = ()
@@ -168,10 +165,8 @@ class NeutronMonitor:
             return float(self.rate[after])
         if after == 0:
             return None
-        since_s = stamp_s - float(self.stamp_s[after - 1])
-        if self.gaps == "hold" or after == len(self.stamp_s):
-            limit_s = self.max_gap_s if self.gaps == "hold" else 0.0
-            return float(self.rate[after - 1]) if since_s <= max(limit_s, self.interval_s / 2) else None
+        if after == len(self.stamp_s):
+            return float(self.rate[-1]) if stamp_s - self.stamp_s[-1] <= self.interval_s / 2 else None
         if self.stamp_s[after] - self.stamp_s[after - 1] > max(self.max_gap_s, self.interval_s):
             return None
         return float(np.interp(stamp_s, self.stamp_s, self.rate))
@@ -192,9 +187,7 @@ class NeutronMonitor:
         return float(np.diff(edges).max()) - self.interval_s
 
 
-def read_neutron_monitor(
-    path: Path, station: str = "", gaps: Gaps = "interpolate", max_gap_s: float = MAX_GAP_S
-) -> NeutronMonitor:
+def read_neutron_monitor(path: Path, station: str = "", max_gap_s: float = MAX_GAP_S) -> NeutronMonitor:
     """Read an ASCII export of the neutron monitor database NMDB (www.nmdb.eu/nest), or rows of time and rate.
 
     The separator is ``;`` (with decimal points or commas), a tab, ``,`` or blanks; times are ISO 8601, or begin
@@ -202,8 +195,7 @@ def read_neutron_monitor(
     beginnings of intervals, whose duration is in its head.
 
     :param station: code of the station, for a file of several; the only one if empty
-    :param gaps: interpolate between the neighbours of a gap, or hold the last rate
-    :param max_gap_s: maximum duration of a gap that is filled [s]
+    :param max_gap_s: maximum duration of a gap that is interpolated [s]
     :raises InputError: if the file cannot be read, has uncorrected counts, no positive rate, or not the station
     """
     head: dict[str, str] = {}
@@ -253,7 +245,7 @@ def read_neutron_monitor(
     interval_s = int(interval[1]) * _SECONDS[interval[2]] if interval else 0.0
     stamps = np.array(sorted(rates))
     series = np.array([rates[stamp] for stamp in stamps])
-    return NeutronMonitor(stamps + interval_s / 2, series, interval_s, gaps, max_gap_s, name, not_used)
+    return NeutronMonitor(stamps + interval_s / 2, series, interval_s, max_gap_s, name, not_used)
 
 
 def _column(

@@ -7,7 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from soilmoist_ros.foundation import Section, did_you_mean
 from soilmoist_ros.sensing.corrections.factors import (
@@ -15,7 +15,6 @@ from soilmoist_ros.sensing.corrections.factors import (
     DRY_BIOMASS_SHARE_M2KG,
     Corrections,
     barometric_coefficient,
-    biomass_water_kgm2,
     f_biomass,
     f_road,
     standard_pressure_hpa,
@@ -75,39 +74,11 @@ class HumidityCorrection(Section):
     """Absolute humidity at which the factor is 1 [g/m^3]."""
 
 
-class Monitor(Section):
-    """A neutron monitor."""
-
-    name: str
-    """Code of the monitor in the database NMDB, such as JUNG; names its column in a file of several monitors."""
-    latitude_deg: Latitude
-    """Latitude [deg]."""
-    longitude_deg: Longitude
-    """Longitude, east positive [deg]."""
-    altitude_m: Altitude
-    """Altitude above mean sea level [m]."""
-    cutoff_rigidity_gv: Rigidity | None = None
-    """Vertical cutoff rigidity [GV]; from the place if left out."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known(cls, value: Any) -> Any:
-        if not isinstance(value, str):
-            return value
-        if value.upper() not in MONITORS:
-            known = ", ".join(MONITORS)
-            raise ValueError(
-                f"there is no monitor {value!r} among {known}{did_you_mean(value.upper(), list(MONITORS))}; "
-                "for another one give its name, latitude_deg, longitude_deg and altitude_m"
-            )
-        _, latitude, longitude, altitude = MONITORS[value.upper()]
-        place = {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": altitude}
-        return {"name": value.upper(), **place}
-
-    @property
-    def cosmic(self) -> CosmicPlace:
-        """Cutoff rigidity and atmospheric depth."""
-        return cosmic_place(self.latitude_deg, self.longitude_deg, self.altitude_m, self.cutoff_rigidity_gv)
+def _monitor_code(code: str) -> str:
+    if code.upper() not in MONITORS:
+        known = ", ".join(MONITORS)
+        raise ValueError(f"there is no monitor {code!r} among {known}{did_you_mean(code.upper(), list(MONITORS))}")
+    return code.upper()
 
 
 class IntensityCorrection(Section):
@@ -119,14 +90,12 @@ class IntensityCorrection(Section):
     """One rate C for the whole survey, in the unit of the reference."""
     file: Path | None = None
     """Rates C in time, as exported from nmdb.eu; a relative path starts at the site file."""
-    monitor: Monitor | None = None
-    """The neutron monitor: a code such as JUNG, or name, place and cutoff rigidity."""
+    monitor: Annotated[str, AfterValidator(_monitor_code)] | None = None
+    """Code of the neutron monitor in the database NMDB, such as JUNG; names its column in a file of several."""
     scaling: Scaling = "none"
     """Conversion of a change at the monitor into one at the site: none, hawdon2014 or mcjannet2023."""
-    gaps: Literal["interpolate", "hold"] = "interpolate"
-    """In gaps of the file: interpolate between the two neighbours, or hold the last value."""
     max_gap_hours: Annotated[float, Field(ge=0, le=240)] = 6.0
-    """Maximum duration of such a gap [h]; records in longer ones cannot be corrected."""
+    """Longest gap of the file that is interpolated [h]; records in longer ones cannot be corrected."""
 
     @model_validator(mode="after")
     def _consistent(self) -> IntensityCorrection:
@@ -141,18 +110,15 @@ class BiomassCorrection(Section):
     """Factor ``1 / (1 - share * biomass)`` for the plants above the ground."""
 
     water_equivalent_kgm2: NotNegative | None = None
-    """Biomass water equivalent [kg/m^2]; or give the dry biomass."""
+    """Biomass water equivalent [kg/m^2], ``fresh - dry + 0.494 dry`` (cellulose: Wahbi & Avery 2018, In situ
+    destructive sampling, Springer); or give the dry biomass."""
     dry_kgm2: NotNegative | None = None
     """Dry biomass [kg/m^2]."""
-    fresh_kgm2: NotNegative | None = None
-    """Fresh biomass [kg/m^2]; with the dry biomass it gives the water equivalent."""
 
     @model_validator(mode="after")
     def _consistent(self) -> BiomassCorrection:
         if (self.water_equivalent_kgm2 is None) == (self.dry_kgm2 is None):
             raise ValueError("give the biomass either as 'water_equivalent_kgm2' or as 'dry_kgm2'")
-        if self.fresh_kgm2 is not None and (self.dry_kgm2 is None or self.fresh_kgm2 < self.dry_kgm2):
-            raise ValueError("'fresh_kgm2' belongs to 'dry_kgm2', and is at least as much")
         f_biomass(*self.used)  # fails for more than plants can have
         return self
 
@@ -161,10 +127,7 @@ class BiomassCorrection(Section):
         """Biomass [kg/m^2] and share of the counts that 1 kg/m^2 takes [m^2/kg]."""
         if self.water_equivalent_kgm2 is not None:
             return self.water_equivalent_kgm2, BIOMASS_WATER_SHARE_M2KG
-        dry = self.dry_kgm2 or 0.0
-        if self.fresh_kgm2 is None:
-            return dry, DRY_BIOMASS_SHARE_M2KG
-        return biomass_water_kgm2(self.fresh_kgm2, dry), BIOMASS_WATER_SHARE_M2KG
+        return self.dry_kgm2 or 0.0, DRY_BIOMASS_SHARE_M2KG
 
 
 class RoadCorrection(Section):
@@ -232,7 +195,8 @@ class CorrectionSettings(Section):
             beta = beta or barometric_coefficient(cosmic.depth_gcm2, cosmic.cutoff_rigidity_gv)
             reference_hpa = reference_hpa or standard_pressure_hpa(place.latitude_deg, place.altitude_m)
             if self.intensity is not None and self.intensity.monitor is not None:
-                scale = intensity_scale(self.intensity.scaling, cosmic, self.intensity.monitor.cosmic)
+                monitor = cosmic_place(*MONITORS[self.intensity.monitor][1:])
+                scale = intensity_scale(self.intensity.scaling, cosmic, monitor)
         assert beta is not None
         assert reference_hpa is not None
         return Corrections(

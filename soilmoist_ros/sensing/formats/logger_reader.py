@@ -123,8 +123,8 @@ class RecordParser:
         """The header of :meth:`use_header`, while lines are read by it."""
         self.left_out_counts: dict[int, float] = {}
         """Counts of the tubes that the format leaves out, by number."""
-        self.clock_offsets_s: list[float] = []
-        """Logger's clock minus the receiver's in each record of a log [s], NaN if unknown; only without limit."""
+        self.clock_known_from = 0
+        """Number of records before the first one whose time is compared with the receiver's."""
         if longitude not in ("signed", "east", "west"):
             raise InputError(f"longitude {longitude!r} is unknown", "use signed, east or west", path)
         place = self.format.position
@@ -342,11 +342,11 @@ class RecordParser:
 
     def _compare_clocks(self, offset_s: float, notes: list[Finding]) -> None:
         """Offset of the logger's clock from one more comparison with the receiver's."""
-        if self._remembered is None:
-            self.clock_offsets_s.append(offset_s)
         if math.isnan(offset_s):
             return
         before_s, recent = self._clock_ahead_s, self._recent_offsets_s
+        if not recent:
+            self.clock_known_from = len(self._seen) - 1
         recent.append(offset_s)
         self._clock_ahead_s = median_low(recent)
         if len(recent) == 1 and abs(offset_s) > MAX_CLOCK_CHANGE_S:
@@ -355,7 +355,7 @@ class RecordParser:
             notes.append(Finding(Kind.CLOCK_OFFSET, message, remedy))
         elif len(recent) == CLOCK_COMPARISONS and abs(self._clock_ahead_s - before_s) > MAX_CLOCK_CHANGE_S:
             now = f"{before_s:+.0f} s off GNSS time, now {self._clock_ahead_s:+.0f} s"
-            remedy = "set it before each survey; live, the places of the two records before are wrong"
+            remedy = "set it before each survey: the two records before may be misplaced"
             notes.append(Finding(Kind.CLOCK_OFFSET, f"the logger's clock was set: {now}", remedy))
 
     def _report(self, finding: Finding, lost: bool = False) -> None:
@@ -397,36 +397,21 @@ def parse_log(
     last = len(lines) - 1
     fed = [parser.feed(line, complete=number < last or last_is_complete) for number, line in enumerate(lines)]
     records = [record for record in fed if record is not None]
+    early = parser.clock_known_from
+    for at, record in enumerate(records[:early]):
+        records[at] = replace(record, clock_ahead_s=records[early].clock_ahead_s)
     layout, lost = parser.layout, [problem.mistake for problem in parser.problems if problem.lost]
     if layout is None:
         raise InputError([_unreadable_header(path, lines, form, parser.missing_columns)])
     if lost and not records:
         raise InputError([_nothing_usable(path, lines, form, lost)])
     return LogFile(
-        path=path, logger=form, records=_with_clock(records, parser.clock_offsets_s),
+        path=path, logger=form, records=tuple(records),
         problems=tuple(parser.problems), serial=parser.serial, metadata=parser.metadata,
         period_s=parser.period_s or NAN, n_lines=len(lines), choices=choices, columns=layout.names,
         unused=layout.unused, tubes=dict(zip(layout.tubes, (one.name for one in layout.counts), strict=True)),
         left_out_counts=parser.left_out_counts, count_rate=layout.count_rate,
     )  # fmt: skip
-
-
-def _with_clock(records: Sequence[LoggerRecord], offsets_s: Sequence[float]) -> tuple[LoggerRecord, ...]:
-    """Records with the offset of the clock about each: it may drift, be set, and be compared wrongly at times."""
-    known = [(number, offset_s) for number, offset_s in enumerate(offsets_s) if not math.isnan(offset_s)]
-    if not known:
-        return tuple(records)
-    around, half = [], CLOCK_COMPARISONS // 2
-    for at in range(len(known)):  # as many on each side, so that a clock that was set near an end is seen, too
-        middle = max(min(at, len(known) - 1 - half), half)
-        reach = max(min(middle, len(known) - 1 - middle, CLOCK_COMPARISONS - 1), half)
-        around.append(median_low([offset_s for _, offset_s in known[middle - reach : middle + reach + 1]]))
-    ahead_s, at = [], 0
-    for number in range(len(records)):
-        if at + 1 < len(known) and known[at + 1][0] <= number:
-            at += 1
-        ahead_s.append(around[at])
-    return tuple(replace(one, clock_ahead_s=ahead) for one, ahead in zip(records, ahead_s, strict=True))
 
 
 def detect_format(path: Path | str) -> LoggerFormat:

@@ -22,7 +22,6 @@ _LIMITS = {
     "vwc": (0, 1, "volumetric water content is a fraction; name a column in per cent vwc_percent"),
     "gravimetric_water": (0, math.inf, "gravimetric water is in g/g; name one in per cent gravimetric_percent"),
     "bulk_density_gcm3": (0.02, 2.8, "dry bulk density is in g/cm3; name a column in kg/m3 bulk_density_kgm3"),
-    "weight": (0, math.inf, "a weight is zero or positive"),
     "distance_m": (0, 600, "the distance from the probe is in metres, at most 600"),
     "latitude_deg": (-90, 90, "the latitude is in degrees, north positive"),
     "longitude_deg": (-180, 180, "the longitude is in degrees, east positive"),
@@ -60,7 +59,6 @@ class SoilCore:
 
     :param vwc: volumetric water content [m^3/m^3]
     :param bulk_density_gcm3: dry bulk density [g/cm^3], NaN if unknown
-    :param weight: weight that the user gives [-]
     :param profile: name of the profile; cores of one profile have one place
     :param distance_m: distance from the probe [m], NaN if unknown
     :param top_cm: upper end of the core [cm], NaN if unknown
@@ -71,7 +69,6 @@ class SoilCore:
 
     vwc: float
     bulk_density_gcm3: float = math.nan
-    weight: float = 1.0
     profile: str = ""
     distance_m: float = math.nan
     top_cm: float = math.nan
@@ -110,7 +107,7 @@ def read_soil_cores(path: Path, bulk_density_gcm3: float | None = None, days: Se
     """Read a CSV of soil cores, one row per core.
 
     Columns, by name in the first line: ``vwc`` [m^3/m^3], or ``gravimetric_water`` [g/g] together with a bulk
-    density. Optional: ``bulk_density_gcm3``, ``weight``, ``profile``, ``distance_m`` from the probe; the place,
+    density. Optional: ``bulk_density_gcm3``, ``profile``, ``distance_m`` from the probe; the place,
     ``latitude_deg`` and ``longitude_deg``; ``depth_cm``
     (also intervals such as 0-5), or ``top_cm`` and ``bottom_cm``; ``date``. Columns in other units have other
     names, such as ``vwc_percent``. Whether numbers have a decimal comma is decided once for the file.
@@ -131,8 +128,8 @@ def read_soil_cores(path: Path, bulk_density_gcm3: float | None = None, days: Se
     mistakes += [] if mistakes else _differences(cores, rows, path)
     if mistakes:
         raise InputError(mistakes)
-    if sum(core.weight for core in cores) <= 0:
-        raise InputError("has no soil core with a weight", "add one row per core below the header", path)
+    if not cores:
+        raise InputError("has no soil core", "add one row per core below the header", path)
     return CoreTable(tuple(cores), chosen, (*notes, *_doubts(rows, cores, bulk_density_gcm3)))
 
 
@@ -250,7 +247,7 @@ def possible_days(day: str) -> list[date]:
 
 
 def _core(row: _Row, default_density: float | None) -> SoilCore:
-    density, weight, distance = (_number(row, name) for name in ("bulk_density_gcm3", "weight", "distance_m"))
+    density, distance = (_number(row, name) for name in ("bulk_density_gcm3", "distance_m"))
     if by_mass := math.isnan(vwc := _number(row, "vwc")):
         mass, rho = _number(row, "gravimetric_water"), density
         if math.isnan(mass):
@@ -269,7 +266,7 @@ def _core(row: _Row, default_density: float | None) -> SoilCore:
             raise _CellError("gravimetric_water", message, remedy)
     layer = _layer(row)
     return SoilCore(
-        vwc, density, 1.0 if math.isnan(weight) else weight, row.cells.get("profile", ""), distance, *layer,
+        vwc, density, row.cells.get("profile", ""), distance, *layer,
         _number(row, "latitude_deg"), _number(row, "longitude_deg"), by_mass,
     )  # fmt: skip
 
@@ -353,8 +350,6 @@ def _doubts(rows: Sequence[_Row], cores: Sequence[SoilCore], density: float | No
         yield f"{lacking} of {len(cores)} cores have no bulk density: {density:g} g/cm3 of the site file counts"
     if both:
         yield f"gravimetric_water is not used for {both} cores: they have vwc"
-    if any(not math.isnan(_number(row, "weight")) for row in rows):
-        yield "each core also counts by its own weight"
     soaked = [
         f"line {row.line}: {core.vwc:.2f}"
         for row, core in zip(rows, cores, strict=True)

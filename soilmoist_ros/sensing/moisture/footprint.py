@@ -260,16 +260,15 @@ def mean_of_cores(
 
     * ``revised``: Köhli et al. (2015) with the parameters of Schrön et al. (2017), see :class:`Footprint`. A core
       with thickness weighs the integral over it.
-    * ``equal``: the weights of the user alone.
+    * ``equal``: all cores weigh the same.
 
     :param air: conditions of the calibration, by default standard air and a bare probe; its water is not used
     :param bound_water: lattice and organic water [g/g]
     :param bulk_density_gcm3: dry bulk density where the cores have none [g/cm^3]
     :raises ValueError: if no core has a weight
     """
-    dense = [(core.bulk_density_gcm3, core.weight) for core in cores if not math.isnan(core.bulk_density_gcm3)]
-    total = sum(weight for _, weight in dense)
-    known = sum(density * weight for density, weight in dense) / total if total > 0 else None
+    dense = [core.bulk_density_gcm3 for core in cores if not math.isnan(core.bulk_density_gcm3)]
+    known = sum(dense) / len(dense) if dense else None
     density = known or bulk_density_gcm3
     groups = profiles_of(cores)
     vwc = float(np.mean([core.vwc for core in cores])) if cores else math.nan
@@ -313,17 +312,15 @@ def _weights(
     group: Sequence[SoilCore], weighting: Weighting, footprint: Footprint, density: float
 ) -> tuple[float, Array]:
     """Weight of a profile, and weights of its cores."""
-    own = np.array([core.weight for core in group])
+    equal, distance_m = np.ones(len(group)), group[0].distance_m
     if weighting == "equal":
-        return float(own.sum()), own
-    across, distance_m = float(own.mean()), group[0].distance_m
-    if not math.isnan(distance_m):
-        across *= float(footprint.weight(max(distance_m, _NEAREST_M)))
+        return float(len(group)), equal
+    across = 1.0 if math.isnan(distance_m) else float(footprint.weight(max(distance_m, _NEAREST_M)))
     if math.isnan(group[0].top_cm):
-        return across, own
+        return across, equal
     top, bottom = (np.array([getattr(core, name) for core in group]) for name in ("top_cm", "bottom_cm"))
     reach_cm = float(footprint.depth_at_cm(0.0 if math.isnan(distance_m) else distance_m, density))
     # exp(-2 d / D86) of a depth (Schrön et al. 2017, appendix A), or its integral over a layer
     thickness = 2 * (bottom - top) / reach_cm
     layer = -np.expm1(-thickness) * reach_cm / 2
-    return across, own * np.exp(-2 * top / reach_cm) * np.where(thickness > 0, layer, 1.0)
+    return across, np.exp(-2 * top / reach_cm) * np.where(thickness > 0, layer, 1.0)

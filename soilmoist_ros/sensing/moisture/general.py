@@ -378,7 +378,7 @@ def _changing(site: Site, air: SurveyAir) -> tuple[float, list[UncertaintyPart]]
     origin: Origin = "default range"
     level, sd = INTENSITY, INTENSITY_SD
     intensity = settings.intensity
-    if intensity is not None and intensity.monitor is not None and intensity.monitor.name == "JUNG":
+    if intensity is not None and intensity.monitor == "JUNG":
         scale = site.corrections_parameters.intensity_scale
         level, sd, origin = 1 + scale * (intensity.reference / JUNG_CPS - 1), JUNG_SD, "measured"
     parts = [_part("intensity", level, "of that of N0", level * sd, origin, sd)]

@@ -396,8 +396,6 @@ class Site(Section):
     without N0 has a general calibration."""
     sensor_sensitivity_sd: NotNegative | None = None
     """Standard deviation of the sensitivity; 3 % if left out, 4 to 8 % of a model."""
-    tube_shares: list[NotNegative] | None = None
-    """Share of each tube in the rate of the whole sensor; estimated from the log if left out."""
     soil: Soil | None = None
     """Soil properties; without them only the rate is mapped."""
     calibration: Calibration | None = None

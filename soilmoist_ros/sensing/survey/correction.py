@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.foundation import LocalFrame
 from soilmoist_ros.sensing.checks.tubes import combine_tubes
 from soilmoist_ros.sensing.corrections.factors import effective_exposure, standard_pressure_hpa
 from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor, read_neutron_monitor
@@ -96,8 +96,7 @@ def intensity_source(settings: CorrectionSettings) -> NeutronMonitor | float | N
     intensity = settings.intensity
     if intensity is None or intensity.file is None:
         return None if intensity is None else intensity.constant
-    station = intensity.monitor.name if intensity.monitor else ""
-    return read_neutron_monitor(intensity.file, station, intensity.gaps, intensity.max_gap_hours * 3600)
+    return read_neutron_monitor(intensity.file, intensity.monitor or "", intensity.max_gap_hours * 3600)
 
 
 def unusual_factors(factors: Mapping[str, tuple[float, float]]) -> list[str]:
@@ -214,20 +213,3 @@ def counting_interval_s(record: LoggerRecord, previous: LoggerRecord | None) -> 
 def position_gap_s(interval_s: float) -> float:
     """Maximum time between two fixes for interpolating the position of a record [s]."""
     return max(3.0 * interval_s, 5.0)
-
-
-def site_shares(site: Site, tubes: int | None) -> NDArray[np.float64] | None:
-    """Tube shares from the site file, normalised to a sum of 1; ``None`` if it has none.
-
-    :raises InputError: if the number of shares is another one, or all are 0
-    """
-    if site.tube_shares is None:
-        return None
-    shares = np.array(site.tube_shares, dtype=float)
-    if tubes not in (None, len(shares)) or shares.sum() <= 0:
-        have = "an unknown number of" if tubes is None else str(tubes)
-        raise InputError(
-            f"'tube_shares' in the site file has {len(shares)} values, but the logger has {have} tubes",
-            "give one share per tube, not all 0, or leave it out to have them estimated",
-        )
-    return np.asarray(shares / shares.sum())

@@ -60,8 +60,7 @@ class SensorStream:
         form = form.on_clock(site.logger_clock)
         self.parser = RecordParser(form, site.longitude, self._on_problem)
         self.survey = Survey(
-            site, frame, tubes=len(self.parser.layout.tubes) if self.parser.layout else None,
-            fix_wait_s=fix_wait_s, on_problem=self._on_problem,
+            site, frame, fix_wait_s=fix_wait_s, on_problem=self._on_problem,
         )  # fmt: skip
         self.last_record: LoggerRecord | None = None
         self.last_fix: Fix | None = None

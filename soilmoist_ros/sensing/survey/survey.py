@@ -29,7 +29,6 @@ from soilmoist_ros.sensing.survey.correction import (
     intensity_source,
     place_record,
     position_gap_s,
-    site_shares,
     uncorrected_record,
 )
 
@@ -72,7 +71,6 @@ class Survey:
     :param ahead: all records in order of time, if known in advance; tube shares, weather and positions then use
         later records, too
     :param track: positions of a separate receiver, if known in advance
-    :param tubes: number of tubes, if known in advance
     :param fix_wait_s: maximum time that a record waits for a fix [s]
     :param keep_unplaced: whether a record without a position is returned with NaN coordinates, or dropped
     :raises InputError: if the tube shares or the neutron-monitor file of the site cannot be used
@@ -85,7 +83,6 @@ class Survey:
         ahead: Sequence[LoggerRecord] | None = None,
         track: Track | None = None,
         *,
-        tubes: int | None = None,
         fix_wait_s: float = 2.0,
         keep_unplaced: bool = True,
         on_problem: Callable[[Problem], None] = lambda problem: None,
@@ -107,11 +104,10 @@ class Survey:
         for checked in learned:
             self._weather.add(checked.record)
             self.places.add(checked.record)
-        self.tube_share = site_shares(site, len(ahead[0].tube_counts) if ahead else tubes)
+        self.tube_share: NDArray[np.float64] | None = None
         """Share of each tube, shape (tubes,); ``None`` while it is estimated from the records so far."""
         if ahead:
-            if self.tube_share is None:
-                self.tube_share = tube_shares([one.record for one in learned if not one.quarantine] or ahead)
+            self.tube_share = tube_shares([one.record for one in learned if not one.quarantine] or ahead)
             rates = []
             for checked in learned[:: max(len(learned) // MAX_TYPICAL, 1)]:
                 with suppress(LostRecordError):

@@ -167,11 +167,6 @@ def test_gaps_are_bridged_up_to_their_limit() -> None:
     stamps, rates = np.array([NOON, NOON + 7 * HOUR]), np.array([150.0, 164.0])
     assert NeutronMonitor(stamps, rates).at(NOON + HOUR) is None
     assert NeutronMonitor(stamps, rates, max_gap_s=7 * HOUR).at(NOON + HOUR) == pytest.approx(152.0)
-    held = NeutronMonitor(stamps, rates, gaps="hold", max_gap_s=2 * HOUR)
-    assert held.at(NOON + 2 * HOUR) == 150.0
-    assert held.at(NOON + 2 * HOUR + 1) is None
-    assert held.at(NOON + 9 * HOUR) == 164.0
-    assert held.at(NOON - 1) is None
 
 
 @pytest.mark.parametrize(

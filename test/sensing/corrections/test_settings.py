@@ -4,6 +4,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.corrections.factors import atmospheric_depth_gcm2, barometric_coefficient
+from soilmoist_ros.sensing.corrections.intensity import cutoff_rigidity_gv
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 
 KANSAS = {"latitude_deg": 38.2346, "longitude_deg": -97.571, "altitude_m": 455}
@@ -21,15 +22,12 @@ def test_auto_values_follow_from_the_place() -> None:
         assert parameters.f_pressure(parameters.reference_pressure_hpa) == 1.0
 
 
-def test_scaling_uses_the_monitor_by_its_code_or_its_place() -> None:
-    def scale(monitor: object) -> float:
-        intensity = {"reference": 150, "constant": 148, "scaling": "hawdon2014", "monitor": monitor}
-        corrections = {"intensity": intensity, "cutoff_rigidity_gv": 3.0}
-        return Site(location=KANSAS, corrections=corrections).corrections_parameters.intensity_scale
-
-    place = {"latitude_deg": 46.55, "longitude_deg": 7.98, "altitude_m": 3570}
-    assert scale({"name": "mine", **place, "cutoff_rigidity_gv": 4.49}) == pytest.approx(1 + 0.075 * 1.49)
-    assert scale("jung") == scale({"name": "mine", **place})
+def test_scaling_uses_the_place_of_the_monitor() -> None:
+    intensity = {"reference": 150, "constant": 148, "scaling": "hawdon2014", "monitor": "jung"}
+    site = Site(location=KANSAS, corrections={"intensity": intensity, "cutoff_rigidity_gv": 3.0})
+    jungfraujoch_gv = cutoff_rigidity_gv(46.55, 7.98)
+    scale = site.corrections_parameters.intensity_scale
+    assert scale == pytest.approx(1 + 0.075 * (jungfraujoch_gv - 3.0), abs=1e-3)
 
 
 @pytest.mark.parametrize(

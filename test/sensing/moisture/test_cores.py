@@ -44,8 +44,8 @@ def test_mean_and_standard_error_of_cores(read):
 def test_gravimetric_cores_take_a_density_from_the_core_or_the_site(read):
     (core,) = read("Profile_ID,SoilMoisture_g_g,DryBulkDensity_g_cm3\nneptoon,0.2,1.3\n")
     assert (core.profile, core.vwc) == ("neptoon", pytest.approx(0.26))
-    text = "gravimetric_water;weight\n0.10;1\n0.20;3\n"
-    assert mean_of_cores(read(text, 1.5)).vwc == pytest.approx(0.175 * 1.5)
+    text = "gravimetric_water;note\n0.10;1\n0.20;3\n"
+    assert mean_of_cores(read(text, 1.5)).vwc == pytest.approx(0.15 * 1.5)
     with pytest.raises(InputError, match="gravimetric water needs a bulk density"):
         read(text)
 
@@ -73,7 +73,7 @@ def test_the_revised_mean_agrees_with_an_independent_implementation():
     profile, depth = (grid.ravel() for grid in np.meshgrid(np.arange(5), depths_cm, indexing="ij"))
     vwc = rng.uniform(0.08, 0.35, len(depth))
     cores = [
-        SoilCore(value, 1.4, 1.0, str(name), distances_m[name], at, at)
+        SoilCore(value, 1.4, str(name), distances_m[name], at, at)
         for value, name, at in zip(vwc, profile, depth, strict=True)
     ]
     around = Footprint(0.2, humidity_gm3=7.0, pressure_hpa=960.0, vegetation_m=0.5)
@@ -101,10 +101,9 @@ def test_the_revised_mean_of_real_cores_agrees_with_an_independent_implementatio
 
 def test_a_thick_core_weighs_as_its_slices_and_the_thickness_does_not_change_its_place():
     slices = [
-        SoilCore(0.30 if at < 10 else 0.10, 1.4, 1.0, "a", 3.0, at - 0.05, at + 0.05)
-        for at in np.arange(0.05, 30, 0.1)
+        SoilCore(0.30 if at < 10 else 0.10, 1.4, "a", 3.0, at - 0.05, at + 0.05) for at in np.arange(0.05, 30, 0.1)
     ]
-    layers = [SoilCore(0.30, 1.4, 1.0, "a", 3.0, 0.0, 10.0), SoilCore(0.10, 1.4, 1.0, "a", 3.0, 10.0, 30.0)]
+    layers = [SoilCore(0.30, 1.4, "a", 3.0, 0.0, 10.0), SoilCore(0.10, 1.4, "a", 3.0, 10.0, 30.0)]
     assert mean_of_cores(layers).vwc == pytest.approx(mean_of_cores(slices).vwc, abs=1e-6)
 
 
@@ -123,7 +122,7 @@ def test_a_shielded_probe_sees_the_near_cores():
     st.sampled_from([math.inf, 10.0]),
 )
 def test_the_mean_lies_between_the_cores(rows, weighting, radius_m):
-    cores = [SoilCore(vwc, 1.3, 1.0, str(n), at, depth, depth) for n, (vwc, at, depth) in enumerate(rows)]
+    cores = [SoilCore(vwc, 1.3, str(n), at, depth, depth) for n, (vwc, at, depth) in enumerate(rows)]
     around = Footprint(0.2, shield_radius_m=radius_m)
     mean = mean_of_cores(cores, weighting, around).vwc
     moistures = [vwc for vwc, *_ in rows]
@@ -159,7 +158,7 @@ def test_lines_of_a_spreadsheet_before_the_header_are_no_header(read):
     ("text", "note"),
     [
         ("gravimetric_water\n0.2\n", "1 of 1 cores have no bulk density: 1.4 g/cm3 of the site file counts"),
-        ("vwc,weight\n0.2,148\n0.2,152\n", "each core also counts by its own weight"),
+        ("vwc,weight\n0.2,148\n0.2,152\n", "columns that are not used: weight"),
         ("vwc,gravimetric_water,bulk_density_gcm3\n0.28,0.2,1.4\n0.10,0.19,1.4\n", NOT_USED.format(2)),
         ("vwc,vwc_note,soil_moisture\n0.2,x,21\n", "columns that are not used: vwc_note, soil_moisture"),
         ("vwc,gravimetric_water\n0.2,-99\n0.2,n/a\n", NOT_USED.format(1)),

@@ -43,7 +43,7 @@ def test_a_single_fix_gives_the_place_within_the_interval_and_within_five_second
 
 @pytest.mark.parametrize("back_s", [12.0, 33.0, 55.0])
 def test_own_positions_from_before_the_clock_was_set_back_are_not_used(back_s):
-    survey, x_m = Survey(UNCORRECTED, FRAME, tubes=12), []
+    survey, x_m = Survey(UNCORRECTED, FRAME), []
     for number in range(1, 121):
         ahead_s = back_s if number <= 60 else 0.0
         place = fix(10.0 * number).position
@@ -53,7 +53,7 @@ def test_own_positions_from_before_the_clock_was_set_back_are_not_used(back_s):
 
 
 def test_a_record_of_a_logger_whose_clock_is_behind_waits_for_its_fix():
-    survey = Survey(UNCORRECTED, FRAME, tubes=12, fix_wait_s=30.0)
+    survey = Survey(UNCORRECTED, FRAME, fix_wait_s=30.0)
     for second in range(50):
         survey.take_fix(fix(float(second)))
     survey.take_record(record(30.0, clock_ahead_s=-40.0), 0.0)
