@@ -39,57 +39,39 @@ def served(*spans):
     return robot, ActionServer(robot, straight_route, faults, Misled(GROUND, faults))
 
 
-def test_a_goal_is_driven_to_and_another_one_cancelled():
-    robot, server = served()
-    goal = server.send((10.0, 0.0), 0.0)
-    assert drive(server, robot, 0, 12) == [Answered(goal, True), GoalOver(goal, Status.SUCCEEDED, True)]
-    assert (robot.place, robot.odometer_m) == ((10.0, 0.0), pytest.approx(10.0))
-    goal = server.send((50.0, 0.0), 12.0)
-    drive(server, robot, 12, 17)
-    server.cancel(goal, 17.0)
-    assert drive(server, robot, 17, 20) == [CancelAnswered(goal, 0), GoalOver(goal, Status.CANCELED, False)]
-    assert robot.place[0] <= 16.0
-    assert not robot.drives
+ACCEPTED, ENDED = Answered(1, True), GoalOver(1, Status.CANCELED, False)
+NO_REPLY = []
+COURSES = [  # a fault, what the server says of a goal that is cancelled after 5 s, and how far the robot comes [m]
+    (None, [ACCEPTED, CancelAnswered(1, 0), ENDED], 5.0),
+    (Fault.SERVER_DEAF, [ACCEPTED, CancelAnswered(1, 1)], 20.0),
+    (Fault.RUNS_ON, [ACCEPTED, CancelAnswered(1, 0), ENDED], 13.0),
+    (Fault.SERVER_ABORTS, [ACCEPTED, GoalOver(1, Status.ABORTED, False), CancelAnswered(1, 2)], 0.0),
+    (Fault.SERVER_LIES, [ACCEPTED, GoalOver(1, Status.SUCCEEDED, True), CancelAnswered(1, 2)], 0.0),
+    (Fault.SERVER_HANGS, [ACCEPTED, CancelAnswered(1, 0), ENDED], 0.0),
+    (Fault.NO_RESULT, [ACCEPTED, CancelAnswered(1, 0)], 20.0),
+    (Fault.SERVER_DEAD, NO_REPLY, 0.0),
+]
 
 
-@pytest.mark.parametrize(
-    ("fault", "moved_m", "said"),
-    [
-        (Fault.SERVER_DEAF, 20.0, CancelAnswered(1, 1)),
-        (Fault.RUNS_ON, 13.0, GoalOver(1, Status.CANCELED, False)),
-        (Fault.SERVER_ABORTS, 0.0, GoalOver(1, Status.ABORTED, False)),
-        (Fault.SERVER_LIES, 0.0, GoalOver(1, Status.SUCCEEDED, True)),
-        (Fault.SERVER_HANGS, 0.0, GoalOver(1, Status.CANCELED, False)),
-    ],
-)
-def test_faults(fault, moved_m, said):
-    robot, server = served(Span(fault, 0.0, 100.0, 0.0))
+@pytest.mark.parametrize(("fault", "said", "moved_m"), COURSES)
+def test_what_a_server_says_and_does(fault, said, moved_m):
+    robot, server = served(*([] if fault is None else [Span(fault, 0.0, 20.0, 0.0)]))
     goal = server.send((50.0, 0.0), 0.0)
     heard = drive(server, robot, 0, 5)
     server.cancel(goal, 5.0)
-    heard += drive(server, robot, 5, 20)
-    assert said in heard
+    heard += drive(server, robot, 5, 19)
+    assert heard == said
     assert robot.place[0] == pytest.approx(moved_m, abs=1.0)
+    assert server.present(10.0) == (fault is not Fault.SERVER_DEAD)
 
 
 @pytest.mark.parametrize(("fault", "moved_m"), [(Fault.SERVER_DEAD, 5.0), (Fault.RUNAWAY, 20.0)])
-def test_a_dead_server_says_nothing(fault, moved_m):
+def test_a_server_that_dies_on_the_way(fault, moved_m):
     robot, server = served(Span(fault, 5.0, 100.0, 0.0))
     server.send((50.0, 0.0), 0.0)
     drive(server, robot, 0, 4)
-    assert drive(server, robot, 4, 20) == []
-    assert not server.present(10.0)
+    assert drive(server, robot, 4, 20) == NO_REPLY
     assert robot.place[0] == pytest.approx(moved_m, abs=1.0)
-
-
-def test_a_confirmed_cancellation_without_a_result_is_not_the_end():
-    robot, server = served(Span(Fault.NO_RESULT, 0.0, 20.0, 0.0))
-    goal = server.send((50.0, 0.0), 0.0)
-    drive(server, robot, 0, 5)
-    server.cancel(goal, 5.0)
-    assert drive(server, robot, 5, 18) == [CancelAnswered(goal, 0)]
-    assert (robot.drives, server.active) == (True, True)
-    assert GoalOver(goal, Status.CANCELED, False) in drive(server, robot, 18, 25)
 
 
 @pytest.mark.parametrize("name", RECEIVERS)

@@ -21,198 +21,138 @@ from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.travel.stop import Stop, WayPoint
 
 A, B = WayPoint(Stop("a", 0.0, 0.0)), WayPoint(Stop("b", 20.0, 0.0))
+NEAR = WayPoint(Stop("near", 0.0, 0.0, reach_m=0.5))
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+ONE, TWO = frozenset([b"one"]), frozenset([b"two"])
+OURS, OTHERS = frozenset([1]), Listed(ONE, others=True)
+ENDS = {
+    "arrived": Outcome.SUCCEEDED, "failed": Outcome.FAILED, "over": Outcome.CANCELED,
+    "stopped": Outcome.STOPPED, "superseded": Outcome.SUPERSEDED,
+}  # fmt: skip
 
 
-def client_with_goal(*points, listed=None):
-    client = GoalClient(3.0)
-    client.tick(1, 0.0, listed or Listed())
-    points = points or (A,)
-    assert client.go(1, points, 0.0) == (SendGoal(1, points[0]),)
-    assert client.answered(1, True, 0.1) == ()
+def said(request):
+    match request:
+        case SendGoal(goal_id=goal_id, point=point):
+            return f"send {goal_id} {point.stop.name}"
+        case CancelSent(goal_id=goal_id, ours=ours, accepted=accepted):
+            return f"cancel {goal_id}{'' if ours else ' of all'}{'' if accepted else ' early'}"
+        case Ended(goal_id=goal_id, outcome=outcome):
+            return f"{next(word for word, one in ENDS.items() if one is outcome)} {goal_id}"
+
+
+SENT = (("tick", 1, 0.0), ""), (("go", 1, (A,), 0.0), "send 1 a")
+DRIVES = *SENT, (("answered", 1, True, 0.1), "")
+CANCELS = *DRIVES, (("cancel", 1, 1.0), "cancel 1")
+LISTED = (("tick", 1, 0.0, Listed(ONE)), ""), *DRIVES[1:]
+COURSES = {
+    "arrived when status, result and a later position agree": (
+        *DRIVES, (("moved", (0.0, 0.0), 1.0), ""), (("ended", 1, SUCCEEDED, True, 2.0), ""),
+        (("moved", (2.0, 0.0), 2.5), "arrived 1")),
+    **{f"status {status} and success {success} is no arrival": (
+        *DRIVES, (("ended", 1, status, success, 2.0), "failed 1"), (("moved", (0.0, 0.0), 3.0), ""))
+       for status, success in ((SUCCEEDED, False), (ABORTED, True), (0, True))},
+    "a goal that somebody else cancels is left to people": (
+        *DRIVES, (("ended", 1, CANCELED, False, 2.0), "stopped 1")),
+    "a stop is reached within its own reach": (
+        DRIVES[0], (("go", 1, (NEAR,), 0.0), "send 1 near"), (("answered", 1, True, 0.1), ""),
+        (("ended", 1, SUCCEEDED, True, 2.0), ""), (("moved", (1.0, 0.0), 2.5), ""),
+        (("moved", (0.4, 0.0), 3.0), "arrived 1")),
+    "a position that never agrees": (
+        *DRIVES, (("ended", 1, SUCCEEDED, True, 2.0), ""),
+        *((("moved", (30.0, 40.0), 3.0 + number), "") for number in range(9)),
+        (("moved", (30.0, 40.0), 12.0), "failed 1")),
+    "no goal goes to two servers of one name, and the robot can always be stopped": (
+        (("tick", 2, 0.0), ""), (("go", 1, (A,), 0.0), ""), (("tick", 1, 1.0), "send 1 a"),
+        (("answered", 1, True, 1.1), ""), (("tick", 2, 2.0), ""), (("cancel", 1, 3.0), "cancel 1"),
+        (("ended", 1, CANCELED, False, 3.5), "over 1"), (("go", 2, (B,), 4.0), ""),
+        (("tick", 2, 34.5), "failed 2")),
+    **{f"any end ({status}) after a cancellation is the end, and a rejection says nothing": (
+        *CANCELS, (("cancel_answered", 1, 1, 1.1), ""), (("cancel_answered", 1, 0, 1.1), ""),
+        (("ended", 1, status, True, 2.0), "over 1")) for status in (SUCCEEDED, CANCELED, ABORTED)},
+    **{f"a goal that the server does not know any more ({code}) has ended": (
+        *CANCELS, (("cancel_answered", 1, code, 1.1), "over 1")) for code in (2, 3)},
+    "a goal is not sent before the end of the one before is known, which is cancelled again": (
+        *DRIVES, (("go", 2, (B,), 1.0), "over 1, cancel 1"), (("tick", 1, 2.0), ""),
+        (("tick", 1, 3.5), "cancel 1"), (("ended", 1, ABORTED, False, 4.0), "send 2 b")),
+    "a restarted server is asked before the next goal": (
+        *DRIVES, (("tick", 0, 4.0), ""), (("tick", 0, 10.0), "failed 1"), (("go", 2, (B,), 11.0), ""),
+        (("tick", 1, 12.0), "cancel 1"), (("cancel_answered", 1, 2, 12.1), "send 2 b")),
+    "an acceptance that comes too late, of a goal that is not known any more, cancels all": (
+        *SENT, (("tick", 1, 11.0), "failed 1, cancel 1 early"), (("cancel_answered", 1, 2, 11.1, False), ""),
+        (("answered", 1, True, 12.0), "cancel 1 of all")),
+    "nothing is sent while another client drives": (
+        (("tick", 1, 0.0, OTHERS), ""), (("go", 1, (A,), 0.0), ""), (("tick", 1, 1.0, Listed(ONE)), "send 1 a")),
+    **{f"a goal that another client has replaced ({status}) is no failure": (
+        *DRIVES, (("tick", 1, 1.0, OTHERS), ""), (("ended", 1, status, False, 1.1), "superseded 1"))
+       for status in (ABORTED, CANCELED)},
+    "nor if its server reports success of what was replaced": (
+        *DRIVES, (("tick", 1, 1.0, OTHERS), ""), (("ended", 1, SUCCEEDED, True, 1.1), ""),
+        (("tick", 1, 31.2, OTHERS), "superseded 1")),
+    "the list of the server tells the end of a cancelled goal, and not that of others": (
+        *DRIVES, (("tick", 1, 0.5, Listed(ONE, ended=OURS)), ""), (("cancel", 1, 1.0), "over 1")),
+    "a server that was started again at once does not know the goal, unless that came to it": (
+        *LISTED, *((("tick", 1, now_s, Listed(TWO, active=OURS)), "") for now_s in (1.0, 5.0)),
+        (("tick", 1, 6.0, Listed(TWO)), ""), (("tick", 1, 8.0, Listed(TWO)), "failed 1, cancel 1")),
+    "already there needs no goal unless another one may still drive": (
+        SENT[0], (("go", 1, (A,), 0.0, True), "arrived 1"), (("go", 2, (B,), 1.0), "send 2 b"),
+        (("answered", 2, True, 1.1), ""), (("go", 3, (A,), 2.0, True), "over 2, cancel 2"),
+        (("ended", 2, CANCELED, False, 3.0), "send 3 a")),
+    "a way point that fails ends the goal": (
+        SENT[0], (("go", 1, (A, B), 0.0), "send 1 a"), (("answered", 1, True, 0.1), ""),
+        (("ended", 1, ABORTED, False, 5.0), "failed 1"), (("moved", (0.0, 0.0), 6.0), "")),
+}  # fmt: skip
+"""What is told to a client, and what it asks for and reports then."""
+
+
+def told(client, steps):
+    for (kind, *values), expected in steps:
+        assert ", ".join(map(said, getattr(client, kind)(*values))) == expected, (kind, values)
     return client
 
 
-def outcomes(requests):
-    return [request.outcome for request in requests if isinstance(request, Ended)]
+@pytest.mark.parametrize("name", COURSES)
+def test_what_a_client_makes_of_what_it_is_told(name):
+    told(GoalClient(3.0), COURSES[name])
 
 
-def test_arrived_when_status_result_and_a_later_position_agree():
-    client = client_with_goal()
-    assert client.moved((0.0, 0.0), 1.0) == (), "a position of before the end proves nothing"
-    assert client.ended(1, SUCCEEDED, True, 2.0) == ()
-    assert outcomes(client.moved((2.0, 0.0), 2.5)) == [Outcome.SUCCEEDED]
-
-
-@pytest.mark.parametrize(("status", "success"), [(SUCCEEDED, False), (ABORTED, True), (0, True)])
-def test_anything_else_is_not_an_arrival(status, success):
-    client = client_with_goal()
-    assert outcomes(client.ended(1, status, success, 2.0)) == [Outcome.FAILED]
-    assert client.moved((0.0, 0.0), 3.0) == ()
-
-
-def test_a_goal_that_somebody_else_cancels_is_left_to_people():
-    assert outcomes(client_with_goal().ended(1, CANCELED, False, 2.0)) == [Outcome.STOPPED]
-
-
-def test_no_goal_goes_to_two_servers_of_one_name():
-    client = GoalClient(3.0)
-    client.tick(2, 0.0)
-    assert client.go(1, (A,), 0.0) == ()
-    assert client.tick(1, 1.0) == (SendGoal(1, A),)
-    client.answered(1, True, 1.1)
-    assert client.tick(2, 2.0) == (), "a goal that runs goes on"
-    assert client.cancel(1, 3.0) == (CancelSent(1, True),), "the robot can always be stopped"
-    client.ended(1, CANCELED, False, 3.5)
-    assert client.go(2, (B,), 4.0) == ()
-    (end,) = client.tick(2, 34.5)
-    assert end.outcome is Outcome.FAILED
-    assert "has 2 servers" in end.reason
-
-
-def test_a_position_that_never_agrees():
-    client = client_with_goal()
-    client.ended(1, SUCCEEDED, True, 2.0)
-    requests = [client.moved((30.0, 40.0), 3.0 + number) for number in range(10)]
-    assert [outcomes(each) for each in requests] == [*[[]] * 9, [Outcome.FAILED]]
-    assert "50.0 m away" in requests[-1][0].reason
-
-
-@pytest.mark.parametrize("status", [SUCCEEDED, CANCELED, ABORTED])
-def test_any_end_after_a_cancellation_is_the_end(status):
-    client = client_with_goal()
-    assert client.cancel(1, 1.0) == (CancelSent(1, True),)
-    assert client.cancel_answered(1, 1, 1.1) == (), "a rejection says nothing"
-    assert client.cancel_answered(1, 0, 1.1) == ()
-    assert outcomes(client.ended(1, status, True, 2.0)) == [Outcome.CANCELED]
-
-
-@pytest.mark.parametrize("code", [2, 3])
-def test_a_goal_that_the_server_does_not_know_any_more_has_ended(code):
-    client = client_with_goal()
-    client.cancel(1, 1.0)
-    assert outcomes(client.cancel_answered(1, code, 1.1)) == [Outcome.CANCELED]
-
-
-def test_a_goal_is_not_sent_before_the_end_of_the_one_before_is_known():
-    client = client_with_goal()
-    assert client.go(2, (B,), 1.0) == (Ended(1, Outcome.CANCELED, "replaced by another goal"), CancelSent(1, True))
-    assert client.tick(1, 2.0) == ()
-    assert client.tick(1, 3.5) == (CancelSent(1, True),), "cancelled again while it does not end"
-    assert client.ended(1, ABORTED, False, 4.0) == (SendGoal(2, B),)
-
-
-def test_a_restarted_server_is_asked_before_the_next_goal():
-    client = client_with_goal()
-    assert client.tick(0, 4.0) == ()
-    assert outcomes(client.tick(0, 10.0)) == [Outcome.FAILED]
-    assert client.go(2, (B,), 11.0) == ()
-    assert client.tick(1, 12.0) == (CancelSent(1, True),)
-    assert client.cancel_answered(1, 2, 12.1) == (SendGoal(2, B),)
-
-
-def test_an_acceptance_that_comes_too_late_is_cancelled():
-    client = GoalClient(3.0)
-    client.tick(1, 0.0)
-    client.go(1, (A,), 0.0)
-    given_up = client.tick(1, 11.0)
-    assert outcomes(given_up) == [Outcome.FAILED]
-    assert CancelSent(1, True, accepted=False) in given_up
-    client.cancel_answered(1, 2, 11.1, accepted=False)
-    assert client.answered(1, True, 12.0) == (CancelSent(1, False),), "not known by name any more: all goals"
+@pytest.mark.parametrize(
+    ("steps", "event", "reason"),
+    [
+        (DRIVES, ("ended", 1, ABORTED, False, 5.0, "no path"), "the navigation aborted the goal: no path"),
+        ((*SENT[:1], (("tick", 2, 0.0), ""), (("go", 1, (A,), 0.0), "")), ("tick", 2, 31.0), "has 2 servers"),
+        ((*DRIVES, (("ended", 1, SUCCEEDED, True, 2.0), ""), (("moved", (30.0, 40.0), 2.5), "")),
+         ("tick", 1, 33.0), "reported as reached, but the robot is 50.0 m away from it"),
+    ],
+)  # fmt: skip
+def test_the_reason_of_an_end_is_for_people(steps, event, reason):
+    kind, *values = event
+    (end,) = getattr(told(GoalClient(3.0), steps), kind)(*values)
+    assert reason in end.reason
 
 
 def test_a_goal_without_an_answer_is_cancelled_at_once_and_again_when_it_is_accepted():
-    client = GoalClient(3.0)
-    client.tick(1, 0.0)
-    client.go(1, (A,), 0.0)
-    assert client.cancel(1, 0.2) == (CancelSent(1, True, accepted=False),)
-    assert client.tick(1, 0.4) == ()
-    assert client.cancel_answered(1, 2, 0.5, accepted=False) == (), "the server has not seen the goal yet"
+    early = (("cancel", 1, 0.2), "cancel 1 early"), (("tick", 1, 0.4), "")
+    client = told(GoalClient(3.0), (*SENT, *early, (("cancel_answered", 1, 2, 0.5, False), "")))
+    assert client.stop_unheard, "the server has not seen the goal yet"
+    accepted, overtaken = ("answered", 1, True, 0.6), ("cancel_answered", 1, 2, 0.7, False)
+    told(client, ((accepted, "cancel 1"), (overtaken, "")))  # an answer that was overtaken proves nothing
     assert client.stop_unheard
-    assert client.answered(1, True, 0.6) == (CancelSent(1, True),), "now it drives"
-    assert client.cancel_answered(1, 2, 0.7, accepted=False) == (), "an answer that was overtaken proves nothing"
-    assert client.stop_unheard
-    assert client.cancel_answered(1, 0, 0.8) == ()
+    told(client, ((("cancel_answered", 1, 0, 0.8), ""),))
     assert not client.stop_unheard
-    assert outcomes(client.ended(1, ABORTED, False, 0.9)) == [Outcome.CANCELED]
-
-
-ONE, TWO = frozenset([b"one"]), frozenset([b"two"])
-
-
-def test_nothing_is_sent_while_another_client_drives():
-    client = GoalClient(3.0)
-    client.tick(1, 0.0, Listed(ONE, others=True))
-    assert client.go(1, (A,), 0.0) == ()
-    assert client.tick(1, 1.0, Listed(ONE)) == (SendGoal(1, A),)
-
-
-@pytest.mark.parametrize(("status", "success"), [(ABORTED, False), (CANCELED, False), (SUCCEEDED, True)])
-def test_a_goal_that_another_client_has_replaced_is_no_failure(status, success):
-    client = client_with_goal()
-    client.tick(1, 1.0, Listed(ONE, others=True))
-    requests = client.ended(1, status, success, 1.1)
-    if success:  # servers of topological navigation report success of what was replaced
-        requests = client.tick(1, 31.2, Listed(ONE, others=True))
-    assert outcomes(requests) == [Outcome.SUPERSEDED]
-
-
-def test_the_list_of_the_server_tells_the_end_of_a_cancelled_goal():
-    client = client_with_goal()
-    assert client.tick(1, 0.5, Listed(ONE, ended=frozenset([1]))) == (), "its result says how it ended"
-    assert outcomes(client.cancel(1, 1.0)) == [Outcome.CANCELED]
+    told(client, ((("ended", 1, ABORTED, False, 0.9), "over 1"),))
 
 
 def test_a_cancelled_goal_without_an_end_is_waited_for_until_the_server_is_another():
-    client = client_with_goal(listed=Listed(ONE))
-    client.cancel(1, 1.0)
+    client = told(GoalClient(3.0), (*LISTED, (("cancel", 1, 1.0), "cancel 1")))
     client.tick(1, 10.0, Listed(ONE))
     assert client.unended == ""
     client.tick(1, 11.5, Listed(ONE))
     assert client.unended == "the goal to a"
     client.go(2, (B,), 12.0)
     assert SendGoal(2, B) not in (*client.tick(0, 14.0, Listed()), *client.tick(1, 17.0, Listed(ONE))), "as before"
-    client.tick(1, 18.0, Listed(TWO))
-    assert client.tick(1, 20.0, Listed(TWO)) == (SendGoal(2, B),)
+    told(client, ((("tick", 1, 18.0, Listed(TWO)), ""), (("tick", 1, 20.0, Listed(TWO)), "send 2 b")))
     assert client.unended == ""
-
-
-def test_a_server_that_was_started_again_at_once_does_not_know_the_goal():
-    client = client_with_goal(listed=Listed(ONE))
-    client.tick(1, 1.0, Listed(TWO, active=frozenset([1])))
-    assert client.tick(1, 5.0, Listed(TWO, active=frozenset([1]))) == (), "it had come to the new one"
-    client.tick(1, 6.0, Listed(TWO))
-    given_up = client.tick(1, 8.0, Listed(TWO))
-    assert outcomes(given_up) == [Outcome.FAILED]
-    assert given_up[1:] == (CancelSent(1, True),)
-
-
-def test_a_stop_is_reached_within_its_own_reach():
-    client = client_with_goal(WayPoint(Stop("near", 0.0, 0.0, reach_m=0.5)))
-    client.ended(1, SUCCEEDED, True, 2.0)
-    assert client.moved((1.0, 0.0), 2.5) == (), "at the neighbour"
-    assert outcomes(client.moved((0.4, 0.0), 3.0)) == [Outcome.SUCCEEDED]
-
-
-def test_already_there_needs_no_goal_unless_another_one_may_still_drive():
-    client = GoalClient(3.0)
-    client.tick(1, 0.0)
-    assert client.go(1, (A,), 0.0, True) == (Ended(1, Outcome.SUCCEEDED, "already at a"),)
-    assert client.go(2, (B,), 1.0) == (SendGoal(2, B),)
-    client.answered(2, True, 1.1)
-    assert client.go(3, (A,), 2.0, True)[-1] == CancelSent(2, True)
-    assert client.ended(2, CANCELED, False, 3.0) == (SendGoal(3, A),)
-
-
-def test_a_way_point_that_fails_ends_the_goal():
-    client = client_with_goal(A, B)
-    (end,) = client.ended(1, ABORTED, False, 5.0, "no valid path (code 208)")
-    assert (end.outcome, end.reason) == (
-        Outcome.FAILED,
-        "the navigation aborted the goal: no valid path (code 208)",
-    )
-    assert client.moved((0.0, 0.0), 6.0) == ()
 
 
 EVENTS = st.one_of(
