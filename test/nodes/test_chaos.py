@@ -20,13 +20,12 @@ import yaml
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
-from real_nodes import UNLIMITED, NodesSettings, RealNodes
+from real_nodes import UNLIMITED, RealNodes
 
 from rehearsal.cases import Ground
 from rehearsal.judge import Judge, Kind, Limits
-from soilmoist_ros.exploration import OperatorRequest, Phase, Verb
+from soilmoist_ros.exploration import Phase, Verb
 from soilmoist_ros.foundation.configuration import config_folder
-from soilmoist_ros.nodes.process_group import free_domain
 from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.map_records import MapRecords
 from soilmoist_ros.recording.map_sources import DRIVER, OWN, RecordTail
@@ -69,25 +68,22 @@ def damages(from_s, for_s):
 class People:
     """Who pause a mission, and resume one that has been paused for a while."""
 
-    def __init__(self, operator):
+    def __init__(self, nodes):
         self.acts = []  # in their order: the time [s], and what stopped the robot; nothing for a resume
-        self._operator, self._paused_s = operator, math.inf
+        self._nodes, self._paused_s = nodes, math.inf
 
     def pause(self):
-        reply = self._operator.ask(OperatorRequest(Verb.PAUSE))
-        if reply is not None and reply.accepted:
-            self.acts.append((self._operator.now_s, Verb.PAUSE))
+        if self._nodes.ask(Verb.PAUSE):
+            self.acts.append((self._nodes.now_s, Verb.PAUSE))
 
     def answer(self):
-        now_s, status = self._operator.now_s, self._operator.status
+        now_s, status = self._nodes.now_s, self._nodes.status
         paused = status is not None and status.phase is Phase.PAUSED
         self._paused_s = min(self._paused_s, now_s) if paused else math.inf
         if now_s > self._paused_s + ANSWER_S:
             self._paused_s = math.inf
-            asked_s = now_s - ROUNDING_S  # a goal that follows at once is not before it
-            reply = self._operator.ask(OperatorRequest(Verb.RESUME))
-            if reply is None or reply.accepted:  # the answer may be lost, or late
-                self.acts.append((asked_s, ""))
+            if self._nodes.ask(Verb.RESUME):
+                self.acts.append((now_s - ROUNDING_S, ""))  # a goal that follows at once is not before it
 
 
 def faults(nodes, people):
@@ -109,30 +105,28 @@ def faults(nodes, people):
 def run(nodes, people):
     """Let the mission end while things go wrong."""
     todo, began_s, ended_s = faults(nodes, people), time.monotonic(), math.inf
-    operator = nodes.operator
-    while operator.now_s < BUDGET_S + OVERTIME_S and time.monotonic() - began_s < WALL_S:
+    while nodes.now_s < BUDGET_S + OVERTIME_S and time.monotonic() - began_s < WALL_S:
         time.sleep(0.05)
-        while todo and todo[0][0] <= operator.now_s:
+        while todo and todo[0][0] <= nodes.now_s:
             todo.pop(0)[1]()
         people.answer()
-        over = operator.status is not None and operator.status.phase is Phase.FINISHED
-        ended_s = min(ended_s, operator.now_s) if over else math.inf
-        if nodes.ended() or operator.now_s > ended_s + AFTERWARDS_S:
+        over = nodes.status is not None and nodes.status.phase is Phase.FINISHED
+        ended_s = min(ended_s, nodes.now_s) if over else math.inf
+        if nodes.ended() or nodes.now_s > ended_s + AFTERWARDS_S:
             break
     assert nodes.ended() == {}
     assert not todo
-    nodes.settle()
     nodes.stop()
 
 
-def judged(nodes, acts, witnessed, records_of):
+def judged(nodes, acts, places, goals, records_of):
     """Violations, by the judge of the rehearsals."""
-    heard, end_s = nodes.operator.heard, nodes.operator.now_s
+    end_s = nodes.now_s
     limits = Limits(stopping_s=10.0 + 2 * LATE_S, still_m=1.0, same_m=0.001, late_s=60.0 + LATE_S)
     judge = Judge(Ground("", nodes.field.field, None, (math.nan, math.nan)), BUDGET_S, limits)
-    timeline = Timeline(heard.statuses)
+    timeline = Timeline(nodes.statuses)
     events = []
-    for (_, before), (at_s, place) in pairwise(witnessed.places):
+    for (_, before), (at_s, place) in pairwise(places):
         if (status := timeline.at(at_s)) is not None:
             events.append((at_s, 3, partial(judge.drove, at_s, before, [place], status)))
     for number, (at_s, what) in enumerate(acts):  # what is done at one time keeps its order
@@ -141,21 +135,21 @@ def judged(nodes, acts, witnessed, records_of):
             events.append((min(at_s + LATE_S, resumed_s), 1, partial(judge.stopped, at_s, what)))
         else:
             events.append((at_s, 1, partial(judge.resumes, at_s, lambda: True)))
-    begun = next(at_s for at_s, status in heard.statuses if status.phase is not Phase.IDLE)
+    begun = next(at_s for at_s, status in nodes.statuses if status.phase is not Phase.IDLE)
     events.append((begun - LATE_S, 0, partial(judge.resumes, begun, lambda: True)))
-    events += [(at_s, 2, partial(judge.sent, at_s, place, name)) for at_s, place, name in witnessed.goals]
-    events += [(at_s, 4, partial(judge.said, at_s, status, 0.0)) for at_s, status in heard.statuses]
-    events += [(at_s, 5, partial(judge.visited, at_s, visit)) for at_s, visit in heard.visits]
+    events += [(at_s, 2, partial(judge.sent, at_s, place, name)) for at_s, place, name in goals]
+    events += [(at_s, 4, partial(judge.said, at_s, status, 0.0)) for at_s, status in nodes.statuses]
+    events += [(at_s, 5, partial(judge.visited, at_s, visit)) for at_s, visit in nodes.visits]
     for _, _, happen in sorted(events, key=lambda event: event[:2]):
         happen()
-    judge.ended(end_s, nodes.operator.status)
+    judge.ended(end_s, nodes.status)
     logs = {name: records_of(nodes.session / name) for name in (DRIVER, OWN)}
     stored = [record for records in logs.values() for record in records]
-    judge.kept(end_s, [*heard.records, *heard.quarantined], stored, "the logs")
+    judge.kept(end_s, [*nodes.records, *nodes.quarantined], stored, "the logs")
     whole = MapRecords(open_survey(str(nodes.configuration / "field.yaml")).map)
     for name, records in logs.items():
         whole.take(name, records)
-    judge.mapped(end_s, heard.samples, whole.map.samples)
+    judge.mapped(end_s, nodes.samples, whole.map.samples)
     for bag in nodes.bags:  # the full disk has spoilt them, but not invented anything
         judge.known(end_s, stored_counts(bag, ["/counts"], "map"), stored, f"the bag {bag.name}")
     return judge.violations
@@ -185,21 +179,18 @@ def records(folder):
 
 @pytest.mark.slow
 @pytest.mark.process
-def test_no_record_is_lost_and_nobody_is_disobeyed(tmp_path):
+def test_no_record_is_lost_and_nobody_is_disobeyed(ros, tmp_path):
     """By a judge that finds what is wrong with the same evidence when it is spoiled."""
     mission = MissionSettings(field=field_with_pond(tmp_path), strategy="greedy", hours=BUDGET_S / 3600, seed=1)
-    settings = NodesSettings(
-        out=tmp_path / "run", mission=mission, time_factor=TIME_FACTOR, scenario=damages(60.0, 60.0)
-    )
-    with free_domain() as domain, RealNodes(settings, domain) as nodes:
-        people = People(nodes.operator)
+    with RealNodes(ros, mission, TIME_FACTOR, damages(60.0, 60.0)) as nodes:
+        people = People(nodes)
         run(nodes, people)
-        seen = nodes.witnessed()
-        assert judged(nodes, people.acts, seen, records) == []
-        assert len(nodes.operator.heard.records) > 10
-        assert seen.goals
-        assert [bool(what) for _, what in people.acts].count(True) == 1
-        seen.places[:] = [(at_s, (x_m + 500.0, y_m)) for at_s, (x_m, y_m) in seen.places]
-        seen.goals[:] = [(at_s, (x_m + 500.0, y_m), name) for at_s, (x_m, y_m), name in seen.goals]
-        spoiled = judged(nodes, people.acts, seen, lambda folder: records(folder)[:5] + records(folder)[6:])
-    assert {Kind.LOST, Kind.MAP_DIFFERS, Kind.OUTSIDE, Kind.GOAL_OUTSIDE} <= {one.kind for one in spoiled}
+        places, goals = nodes.witnessed()
+        assert judged(nodes, people.acts, places, goals, records) == []
+        assert len(nodes.records) > 10
+        assert goals
+        assert [what for _, what in people.acts].count(Verb.PAUSE) == 1
+        away = [(at_s, (x_m + 500.0, y_m)) for at_s, (x_m, y_m) in places]
+        astray = [(at_s, (x_m + 500.0, y_m), name) for at_s, (x_m, y_m), name in goals]
+        lost = judged(nodes, people.acts, away, astray, lambda file: records(file)[:5] + records(file)[6:])
+    assert {Kind.LOST, Kind.MAP_DIFFERS, Kind.OUTSIDE, Kind.GOAL_OUTSIDE} <= {one.kind for one in lost}

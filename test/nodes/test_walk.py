@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import re
-import time
 from pathlib import Path
 
 import pytest
@@ -13,9 +12,8 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 import walk
-from real_nodes import LIMIT_S, NodesSettings, RealNodes
+from real_nodes import RealNodes
 
-from soilmoist_ros.nodes.process_group import free_domain
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,33 +23,23 @@ class WatchedNodes(RealNodes):
     """Nodes whose driver, mapper and planner note the files that they enter."""
 
     def start(self, name):
-        program = [walk.__file__, name, str(self.folder)] if name in walk.NODES else ()
+        program = [walk.__file__, name, str(self.out.parent)] if name in walk.NODES else ()
         self._robot.start(name, self._files[name], program=program)
-
-
-def wait_for(condition):
-    until_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < until_s
-        time.sleep(0.02)
 
 
 @pytest.mark.slow
 @pytest.mark.process
-def test_a_record_and_a_plan_enter_few_files(tmp_path):
+def test_a_record_and_a_plan_enter_few_files(ros, tmp_path):
     found = re.search(r"enter at most (\d+) files with ([\d,]+) lines", (ROOT / "CONTRIBUTING.md").read_text())
     files, lines = int(found[1]), int(found[2].replace(",", ""))
     mission = MissionSettings(field="rough", strategy="gcb", hours=0.5, seed=1)
-    WatchedNodes.folder = tmp_path
-    settings = NodesSettings(out=tmp_path / "run", mission=mission, time_factor=20.0)
-    with free_domain() as domain, WatchedNodes(settings, domain) as nodes:
-        heard = nodes.operator.heard
+    with WatchedNodes(ros, mission, 20.0) as nodes:
 
         def next_stop():
-            visits, samples = len(heard.visits), heard.samples
-            wait_for(lambda: len(heard.visits) > visits and heard.samples is not samples)
+            visits, samples = len(nodes.visits), nodes.samples
+            ros.wait_for(lambda: len(nodes.visits) > visits and nodes.samples is not samples)
 
-        wait_for(lambda: len(heard.visits) > 3)
+        ros.wait_for(lambda: len(nodes.visits) > 3)
         entered = walk.entered_files(nodes, tmp_path, next_stop)
     names = sorted(entered)
     length = sum(len((ROOT / name).read_text().splitlines()) for name in names)
