@@ -33,7 +33,6 @@ from soilmoist_ros.nodes.launching import (
     with_empty_lists,
 )
 from soilmoist_ros.nodes.planner_parameters import PERSON
-from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.recording.map_sources import open_session
 
 PARAMETERS = {
@@ -140,10 +139,9 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     values["planner"] |= {name: flag(name) for name in ("autostart", "exit_when_finished")}
     files = parameter_files(given("params_file"))
     values["planner"] |= journal(given("journal_dir"), arguments["out"], given("params_file"), given("namespace"))
-    start = earlier(values["planner"])
     records = stored_records(values["planner"], arguments["out"], given("namespace"))
     values["sensor_driver"] |= {"record_dir": records["record_dir"]}
-    values["mapper"] |= {**start, **records}
+    values["mapper"] |= records
     if flag("respawn"):
         values["planner"] |= {"respawn_limit_s": RESPAWN_LIMIT_S}
     if not flag("record"):
@@ -157,8 +155,7 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     ]
     # Settings of /**/mapper in params_file, such as the counts to map, must not apply to property mappers.
     started += [
-        ("mapper", *one, general)
-        for one in property_mappers(given("namespace"), arguments, properties, start, records)
+        ("mapper", *one, general) for one in property_mappers(given("namespace"), arguments, properties, records)
     ]
     last_words = LastWords()
     ends = end_all if flag("exit_when_finished") else None
@@ -191,11 +188,7 @@ def end_all(code: int) -> list[Shutdown]:
 
 
 def property_mappers(
-    namespace: str,
-    arguments: Mapping[str, str],
-    properties: Sequence[str],
-    start: Mapping[str, str],
-    records: Mapping[str, object],
+    namespace: str, arguments: Mapping[str, str], properties: Sequence[str], records: Mapping[str, object]
 ) -> list[tuple[str, list[str], dict[str, object]]]:
     """Namespace, no files, and parameters of each property's mapper; each mapper saves to a separate folder."""
     mapper = parameters_from("mapper", {**arguments, "site": ""})
@@ -207,7 +200,6 @@ def property_mappers(
             {
                 **mapper,
                 "save_dir": f"{folder}_{Path(name).name}",
-                **start,
                 "start_property": name,
                 **records,
                 "record_dir": f"{records['record_dir']}/properties/{name.strip('/')}",
@@ -223,14 +215,6 @@ def journal(folder: str, out: str, params_file: str, namespace: str) -> dict[str
         return {}
     own = Path(out or RECORDINGS, "journal", namespace.strip("/"))  # several robots may share a computer
     return {"journal_dir": folder or str(own.expanduser().absolute())}
-
-
-def earlier(planner: Mapping[str, object]) -> dict[str, str]:
-    """The planner's journal, in which the mappers find the records of an interrupted mission."""
-    folder = str(planner.get("journal_dir", ""))
-    if not folder or planner.get("resume") == "fresh" or not Path(folder, ENTRIES).expanduser().is_file():
-        return {}
-    return {"start_from": folder}
 
 
 def stored_records(planner: Mapping[str, object], out: str, namespace: str) -> dict[str, object]:

@@ -26,12 +26,11 @@ def command() -> None:
 @answering
 def bag_info_command(bag: Path) -> None:
     """Show the content of a BAG. Exit code 1 if the bag is not whole."""
-    from soilmoist_ros.recording import bag_info, bag_of, info_table, print_plain, quarantine_reasons
+    from soilmoist_ros.recording import bag_info, bag_of, info_table, print_plain
 
     info = bag_info(bag_of(bag))
-    reasons = quarantine_reasons(info)
-    put(bag=asdict(info), whole=info.whole, quarantined=reasons)
-    print_plain(tables(), info_table(info, reasons))
+    put(bag=asdict(info), whole=info.whole)
+    print_plain(tables(), info_table(info))
     if not info.whole:
         sys.exit(1)
 
@@ -40,7 +39,7 @@ def bag_info_command(bag: Path) -> None:
 @click.argument("bags", type=FILE, nargs=-1, required=True)
 @answering
 def bag_verify_command(bags: tuple[Path, ...]) -> None:
-    """Verify BAGS: checksums, every message, and what the metadata say. Exit code 1 if one is not whole."""
+    """Verify BAGS: every message by its checksum, and what the metadata say. Exit code 1 if one is not whole."""
     from soilmoist_ros.recording import bag_info, bag_of, print_plain, verified_table
 
     wrong, results = False, []

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.guard.signals import EmergencyTopic as EmergencyTopic
     from soilmoist_ros.exploration.guard.watch import POSES_FROZEN_S as POSES_FROZEN_S, Watch as Watch
     from soilmoist_ros.exploration.mission.events import ANYBODYS as ANYBODYS, FORGOTTEN as FORGOTTEN, Action as Action, CancelGoal as CancelGoal, Command as Command, Event as Event, Finish as Finish, GoalFailed as GoalFailed, GoalReached as GoalReached, GoTo as GoTo, Moved as Moved, Publish as Publish, RecordArrived as RecordArrived, RequestPlan as RequestPlan, StartCounting as StartCounting, Tick as Tick, VisitDone as VisitDone
-    from soilmoist_ros.exploration.mission.journal import EVENT as EVENT, MissionJournal as MissionJournal, interrupted_mission as interrupted_mission, interrupted_records as interrupted_records, is_under_way as is_under_way
+    from soilmoist_ros.exploration.mission.journal import EVENT as EVENT, MissionJournal as MissionJournal, interrupted_mission as interrupted_mission, is_under_way as is_under_way
     from soilmoist_ros.exploration.mission.mission import Mission as Mission
     from soilmoist_ros.exploration.mission.state import state_from_json as state_from_json
     from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD as MAX_UNTIL_SD, OTHER_ROBOT as OTHER_ROBOT, PUBLISHED_MIN_LAST_DWELL_S as PUBLISHED_MIN_LAST_DWELL_S, STATUS_COUNTS as STATUS_COUNTS, STATUS_FLAGS as STATUS_FLAGS, STATUS_FLOATS as STATUS_FLOATS, TRIGGERS as TRIGGERS, Alarm as Alarm, Changes as Changes, MissionEnd as MissionEnd, MissionRules as MissionRules, MissionStatus as MissionStatus, Phase as Phase, Polygons as Polygons, Response as Response, Verb as Verb, status_health as status_health, status_level as status_level
@@ -69,7 +69,7 @@ __getattr__, __dir__, __all__ = open_door(
         "guard.signals": "EmergencyTopic",
         "guard.watch": "POSES_FROZEN_S Watch",
         "mission.events": "ANYBODYS Action CancelGoal Command Event FORGOTTEN Finish GoTo GoalFailed GoalReached Moved Publish RecordArrived RequestPlan StartCounting Tick VisitDone",
-        "mission.journal": "EVENT MissionJournal interrupted_mission interrupted_records is_under_way",
+        "mission.journal": "EVENT MissionJournal interrupted_mission is_under_way",
         "mission.mission": "Mission",
         "mission.state": "state_from_json",
         "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT PUBLISHED_MIN_LAST_DWELL_S Phase Polygons Response STATUS_COUNTS STATUS_FLAGS STATUS_FLOATS TRIGGERS Verb status_health status_level",

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -21,6 +21,7 @@ from soilmoist_ros.foundation import (
     InputError,
     LocalFrame,
     Section,
+    coordinates_text,
     distance_and_bearing,
     distance_text,
     foreign_text,
@@ -181,6 +182,17 @@ class Field:
             raise InputError(
                 f"the field {self.name!r} cannot be gridded: {error}", "change the cell size"
             ) from None
+
+    def moved_to(self, frame: LocalFrame) -> Field:
+        """The field in another plane; ``InputError`` if it lies beyond it, on another side of the earth."""
+        if frame == self.frame:
+            return self
+        rings = [frame.to_local(*self.frame.to_geographic(one).T) for one in (self.polygon, *self.no_go)]
+        if not np.isfinite(rings[0]).all():
+            where = coordinates_text(frame.latitude_deg, frame.longitude_deg)
+            message = f"the field {self.name!r} lies on another side of the earth than the records, at {where}"
+            raise InputError(message, "correct the sign of latitude or longitude in the field file")
+        return replace(self, frame=frame, polygon=rings[0], no_go=tuple(rings[1:]))
 
     @cached_property
     def centre(self) -> tuple[float, float]:

@@ -130,8 +130,7 @@ MAPPER: Final = (
         "footprint and extent of the field", "m", 0, 1000),
     *STAMP_LIMITS,
     row("frame", "map", "frame of all published messages"),
-    row("start_from", "", "save folder, bag, or journal of an interrupted mission whose records the map starts "
-        "with; empty for none"),
+    row("start_from", "", "save folder or bag whose records the map starts with; empty for none"),
     row("start_property", "", "property in start_from whose records the map starts with, as in the planner's "
         "properties; empty for the planner's own field"),
     EARLIER,

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from soilmoist_ros import sensing
-from soilmoist_ros.foundation import IllConditionedError, InputError, Mistake, SoilmoistError, duration
+from soilmoist_ros.foundation import IllConditionedError, InputError, LocalFrame, Mistake, SoilmoistError, duration
 from soilmoist_ros.mapping import MappingSettings
 from soilmoist_ros.pipeline.bag_lines import CLOUD, TEXT, RunTopics, text_lines
 from soilmoist_ros.pipeline.field_survey import FieldSurvey, input_file, loss_rows_of, open_survey, require_crs
@@ -33,8 +33,9 @@ from soilmoist_ros.pipeline.properties import (
     named_truths,
     read_planner,
     read_published_map,
-    recorded_places,
+    recorded_frame,
     team_properties,
+    trusted_records,
     why_nothing,
 )
 from soilmoist_ros.pipeline.run import FailedRun, MapRun, NoMapError, Note, NoteCode, Trouble
@@ -86,7 +87,7 @@ class ReplaySettings(MappingSettings):
 def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
     """The map of the robot's own records, still without records, and remarks for the user."""
     had = read_parameters(configuration, "mapper")
-    survey = _open(bag, had, chosen, chosen.site)
+    survey = _open(bag, had, chosen, recorded_frame(configuration), chosen.site)
     if not chosen.site or not had.get("site"):
         return survey, []
     recorded = sensing.load_site(had["site"]).corrections
@@ -101,7 +102,12 @@ def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) 
 
 
 def _open(
-    bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: Path | str | None = None, name: str = ""
+    bag: Path,
+    had: Mapping[str, Any],
+    chosen: ReplaySettings,
+    frame: LocalFrame | None,
+    site: Path | str | None = None,
+    name: str = "",
 ) -> FieldSurvey:
     """A map of a property without records: the mapper's settings, overridden by the user's choices."""
     field_file = chosen.field or had.get("field")
@@ -113,7 +119,7 @@ def _open(
             simulated=had.get("simulated", False),
             earlier=had.get("earlier", ()) if chosen.earlier is None else chosen.earlier, property_name=name,
             covariates=had.get("covariates", ()) if chosen.covariates is None else chosen.covariates,
-            recorded=had or None,
+            recorded=had or None, frame=frame,
             **{one.name: getattr(chosen, one.name) for one in dataclasses.fields(MappingSettings)},
         )  # fmt: skip
     except ValueError as error:
@@ -142,7 +148,6 @@ class _Recording:
         self._reader, self._chosen, self._configuration, self._remarks = reader, chosen, configuration, remarks
         self._mapper = read_parameters(configuration, "mapper")
         self._frame = str(self._mapper.get("frame", ""))  # the mapper skips counts of others
-        self._places = recorded_places(configuration, survey.field)
         self.survey = survey
         self.robots: list[RunTopics] = []
         self.several = False
@@ -156,11 +161,7 @@ class _Recording:
         self.robots = self.robots or [RunTopics.of_counts(reader, reader.find_topic(topic, CLOUD))]
         others = self._of_others()
         self.several = len(self.robots) > 1 or bool(others)
-        found = reader.read_counts_of([*(robot.counts for robot in self.robots), *others], self._frame)
-        placed = self._places.records([record for _, record in found])
-        counted = [(name, record) for (name, _), record in zip(found, placed, strict=True)]
-        doubts = {name: self._places.doubts(reader, name) for name in {name for name, _ in counted}}
-        return [(name, doubts[name].placed(record)) for name, record in counted]
+        return trusted_records(reader, [*(robot.counts for robot in self.robots), *others], self._frame)
 
     def _of_others(self) -> list[str]:
         """Topics of counts of other robots that the mapper of the only robot has mapped."""
@@ -180,24 +181,21 @@ class _Recording:
         for one in chosen_properties(found, chosen.properties, reader.path):
             own = one.counts == tuple(robot.counts for robot in self.robots)
             try:
-                records = (
-                    [record for _, record in self.counted]
-                    if own
-                    else self._places.trusted_records(reader, one.counts, self._frame)
-                )
+                counted = self.counted if own else trusted_records(reader, one.counts, self._frame)
             except InputError as error:
                 if one.weight or one.name in chosen.properties:
                     raise
                 note = f"{', '.join(one.counts)} is not mapped: {error}."
                 self._remarks.append(Note(NoteCode.NOT_MAPPED, note))
                 continue
+            records = [record for _, record in counted]
             if not records and not own:
                 continue
             survey = self.survey
             if not own:
                 # without its mapper's settings as the robot's own, but a calibration belongs to one sensor
                 had = read_parameters(self._configuration, one.mapper) or {**self._mapper, "site": ""}
-                survey = _open(reader.path, had, chosen, name=one.name)
+                survey = _open(reader.path, had, chosen, self.survey.field.frame, name=one.name)
             states = [survey.map.state for record in records if survey.map.add(record) is None]
             published = read_published_map(_mapper_topics(one, self.robots, own))
             truth = surrogate_field(truths[one.name]) if one.name in truths else None
@@ -212,7 +210,7 @@ class _Recording:
         for number, robot in enumerate(self.robots, 1):
             its = [record for name, record in self.counted if name == robot.counts and not record.quarantine]
             if statuses := last_mission(read_statuses(robot)):
-                visits = self._places.visits(mission_visits(statuses, read_visits(robot, number), its))
+                visits = mission_visits(statuses, read_visits(robot, number), its)
                 planner = read_planner(self._configuration, robot)
                 found.append(RobotMission(number, planner, statuses, visits, its))
         return found

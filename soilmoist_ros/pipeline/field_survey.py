@@ -170,6 +170,7 @@ def open_survey(
     property_name: str = "",
     covariates: Sequence[str] = (),
     recorded: Mapping[str, Any] | None = None,
+    frame: LocalFrame | None = None,
     **chosen: Any,
 ) -> FieldSurvey:
     """A field survey without records.
@@ -180,6 +181,7 @@ def open_survey(
     :param property_name: name of the property in them; empty for the robot's own
     :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field
     :param recorded: parameters of the mapper whose map is opened again
+    :param frame: plane of the map; ``None`` for that of the field file
     :param chosen: settings of :class:`MappingSettings`
     :raises InputError: if a file cannot be used or the field cannot be gridded
     """
@@ -190,6 +192,7 @@ def open_survey(
     the_field, the_site = (
         load_field(field_path), sensing.load_site(site_path) if site_path else sensing.Site(calibration=None),
     )  # fmt: skip
+    the_field = the_field if frame is None else the_field.moved_to(frame)
     files = [("field", field_path), *([("site", site_path)] if site_path else [])]
     radius_m = the_site.footprint_radius_m
     grid = the_field.grid(values["cell_m"] or None, radius_m)

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from soilmoist_ros.exploration import Visit, property_weights
+from soilmoist_ros.exploration import property_weights
 from soilmoist_ros.foundation import IllConditionedError, InputError, LocalFrame, finite_number, resource
-from soilmoist_ros.mapping import Field, MapState, PositionSource, load_field, require_near
+from soilmoist_ros.mapping import MapState, PositionSource, load_field, require_near
 from soilmoist_ros.pipeline.bag_lines import CLOUD, STATUS, TEXT, RunTopics
 from soilmoist_ros.pipeline.field_survey import FieldSurvey
 from soilmoist_ros.recording import BagReader, points, read_parameters
@@ -34,74 +34,30 @@ _NUMBERS: Final = ("hours", "seed", "until_sd", "until_gain", "certify")
 _TEXTS: Final = ("target", "threshold", "preset", "until")  # parameters of a planner that a report shows
 
 
-@dataclass(frozen=True)
-class RecordedPlaces:
-    """The plane of a recording, and the field to which its places are converted."""
-
-    recorded: LocalFrame
-    field: Field
-
-    @property
-    def _same(self) -> bool:
-        return self.recorded == self.field.frame
-
-    def records(self, records: Sequence[CountRecord]) -> list[CountRecord]:
-        """Records with their places in the plane of the field; ``InputError`` if all are beyond it."""
-        if self._same or not records:
-            return list(records)
-        recorded = np.array([(record.x_m, record.y_m) for record in records])
-        xy = self._to_field(recorded)
-        if np.isfinite(recorded).all(axis=1).any() and not np.isfinite(xy).any():
-            require_near(self.field, self.recorded.to_geographic(recorded), 0.0, PositionSource("the recording"))
-        return [replace(record, x_m=x, y_m=y) for record, (x, y) in zip(records, xy, strict=True)]
-
-    def doubts(self, reader: BagReader, counts: str) -> Doubts:
-        """Doubts of the planner of a robot about its place, of the nearest namespace; none if the bag has none."""
-        doubts, parts = Doubts(), counts.split("/")
-        names = ["/".join([*parts[:end], DOUBTS]) for end in range(len(parts) - 1, 0, -1)]
-        found = next((name for name in names if reader.topics.get(name) == TEXT), None)
-        for text in reader.read_texts(found) if found else ():
-            with suppress(ValueError):
-                doubt = Doubt.from_text(text)
-                places = [(doubt.x_m, doubt.y_m), (doubt.before_x_m, doubt.before_y_m)]
-                (x_m, y_m), (before_x_m, before_y_m) = self._to_field(places)
-                doubts.take(replace(doubt, x_m=x_m, y_m=y_m, before_x_m=before_x_m, before_y_m=before_y_m))
-        return doubts
-
-    def trusted_records(self, reader: BagReader, counts: Sequence[str], frame: str) -> list[CountRecord]:
-        """Records of topics in the plane of the field, as far as their places are trusted."""
-        doubts = {name: self.doubts(reader, name) for name in counts}
-        found = reader.read_counts_of(counts, frame)
-        moved = self.records([record for _, record in found])
-        return [doubts[name].placed(record) for (name, _), record in zip(found, moved, strict=True)]
-
-    def visits(self, visits: Sequence[Visit]) -> list[Visit]:
-        """Visits with their places in the plane of the field."""
-        found = []
-        for visit in visits:
-            places = [(visit.x_m, visit.y_m), (visit.stop_x_m, visit.stop_y_m)]
-            (x, y), (stop_x, stop_y) = self._to_field(places)
-            found.append(replace(visit, x_m=x, y_m=y, stop_x_m=stop_x, stop_y_m=stop_y))
-        return found
-
-    def _to_field(self, xy_m: ArrayLike) -> list[list[float]]:
-        """Places in the plane of the field [m]; NaN stays NaN."""
-        xy = np.asarray(xy_m, float)
-        if self._same:
-            return [[float(x), float(y)] for x, y in xy]
-        known = np.isfinite(xy).all(axis=1)
-        moved = np.full_like(xy, np.nan)
-        moved[known] = self.field.frame.to_local(*self.recorded.to_geographic(xy[known]).T)
-        return [[float(x), float(y)] for x, y in moved]
-
-
-def recorded_places(configuration: Path | None, field: Field) -> RecordedPlaces:
-    """The plane of a recording, by the field file of its driver; that of the field if it is unknown."""
+def recorded_frame(configuration: Path | None) -> LocalFrame | None:
+    """The plane of a recording, by the field file of its driver; ``None`` if it is unknown."""
     for node in ("sensor_driver", "mapper"):
         if named := read_parameters(configuration, node).get("field"):
             with suppress(InputError):
-                return RecordedPlaces(load_field(resource("fields", str(named))).frame, field)
-    return RecordedPlaces(field.frame, field)
+                return load_field(resource("fields", str(named))).frame
+    return None
+
+
+def place_doubts(reader: BagReader, counts: str) -> Doubts:
+    """Doubts of the planner of a robot about its place, of the nearest namespace; none if the bag has none."""
+    doubts, parts = Doubts(), counts.split("/")
+    names = ["/".join([*parts[:end], DOUBTS]) for end in range(len(parts) - 1, 0, -1)]
+    found = next((name for name in names if reader.topics.get(name) == TEXT), None)
+    for text in reader.read_texts(found) if found else ():
+        with suppress(ValueError):
+            doubts.take(Doubt.from_text(text))
+    return doubts
+
+
+def trusted_records(reader: BagReader, counts: Sequence[str], frame: str) -> list[tuple[str, CountRecord]]:
+    """Records of topics, each with its topic, in the order of recording, as far as their places are trusted."""
+    doubts = {name: place_doubts(reader, name) for name in counts}
+    return [(name, doubts[name].placed(record)) for name, record in reader.read_counts_of(counts, frame)]
 
 
 def why_nothing(survey: FieldSurvey, records: Sequence[CountRecord], path: Path) -> InputError:

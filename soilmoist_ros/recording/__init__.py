@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.recording.map_sources import DRIVER as DRIVER, MapSources as MapSources, RecordLog as RecordLog
     from soilmoist_ros.recording.run_folder import CONFIGURATION as CONFIGURATION, SUMMARY as SUMMARY, RunConfiguration as RunConfiguration, bag_of as bag_of, configuration_of as configuration_of, copy_configuration as copy_configuration, is_bag as is_bag, message_files as message_files, read_parameters as read_parameters, sync_file as sync_file, sync_folder as sync_folder, write_parameters as write_parameters, write_whole as write_whole
     from soilmoist_ros.recording.stored_mission import StoredMission as StoredMission
-    from soilmoist_ros.recording.stored_records import COLUMNS as COLUMNS, RECORDS as RECORDS, quarantine_reasons as quarantine_reasons, read_earlier as read_earlier, read_records as read_records, write_records as write_records
+    from soilmoist_ros.recording.stored_records import COLUMNS as COLUMNS, RECORDS as RECORDS, read_earlier as read_earlier, read_records as read_records, write_records as write_records
     # fmt: on
 
 __getattr__, __dir__, __all__ = open_door(
@@ -54,6 +54,6 @@ __getattr__, __dir__, __all__ = open_door(
         "map_sources": "DRIVER MapSources RecordLog",
         "run_folder": "CONFIGURATION RunConfiguration SUMMARY bag_of configuration_of copy_configuration is_bag message_files read_parameters sync_file sync_folder write_parameters write_whole",
         "stored_mission": "StoredMission",
-        "stored_records": "COLUMNS RECORDS quarantine_reasons read_earlier read_records write_records",
+        "stored_records": "COLUMNS RECORDS read_earlier read_records write_records",
     },
 )

@@ -7,11 +7,10 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
-import math
 import os
 import re
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self
@@ -24,8 +23,6 @@ _TAIL_LENGTH: Final = len(b',"crc":"00000000"}')
 _MAX_PROBLEMS: Final = 100
 ENTRIES: Final = "journal.jsonl"  # name of the file with the entries; it identifies the folder of a journal
 _SNAPSHOT: Final = "snapshot.json"
-_BEFORE: Final = "journal_before.jsonl"
-"""Name of the file with the entries before the last :meth:`Journal.turn_over`."""
 _COMPLETE: Final = "complete"
 """Name of an empty file next to a snapshot while no later entry was refused: a full disk lets it be deleted."""
 
@@ -100,8 +97,7 @@ def _parse(line: bytes) -> Entry | None:
 class LoadedJournal(NamedTuple):
     """The content of a journal.
 
-    :param entries: entries after the snapshot, by number; all entries without a snapshot, or if the whole journal
-        was wanted
+    :param entries: entries after the snapshot, by number; all entries without a snapshot
     """
 
     snapshot: str | None  # text given to the last Journal.snapshot, None if there is none
@@ -210,12 +206,11 @@ class Journal:
             self._complete = True
 
     def turn_over(self, state_json: str) -> None:
-        """Write the state, and begin anew, as a journal would grow for ever: the entries replace the turn before.
+        """Write the state, and begin anew without the entries before, as a journal would grow for ever.
 
         :raises OSError: if the disk refuses it; the journal stays as it was
         """
         self.snapshot(state_json)
-        write_whole(self.folder / _BEFORE, (self.folder / ENTRIES).read_bytes())
         os.ftruncate(self._descriptor, 0)
         self._size_bytes = 0
         self._synced = (0, self._seq)
@@ -242,12 +237,12 @@ class Journal:
         self.close()
 
 
-def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
+def load_journal(folder: Path) -> LoadedJournal:
     """Read the journal of a folder, if there is one, without changing it.
 
-    A cut loses only the entry that was being written. A damaged snapshot loses nothing: all entries are returned.
+    A cut loses only the entry that was being written. A damaged snapshot loses nothing of what came after the last
+    :meth:`Journal.turn_over`: these entries are returned.
 
-    :param whole: return the entries before the snapshot as well, from the last turn but one on
     :raises InputError: if it cannot be read
     """
     try:
@@ -256,37 +251,23 @@ def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
     except OSError as error:
         message = f"the mission's journal cannot be read: {error.strerror}"
         raise InputError(message, "check the disk and permissions", folder) from None
-    earlier, found = _earlier(folder, lines.entries), list(lines.entries)
     entries: list[Entry] = []
     refused = snapshot is not None and not (folder / _COMPLETE).exists()
-    complete = not refused
-    seq = earlier[-1].seq if earlier else 0
-    if whole:
-        seq, found = (earlier[0].seq - 1, earlier + found) if earlier else (0, found)
-    for entry in found:
+    complete, seq = not refused, snapshot_seq
+    for entry in lines.entries:
+        if entry.seq <= snapshot_seq:  # the snapshot includes it
+            continue
         if entry.seq <= seq:
             problems.append(f"{ENTRIES}: entry {entry.seq} occurs twice; the first one is used")
             continue
         if entry.seq > seq + 1:
             problems.append(f"{ENTRIES}: {_span(seq + 1, entry.seq - 1)} missing")
-            complete = complete and entry.seq <= snapshot_seq + 1
+            complete = False
         seq = entry.seq
-        if whole or seq > snapshot_seq:
-            entries.append(entry)
-    if seq < snapshot_seq:
-        problems.append(f"{ENTRIES}: {_span(seq + 1, snapshot_seq)} missing, but the snapshot includes them")
+        entries.append(entry)
     if refused:
         problems.append(f"{ENTRIES}: the disk has refused entries since the snapshot")
     return LoadedJournal(snapshot, tuple(entries), tuple(problems), complete)
-
-
-def _earlier(folder: Path, entries: Sequence[Entry]) -> list[Entry]:
-    """Entries before the journal was turned over."""
-    path = folder / _BEFORE
-    if not path.exists():
-        return []
-    first = entries[0].seq if entries else math.inf
-    return [entry for entry in decode(path.read_bytes(), _BEFORE).entries if entry.seq < first]
 
 
 def _read(folder: Path, data: bytes) -> tuple[Lines, str | None, int, list[str]]:

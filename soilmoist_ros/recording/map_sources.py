@@ -140,7 +140,7 @@ def open_session(root: Path, journal: Path | None, fresh: bool) -> Path:
     """
     from soilmoist_ros.exploration import is_under_way
 
-    found = load_journal(journal, whole=True) if journal is not None else LoadedJournal(None, (), ())
+    found = load_journal(journal) if journal is not None else LoadedJournal(None, (), ())
     # By number: names are times of day, and the clock may have been set back.
     earlier = sorted((_number(path), path.parent) for path in root.glob(f"*/{SESSION}"))
     if earlier and not fresh and is_under_way(found.snapshot, (entry.payload for entry in found.entries)):

@@ -36,8 +36,6 @@ _KINDS: Final = {"field": "fields", "site": "sites", "graph": "graphs", "logger_
 _NAMED: Final = {"field": ("geojson",), "site": ("corrections", "intensity", "file")}
 """Keys of these files that name another file, by a relative path."""
 
-_CHOSEN: Final = ("field", "earlier", "covariates")  # parameters that an operator may choose while the nodes run
-
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file so that a crash leaves all of the new content, or none of it.
@@ -160,16 +158,11 @@ def _yaml(value: object) -> str:
 
 
 class RunConfiguration:
-    """Writes the configuration of each recording.
-
-    Existing files stay, unless an operator chooses another field: the program that started the nodes wrote them.
-    What they lack is added: the parameters that the nodes had by default.
-    """
+    """Writes the parameters of the running nodes, and the files that they name, for each recording."""
 
     def __init__(self) -> None:
         self._nodes: dict[str, dict[str, object]] = {}
         self._written: dict[str, dict[str, object]] = {}
-        self._others: dict[str, dict[str, object]] = {}
         self._bag: Path | None = None
 
     def take(self, node: str, values: Mapping[str, object]) -> None:
@@ -179,41 +172,16 @@ class RunConfiguration:
     def write(self, bag: Path) -> list[str]:
         """Write what is new for this recording, and return the nodes whose parameters were written."""
         if bag != self._bag:
-            self._bag, self._written, self._others = bag, {}, {}
+            self._bag, self._written = bag, {}
         in_run = bag.name == BAG and (bag.parent / CONFIGURATION).is_dir()
         run, done = bag.parent if in_run else bag, []
         for node, values in list(self._nodes.items()):
-            known = self._written.get(node)
-            if known == values:
-                continue
-            if known is None and (run / CONFIGURATION / f"{node}.yaml").exists():
-                first = self._others.get(node)
-                if first is None:
-                    done += [node] if _complete(run, node, values) else []
-                    self._others[node] = values
-                    continue
-                if all(first.get(name) == values.get(name) for name in _CHOSEN):
-                    continue
-            write_parameters(run, node, _kept(run, node, values))
-            self._written[node] = values
-            done.append(node)
+            if self._written.get(node) != values:
+                kept = {name: _keep(run / CONFIGURATION, node, name, value) for name, value in values.items()}
+                write_parameters(run, node, kept)
+                self._written[node] = values
+                done.append(node)
         return done
-
-
-def _complete(run: Path, node: str, values: Mapping[str, object]) -> bool:
-    """Add to a file of parameters what it lacks, as other versions have other defaults; whether it did."""
-    try:
-        had = read_parameters(run / CONFIGURATION, node)
-    except InputError:  # not a file of parameters
-        return False
-    missing = {name: value for name, value in values.items() if name not in had}
-    if missing:
-        write_parameters(run, node, {**had, **_kept(run, node, missing)})
-    return bool(missing)
-
-
-def _kept(run: Path, node: str, values: Mapping[str, object]) -> dict[str, object]:
-    return {name: _keep(run / CONFIGURATION, node, name, value) for name, value in values.items()}
 
 
 def _keep(folder: Path, node: str, parameter: str, value: object) -> object:

@@ -51,7 +51,7 @@ from fuzz_seeds import (
 from soilmoist_ros.console.plan_work import TASKS, outline
 from soilmoist_ros.console.server import request_from_json
 from soilmoist_ros.exploration import MissionRules, parse_dwell, parse_topological_map, state_from_json
-from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, interrupted_records
+from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, is_under_way
 from soilmoist_ros.foundation import LocalFrame, SoilmoistError, read_json
 from soilmoist_ros.lab.campaign_file import load_campaign
 from soilmoist_ros.lab.mission_store import DamagedMissionError, unpack
@@ -163,11 +163,11 @@ def read_journal(path: Path) -> None:
 
 
 def read_events(data: bytes) -> None:
-    """Events of a journal whose checksums are right: the mission and the records that are continued."""
+    """Events of a journal whose checksums are right: the mission, and whether it is continued."""
     read = [read_json(line) for line in data.splitlines()]
     found = [one for one in read if isinstance(one, dict)]  # as an entry of a journal is
     interrupted_mission(RULES, None, found)
-    interrupted_records(None, found)
+    is_under_way(None, found)
 
 
 def read_raster(path: Path) -> None:

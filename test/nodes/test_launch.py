@@ -145,21 +145,6 @@ def test_the_journal_is_where_a_restart_finds_it(monkeypatch, seen, tmp_path):
         assert (values["journal_dir"], values["resume"]) == (folder, "auto")
 
 
-def test_the_map_of_an_interrupted_mission_goes_on(monkeypatch, seen, tmp_path):
-    def start_from(**given):
-        nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"journal_dir": str(tmp_path), **given}))
-        return seen(nodes["mapper"])["start_from"]
-
-    assert start_from() == ""
-    (tmp_path / "journal.jsonl").touch()
-    assert start_from() == start_from(resume="ask") == str(tmp_path)
-    assert start_from(resume="fresh") == ""
-    given = {"journal_dir": str(tmp_path), "property": "compaction:2,/salt"}
-    mappers = [seen(one) for one in stand_in.start(ROBOT, monkeypatch, given) if one.executable == "mapper"]
-    assert {values["start_from"] for values in mappers} == {str(tmp_path)}
-    assert [values["start_property"] for values in mappers] == ["", "compaction", "/salt"]
-
-
 def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_path):
     given = {
         "fix_topic": "/gps/fix",

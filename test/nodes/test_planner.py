@@ -29,7 +29,8 @@ from msg_adapters.soilmoist_types import visit_from_message
 from soilmoist_ros.exploration import Phase, Visit, VisitEnd
 from soilmoist_ros.exploration.mission.journal import VISIT
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS, VISITS
-from soilmoist_ros.recording import BagReader, load_journal
+from soilmoist_ros.recording import BagReader
+from soilmoist_ros.recording.journal import decode
 from soilmoist_ros.sensing.records import CountRecord
 
 # rclpy warns when a server of the test disappears during an answer.
@@ -113,7 +114,7 @@ def test_a_mission_is_published_recorded_and_logged_as_it_was(ros, tmp_path):
     texts = [marker.text for array in markers for marker in array.markers if marker.text]
     assert any(text.endswith(", 20 s") for text in texts)
     assert recorder.stop() == 0
-    entries = load_journal(tmp_path / "journal", whole=True).entries
+    entries = decode((tmp_path / "journal" / "journal.jsonl").read_bytes()).entries
     logged = [TypeAdapter(Visit).validate_python(entry.payload) for entry in entries if entry.kind == VISIT]
     assert len(logged) == samples >= 2
     assert [visit_from_message(message) for message in published] == logged
@@ -148,7 +149,7 @@ def test_abort_is_not_behind_a_flood_of_records(ros, tmp_path):
         ros.wait_for(answer.done, message="the answer")
         assert answer.result().success
         planning.process.kill()
-    kinds = [entry.payload.get("event") for entry in load_journal(journal, whole=True).entries]
+    kinds = [entry.payload.get("event") for entry in decode((journal / "journal.jsonl").read_bytes()).entries]
     aborted = len(kinds) - 1 - kinds[::-1].index("Command")
     assert kinds[:aborted].count("RecordArrived") < 30 * len(flood), "commands come between the slices"
 

@@ -116,10 +116,16 @@ def test_numbers_go_on_after_the_snapshot_when_entries_are_lost(tmp_path):
     (tmp_path / "journal.jsonl").write_bytes(b"")
     with Journal.open(tmp_path) as journal:
         assert journal.append("event", {}) == 4
-    snapshot, entries, problems, _ = load_journal(tmp_path)
-    assert snapshot == "state"
-    assert [entry.seq for entry in entries] == [4]
-    assert "entries 1 to 3 are missing" in problems[0]
+    loaded = load_journal(tmp_path)
+    assert (loaded.snapshot, loaded.problems, loaded.complete) == ("state", (), True), "the snapshot includes them"
+    assert [entry.seq for entry in loaded.entries] == [4]
+    later = [encode(Entry(seq, "event", {})) for seq in (4, 4, 7)]
+    (tmp_path / "journal.jsonl").write_bytes(b"".join(later))
+    loaded = load_journal(tmp_path)
+    assert [entry.seq for entry in loaded.entries] == [4, 7]
+    assert "entry 4 occurs twice" in loaded.problems[0]
+    assert "entries 5 to 6 are missing" in loaded.problems[1]
+    assert not loaded.complete
 
 
 def test_two_missions_cannot_write_one_journal(tmp_path):
@@ -182,21 +188,23 @@ def test_what_was_confirmed_survives_a_kill(tmp_path, count):
     assert [entry.seq for entry in loaded.entries][:confirmed] == list(range(1, confirmed + 1))
 
 
-def test_a_journal_that_is_turned_over_keeps_the_entries_before_and_no_more(tmp_path):
+def test_a_journal_that_is_turned_over_begins_anew(tmp_path):
     with Journal.open(tmp_path) as journal:
         for mission in "abc":
             journal.turn_over(f"before {mission}")
+            assert load_journal(tmp_path) == (f"before {mission}", (), (), True)
             for number in range(3):
                 journal.append("event", {"mission": mission, "number": number})
     loaded = load_journal(tmp_path)
     assert (loaded.snapshot, loaded.problems) == ("before c", ())
     assert [entry.payload["mission"] for entry in loaded.entries] == ["c"] * 3
     assert [entry.seq for entry in loaded.entries] == [7, 8, 9]
-    whole = load_journal(tmp_path, whole=True)
-    assert [entry.payload["mission"] for entry in whole.entries] == ["b"] * 3 + ["c"] * 3
-    assert whole.problems == ()
     with Journal.open(tmp_path) as journal:
         assert journal.append("event", {}) == 10
+    (tmp_path / "snapshot.json").write_bytes(b"nonsense")
+    ruined = load_journal(tmp_path)
+    assert [entry.seq for entry in ruined.entries] == [7, 8, 9, 10]
+    assert not ruined.complete, "nobody knows the state before"
 
 
 def test_a_crash_while_a_journal_is_turned_over_loses_and_doubles_nothing(tmp_path, monkeypatch):
@@ -209,7 +217,4 @@ def test_a_crash_while_a_journal_is_turned_over_loses_and_doubles_nothing(tmp_pa
             patch.setattr("os.ftruncate", crash)
             with pytest.raises(KeyboardInterrupt):
                 journal.turn_over("state")
-    for whole in (False, True):
-        loaded = load_journal(tmp_path, whole=whole)
-        assert loaded.problems == ()
-        assert [entry.seq for entry in loaded.entries] == ([1] if whole else [])
+    assert load_journal(tmp_path) == ("state", (), (), True)

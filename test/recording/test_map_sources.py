@@ -21,16 +21,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_stored_records import recorded, write_bag
 
-from soilmoist_ros.exploration import Command, Mission, MissionRules, Moved, RecordArrived, Verb
+from soilmoist_ros.exploration import Command, Mission, MissionJournal, MissionRules, Moved, RecordArrived, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap
 from soilmoist_ros.recording import RECEIVED, TEAM_S, MapRecords, map_sources
 from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
 from soilmoist_ros.recording.map_sources import DRIVER, SESSION, MapSources, RecordLog, RecordTail, open_session
-from soilmoist_ros.recording.stored_records import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=10.0)
@@ -44,6 +42,20 @@ def published(n, seed=1):
         CountRecord(1.78e9 + 10 * i, *map(float, np.float32(xy[i])), 30.0, int(rng.poisson(40)), 10.0, 9.5)
         for i in range(n)
     ]
+
+
+def recorded(mission, pages):
+    """Takes events into a mission and the journal of its pages."""
+    journal = MissionJournal(pages)
+
+    def happens(*events):
+        for event in events:
+            journal.note(mission, event)
+            mission.step(event)
+            journal.keep(mission)
+
+    happens.journal = journal
+    return happens
 
 
 def expected(records):
@@ -188,11 +200,9 @@ def test_records_of_another_frame_stay_out(tmp_path):
         with_frame = RecordLog(tmp_path / "session" / frame, frame)
         with_frame.write(many[: 1 if frame == "map" else 2])
         with_frame.close()
-    write_bag(tmp_path / "bag", many)
     sources = MapSources(MapRecords(field_map := FieldMap(GRID)), tmp_path / "session")
     assert field_map.state.records == 1
     sources.close()
-    assert stored_counts(tmp_path / "bag", ["/counts"], "odom") == []
 
 
 def test_two_mappers_cannot_share_a_session(tmp_path):
@@ -243,17 +253,6 @@ def test_a_clock_that_was_set_back_does_not_resume_an_earlier_session(tmp_path, 
         happens(Moved(1.77e9, 0.0, 0.0), Command(1.78e9, Verb.START))
     assert [session.name[:6] for session in opened] == ["202607", "202603"]
     assert open_session(root, folder, fresh=False) == opened[-1]
-
-
-def test_counts_are_read_from_a_bag_that_was_cut(tmp_path):
-    many = published(8)
-    write_bag(tmp_path / "bag", many)
-    assert stored_counts(tmp_path / "bag", ["/counts"], "map") == many
-    assert stored_counts(tmp_path / "bag", ["/salt/counts"], "map") == []
-    (file,) = (tmp_path / "bag").glob("*.mcap")
-    file.write_bytes(file.read_bytes()[:-300])
-    found = stored_counts(tmp_path / "bag", ["/counts"], "map")
-    assert found == many[: len(found)]
 
 
 @pytest.fixture

@@ -177,27 +177,30 @@ def test_a_recording_holds_all_that_its_nodes_were_set_up_with(files, tmp_path):
     assert read_parameters(configuration_of(tmp_path / "again"), "planner")["seed"] == 3
 
 
-def test_changes_and_new_bags_are_written_what_others_wrote_is_left_alone(files, tmp_path):
+def test_what_the_nodes_have_replaces_what_they_were_started_with(files, tmp_path):
+    """A replay would take a file without the choice of a drift for one of an earlier version, which had none."""
     configuration = RunConfiguration()
-    configuration.take("mapper", {"field": str(files / "other.yaml"), "cell_m": 1.0})
     first, second = tmp_path / "run" / "bag", tmp_path / "run" / "bag_2"
-    first.mkdir(parents=True)
-    (tmp_path / "run" / "configuration").mkdir()
-    (tmp_path / "run" / "configuration" / "planner.yaml").write_text("mine")
-    configuration.take("planner", {"hours": 1.0})
+    write_parameters(tmp_path / "run", "mapper", {"field": "farm", "model": "matern52"})
+    write_parameters(tmp_path / "run", "console", {"port": 1})
+    had = {"field": str(files / "other.yaml"), "model": "matern52", "noise": "local", "drift_model": "auto"}
+    configuration.take("mapper", had)
     assert configuration.write(first) == ["mapper"]
-    assert configuration_of(first) == tmp_path / "run" / "configuration"
+    assert configuration.write(first) == []
+    survey, _ = robot_survey(first, configuration_of(first.parent), ReplaySettings())
+    assert (survey.map.settings.drift_model, survey.map.settings.noise) == ("auto", "local")
+    assert survey.field.name == "other"
     (files / "other.yaml").write_text(SQUARE.format(name="changed"))
-    configuration.take("mapper", {"field": str(files / "other.yaml"), "cell_m": 2.0})
-    configuration.take("planner", {"hours": 2.0})
-    assert configuration.write(first) == ["mapper"]
-    mapper = read_parameters(configuration_of(first), "mapper")
-    assert mapper["cell_m"] == 2.0
-    assert load_field(configuration_of(first) / mapper["field"]).name == "changed"
-    assert (tmp_path / "run" / "configuration" / "planner.yaml").read_text() == "mine"
+    configuration.take("mapper", {**had, "cell_m": 2.0})  # an operator chooses another field
+    configuration.take("planner", {"hours": 1.0})
+    assert configuration.write(first) == ["mapper", "planner"]
+    folder = configuration_of(first.parent)
+    mapper = read_parameters(folder, "mapper")
+    assert (mapper["cell_m"], load_field(folder / mapper["field"]).name) == (2.0, "changed")
+    assert read_parameters(folder, "console") == {"port": 1}
     second.mkdir()
     assert configuration.write(second) == ["mapper", "planner"]
-    assert read_parameters(configuration_of(second), "planner") == {"hours": 2.0}
+    assert read_parameters(configuration_of(second), "planner") == {"hours": 1.0}
 
 
 def test_what_cannot_be_written_is_reported_and_retried(files, tmp_path):
@@ -209,37 +212,6 @@ def test_what_cannot_be_written_is_reported_and_retried(files, tmp_path):
             configuration.write(tmp_path)
     (tmp_path / "configuration").unlink()
     assert configuration.write(tmp_path) == ["mapper"]
-
-
-def test_the_field_that_an_operator_chooses_is_kept_with_what_others_wrote(files, tmp_path):
-    bag = tmp_path / "run" / "bag"
-    (tmp_path / "run" / "configuration").mkdir(parents=True)
-    (tmp_path / "run" / "configuration" / "mapper.yaml").write_text("/**:\n  ros__parameters: {field: x}\n")
-    configuration = RunConfiguration()
-    for name, written in (("farm", []), ("farm", []), ("other", ["mapper"]), ("other", [])):
-        configuration.take("mapper", {"field": str(files / f"{name}.yaml")})
-        assert configuration.write(bag) == written
-    folder = configuration_of(bag)
-    assert load_field(folder / read_parameters(folder, "mapper")["field"]).name == "other"
-
-
-def test_defaults_that_the_nodes_had_are_added_to_what_others_wrote(files, tmp_path):
-    """A replay would take a file without the choice of a drift for one of an earlier version, which had none."""
-    bag = tmp_path / "run" / "bag"
-    bag.mkdir(parents=True)
-    write_parameters(bag.parent, "mapper", {"field": str(files / "other.yaml"), "model": "matern52"})
-    configuration = RunConfiguration()
-    had = {"field": "elsewhere", "model": "matern52", "noise": "local", "drift_model": "auto", "site": "example"}
-    configuration.take("mapper", had)
-    assert configuration.write(bag) == ["mapper"]
-    assert configuration.write(bag) == []
-    folder = configuration_of(bag)
-    found = read_parameters(folder, "mapper")
-    assert found["field"] == str(files / "other.yaml")
-    assert (found["model"], found["noise"], found["drift_model"]) == ("matern52", "local", "auto")
-    assert (folder / found["site"]).is_file()
-    survey, _ = robot_survey(bag, folder, ReplaySettings())
-    assert (survey.map.settings.drift_model, survey.map.settings.noise) == ("auto", "local")
 
 
 def test_a_recorder_stores_configurations_without_the_models_of_files(tmp_path):

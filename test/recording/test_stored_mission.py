@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import replace
 
 import pytest
-from test_stored_records import recorded
+from test_map_sources import recorded
 
 from soilmoist_ros.exploration import Choice, Mission, MissionJournal, Stop, parse_dwell
 from soilmoist_ros.exploration.mission.events import RESTART, AlarmOver, Command, GoalFailed, Moved, Planned, Tick

@@ -11,8 +11,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from soilmoist_ros.exploration import Command, Mission, MissionJournal, MissionRules, Moved, RecordArrived, Verb
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording import COLUMNS, RECORDS, Journal, read_earlier, read_records, write_records
 from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, CountRecord
@@ -95,20 +93,6 @@ def write_bag(folder, many):
             writer.write(topic, stamp_ns, STORE.serialize_cdr(message, CLOUD))
 
 
-def recorded(mission, pages):
-    """Takes events into a mission and the journal of its pages."""
-    journal = MissionJournal(pages)
-
-    def happens(*events):
-        for event in events:
-            journal.note(mission, event)
-            mission.step(event)
-            journal.keep(mission)
-
-    happens.journal = journal
-    return happens
-
-
 def test_records_come_from_a_table_or_a_bag(tmp_path):
     write_records(tmp_path / RECORDS, earlier())
     write_bag(tmp_path / "bag", earlier())
@@ -118,14 +102,7 @@ def test_records_come_from_a_table_or_a_bag(tmp_path):
         read_earlier(tmp_path / "bag", "salt")
 
 
-def test_an_interrupted_mission_gives_its_records(tmp_path):
-    mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
-    events = [Moved(1.77e9, 0.0, 0.0), Command(1.78e9, Verb.START)]
-    events += [RecordArrived(r.stamp_s, r) for r in earlier()]
-    with Journal.open(tmp_path) as pages:
-        happens = recorded(mission, pages)
-        happens(*events)
-        happens.journal.note_record("/salt", 1.78e9 + 1.0, earlier()[2])
-    assert read_earlier(tmp_path) == earlier()
-    assert read_earlier(tmp_path, "/salt") == earlier()[2:3]
-    assert read_earlier(tmp_path, "clay") == []
+def test_a_journal_is_no_start_of_a_map(tmp_path):
+    Journal.open(tmp_path).close()
+    with pytest.raises(InputError, match=r"neither records.csv nor a bag.*record_dir continues the map"):
+        read_earlier(tmp_path)

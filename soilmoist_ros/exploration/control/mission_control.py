@@ -406,7 +406,7 @@ class MissionControl:
     def records(self, records: Sequence[CountRecord], name: str = "", more: bool = False) -> None:
         """Records of a property have come; those with an impossible stamp and quarantined ones are only watched.
 
-        The mission counts those of the robot's own namespace. Others are written down, so that their map survives.
+        The mission counts those of the robot's own namespace.
 
         :param more: whether further records of the same message follow: the disk is synced once for all
         """
@@ -417,11 +417,6 @@ class MissionControl:
         if records:
             self._queue.take_factor(name, correction_factor(records[-1]))
         if name:
-            for record in records:
-                if math.isfinite(record.x_m) and math.isfinite(record.y_m):
-                    self._journal.note_record(name, now_s, record)
-            if not more:
-                self._journal.secure()
             return
         self._came += came
         self._record_stamp_s = max((record.stamp_s for record in arrived), default=self._record_stamp_s)

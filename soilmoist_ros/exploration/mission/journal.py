@@ -9,7 +9,7 @@ import logging
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
-from soilmoist_ros.exploration.mission.events import Command, Event, Moved, RecordArrived, Tick
+from soilmoist_ros.exploration.mission.events import Command, Event, Moved, Tick
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import (
     Goal,
@@ -25,12 +25,13 @@ from soilmoist_ros.exploration.mission.state import (
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.sensing import CountRecord
 
 EVENT = "event"  # kind of the entries that hold events
 VISIT = "visit"
 """Kind of the entries that hold visits; they follow from the events, for those who read only the results."""
-PROPERTY = "property"  # key by which the record of a further property is known: it is no event of the mission
+PROPERTY = (
+    "property"  # key of records of further properties, which earlier versions wrote: no events of the mission
+)
 
 _log = logging.getLogger(__name__)
 
@@ -78,11 +79,6 @@ class MissionJournal:
         if due_s is not None and due_s <= event.now_s:
             self._append(event_to_dict(event))
             self._pending |= not isinstance(event, Moved)  # a place may be lost
-
-    def note_record(self, name: str, now_s: float, record: CountRecord) -> None:
-        """Write a record of a further property down, for its map."""
-        self._append({**event_to_dict(RecordArrived(now_s, record)), PROPERTY: name})
-        self._pending = True
 
     def visit(self, visit: Visit) -> None:
         """Write a visit down."""
@@ -165,46 +161,14 @@ def _with_open_goal(state: MissionState) -> MissionState:
     return state
 
 
-def interrupted_records(
-    snapshot: str | None, events: Iterable[Mapping[str, Any]], name: str = ""
-) -> list[CountRecord]:
-    """Records of the mission that was under way when its process ended, so that its map can be continued.
-
-    :param snapshot: the last state written down, if any. Without one it is what came after the last start, unless
-        that was aborted
-    :param events: all events written down, those before the snapshot too
-    :param name: of the further property whose records are wanted; empty for those of the first
-    :raises InputError: if something was not written by a mission
-    """
-    read = _starts_and_records(events, name)
-    started_s = _started_s(snapshot, read)
-    if started_s is None:
-        return []
-    return [e.record for e in read if isinstance(e, RecordArrived) and e.now_s >= started_s]
-
-
 def is_under_way(snapshot: str | None, events: Iterable[Mapping[str, Any]]) -> bool:
     """True if a mission was under way when its process ended.
 
+    :param snapshot: the last state written down; without one the last start or abort decides
     :raises InputError: if something was not written by a mission
     """
-    return _started_s(snapshot, _starts_and_records(events, None)) is not None
-
-
-def _starts_and_records(events: Iterable[Mapping[str, Any]], name: str | None) -> list[Event]:
-    """Commands, and the records of a property; none if the name is ``None``."""
-    return [
-        event_from_dict({key: value for key, value in event.items() if key != PROPERTY})
-        for event in events
-        if event.get("event") == Command.__name__
-        or (event.get("event") == RecordArrived.__name__ and event.get(PROPERTY, "") == name)
-    ]
-
-
-def _started_s(snapshot: str | None, events: Iterable[Event]) -> float | None:
-    """Time when the mission that is under way started [s]; ``None`` if none is."""
-    if snapshot is None:
-        turns = [e for e in events if isinstance(e, Command) and e.verb in (Verb.START, Verb.ABORT)]
-        return turns[-1].now_s if turns and turns[-1].verb is Verb.START else None
-    state = state_from_json(snapshot)
-    return state.started_s if state.under_way else None
+    if snapshot is not None:
+        return state_from_json(snapshot).under_way
+    commands = (event_from_dict(dict(event)) for event in events if event.get("event") == Command.__name__)
+    turns = [one.verb for one in commands if isinstance(one, Command) and one.verb in (Verb.START, Verb.ABORT)]
+    return turns[-1:] == [Verb.START]

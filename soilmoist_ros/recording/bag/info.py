@@ -15,21 +15,17 @@ from rich.text import Text
 from soilmoist_ros.foundation import duration, printable
 from soilmoist_ros.recording.bag.metadata import Extent
 from soilmoist_ros.recording.bag.verify import BagInfo, RecoveredBag, TopicInfo
-from soilmoist_ros.sensing import reason_text
 
 _PLAIN_WIDTH: Final = 240
 
 
-def info_table(info: BagInfo, quarantined: dict[str, dict[str, int]] | None = None) -> RenderableType:
-    """The result of :func:`bag_info` as a table.
-
-    :param quarantined: number of quarantined records, by topic and code of the reason
-    """
+def info_table(info: BagInfo) -> RenderableType:
+    """The result of :func:`bag_info` as a table."""
     head = plain_text(
         f"{info.path}  {info.storage}, {decimal(info.size_bytes)}, {_extent_text(info.extent)}", no_wrap=True
     )
     table = Table("topic", "type", box=None, pad_edge=False)
-    for title in ("messages", "every", "size", "gaps"):
+    for title in ("messages", "every", "longest silence", "size"):
         table.add_column(title, justify="right", no_wrap=True)
     for topic in info.topics:
         table.add_row(
@@ -37,14 +33,10 @@ def info_table(info: BagInfo, quarantined: dict[str, dict[str, int]] | None = No
             plain_text(topic.type_name),
             str(topic.extent.messages),
             "" if topic.interval_s is None else _time_text(topic.interval_s),
+            _silence_text(topic),
             decimal(topic.size_bytes),
-            _gaps_text(topic),
         )
-    bad = [f"{name}: {value}" for name, value in info.notes.items()]
-    for name, reasons in reversed((quarantined or {}).items()):
-        counts = ", ".join(f"{count} {reason_text(code)}" for code, count in reasons.items())
-        bad.insert(0, f"{name}: quarantined records: {counts}")
-    said = [plain_text(one, style="yellow") for one in bad]
+    said = [plain_text(f"{name}: {value}", style="yellow") for name, value in info.notes.items()]
     now = Text("being recorded now", style="yellow")
     return Group(head, table, *said, now if info.recording else _verdict(info))
 
@@ -62,12 +54,11 @@ def recovery_table(bag: RecoveredBag) -> RenderableType:
 
 
 def verified_table(bag: BagInfo) -> RenderableType:
-    """The result of :func:`bag_info` in two lines, with the checksums."""
-    number, right = len(bag.files), bag.checksums
+    """The result of :func:`bag_info` in two lines."""
+    number = len(bag.files)
     kind = "MCAP" if bag.storage == "mcap" else bag.storage
     files = f"{number} {kind} file{'s' * (number != 1)}, {bag.extent.messages} messages"
-    sums = f"right checksums of {right} file{'s' * (right != 1)}" if right else "without checksums"
-    return Group(plain_text(f"{bag.path}  {files}, {sums}", no_wrap=True), _verdict(bag))
+    return Group(plain_text(f"{bag.path}  {files}", no_wrap=True), _verdict(bag))
 
 
 def _verdict(bag: BagInfo) -> Text:
@@ -95,12 +86,10 @@ def _extent_text(extent: Extent) -> str:
     return f"{extent.messages} messages in {_time_text(extent.duration_ns * 1e-9)} from {start:%Y-%m-%d %H:%M:%S}Z"
 
 
-def _gaps_text(topic: TopicInfo) -> str:
-    if not topic.gaps:
+def _silence_text(topic: TopicInfo) -> str:
+    if topic.silent_s is None or topic.silent_from_s is None:
         return ""
-    longest = max(topic.gaps, key=lambda gap: gap.duration_s)
-    start = datetime.fromtimestamp(longest.start_s, UTC)
-    return f"{len(topic.gaps)}, longest {_time_text(longest.duration_s)} at {start:%H:%M:%S}Z"
+    return f"{_time_text(topic.silent_s)} from {datetime.fromtimestamp(topic.silent_from_s, UTC):%H:%M:%S}Z"
 
 
 def _time_text(time_s: float) -> str:

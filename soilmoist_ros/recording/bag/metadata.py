@@ -173,14 +173,6 @@ class TimedMessage(NamedTuple):
     data: bytes
 
 
-@dataclass(frozen=True)
-class BagFile:
-    """A file of a bag by its name."""
-
-    name: str
-    extent: Extent
-
-
 def joined(extents: Sequence[Extent]) -> Extent:
     """The extent of all messages."""
     some = [extent for extent in extents if extent.messages]
@@ -189,10 +181,9 @@ def joined(extents: Sequence[Extent]) -> Extent:
 
 
 def bag_metadata(
-    files: Sequence[BagFile], topics: Mapping[Topic, int], distribution: str, notes: Mapping[str, str]
+    name: str, extent: Extent, topics: Mapping[Topic, int], distribution: str, notes: Mapping[str, str]
 ) -> dict[str, Any]:
-    """Content of ``metadata.yaml`` of a bag of MCAP files."""
-    extent = joined([file.extent for file in files])
+    """Content of ``metadata.yaml`` of a bag with one MCAP file of this name."""
     return {
         "version": _VERSION,
         "storage_identifier": "mcap",
@@ -213,10 +204,8 @@ def bag_metadata(
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file.name for file in files],
-        "files": [
-            {"path": file.name, **_span(file.extent), "message_count": file.extent.messages} for file in files
-        ],
+        "relative_file_paths": [name],
+        "files": [{"path": name, **_span(extent), "message_count": extent.messages}],
         "custom_data": dict(notes) or None,
         "ros_distro": distribution,
     }

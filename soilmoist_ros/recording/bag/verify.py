@@ -1,15 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Reads every message of a bag, compares them with metadata and checksums, and recovers what is whole."""
+"""Reads every message of a bag, compares them with the metadata, and recovers what is whole."""
 
 from __future__ import annotations
 
-import hashlib
 import re
 import shutil
 from array import array
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import chain
@@ -17,10 +16,9 @@ from pathlib import Path, PurePath
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.metadata import BagFile, BagMessage, Extent, TimedMessage, joined
+from soilmoist_ros.recording.bag.metadata import BagMessage, Extent, TimedMessage, joined
 from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.storage import (
     METADATA,
@@ -35,37 +33,36 @@ from soilmoist_ros.recording.bag.storage import (
     unpacked,
     unreadable,
 )
-from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagWriter, is_being_written
+from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
 
 _PATTERNS: Final = ("*.bag", "*.mcap", "*.mcap.zstd", "*.db3", "*.db3.zstd")
 _STORAGES: Final = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "ROS 1"}
-_SUM: Final = re.compile(r"([0-9a-f]{64}) [ *]([^/\0]+)")
 _SHORT_NS: Final = 1_000_000_000
 """A bag that is shorter than its metadata say by more than this lacks messages [ns]."""
-_REGULAR_FROM: Final = 10
-_REGULAR_SHARE: Final = 0.8
-_GAP_FACTOR: Final = 5.0
-_MIN_GAP_S: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Gap:
-    """A silence of an otherwise regular topic, from the last message before it [s since 1970-01-01 UTC]."""
+class BagFile:
+    """A file of a bag by its name."""
 
-    start_s: float
-    duration_s: float
+    name: str
+    extent: Extent
 
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """A topic of a bag; the median time between messages is ``None`` for fewer than two."""
+    """A topic of a bag; the median and the longest time between messages are ``None`` for fewer than two.
+
+    ``silent_from_s`` is when the longest time began [s since 1970-01-01 UTC].
+    """
 
     name: str
     type_name: str
     extent: Extent
     size_bytes: int
     interval_s: float | None
-    gaps: tuple[Gap, ...]
+    silent_s: float | None
+    silent_from_s: float | None
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,6 @@ class BagInfo:
     extent: Extent
     topics: tuple[TopicInfo, ...]
     files: tuple[BagFile, ...]
-    checksums: int  # number of files whose checksum is right
     recording: bool
     problems: tuple[str, ...]  # why it is not whole, in words, with a remedy; empty if it is
     remedy: str
@@ -110,7 +106,7 @@ def bag_info(path: Path) -> BagInfo:
     for file in paths:
         extent = Extent()
         try:
-            for name, kind, log_ns, data in stored_messages(file, problems):
+            for name, kind, log_ns, data in _messages(file, problems):
                 extent = extent.with_message(log_ns)
                 times.setdefault((name, kind), array("Q")).append(log_ns)
                 sizes[name, kind] += len(data)
@@ -121,10 +117,9 @@ def bag_info(path: Path) -> BagInfo:
         files.append(BagFile(file.name, extent))
     try:
         recording = any(file.suffix == ".mcap" and is_being_written(file) for file in paths)
-        right, topics = 0, tuple(_topic_info(*key, times[key], sizes[key]) for key in sorted(times))
+        topics = tuple(_topic_info(*key, times[key], sizes[key]) for key in sorted(times))
         if path.is_dir() and not recording:
-            right, wrong = _compared(path, files, topics, required=storage != "ROS 1")
-            problems += wrong
+            problems += _compared(path, files, topics, required=storage != "ROS 1")
     except OSError as error:
         raise unreadable(path, error) from None
     remedy = "" if not problems else "stop the recorder" if recording else remedy_of(path)
@@ -137,7 +132,6 @@ def bag_info(path: Path) -> BagInfo:
         joined([topic.extent for topic in topics]),
         topics,
         tuple(files),
-        right,
         recording,
         tuple(problems),
         remedy,
@@ -145,47 +139,27 @@ def bag_info(path: Path) -> BagInfo:
     )
 
 
-def stored_messages(
-    file: Path, problems: list[str], topics: Collection[str] | None = None
-) -> Iterator[BagMessage]:
-    """Messages of topics, or of all, of a file in any condition; its problems are added to those of the bag."""
+def _messages(file: Path, problems: list[str]) -> Iterator[BagMessage]:
+    """Messages of a file in any condition; its problems are added to those of the bag."""
     with ExitStack() as stack:
         path = unpacked(file, stack)
         if path.suffix != ".mcap":
-            yield from messages_of(open_file(path, stack), topics)
+            yield from messages_of(open_file(path, stack))
             return
         scan = McapScan(path)
-        yield from scanned_messages(scan, topics)
+        yield from scanned_messages(scan)
         problems += scan.findings()
-
-
-def find_gaps(times_s: ArrayLike) -> tuple[Gap, ...]:
-    """Silences of a topic with regular messages at these times [s], in order; none for an irregular topic.
-
-    A topic is regular if 80 % of its intervals are within half of the median. A silence is longer than 5 times
-    the median, and longer than 1 s.
-
-    >>> find_gaps([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 20])
-    (Gap(start_s=10.0, duration_s=10.0),)
-    """
-    starts = np.asarray(times_s, float)
-    intervals = np.diff(starts)
-    if len(intervals) < _REGULAR_FROM:
-        return ()
-    usual = float(np.median(intervals))
-    regular = np.count_nonzero((0.5 * usual <= intervals) & (intervals <= 1.5 * usual))
-    if regular < _REGULAR_SHARE * len(intervals):
-        return ()
-    longest = max(_GAP_FACTOR * usual, _MIN_GAP_S)
-    return tuple(Gap(float(starts[k]), float(intervals[k])) for k in np.flatnonzero(intervals > longest))
 
 
 def _topic_info(name: str, type_name: str, times: array[int], size_bytes: int) -> TopicInfo:
     stamps_ns = np.sort(np.frombuffer(times, np.uint64))
-    seconds = stamps_ns * 1e-9
-    interval_s = float(np.median(np.diff(seconds))) if len(times) > 1 else None
     extent = Extent(len(times), int(stamps_ns[0]), int(stamps_ns[-1]))
-    return TopicInfo(name, type_name, extent, size_bytes, interval_s, find_gaps(seconds))
+    steps_s = np.diff(stamps_ns * 1e-9)
+    if not len(steps_s):
+        return TopicInfo(name, type_name, extent, size_bytes, None, None, None)
+    longest = int(np.argmax(steps_s))
+    silent = float(steps_s[longest]), float(stamps_ns[longest] * 1e-9)
+    return TopicInfo(name, type_name, extent, size_bytes, float(np.median(steps_s)), *silent)
 
 
 def files_of(path: Path) -> list[Path]:
@@ -208,17 +182,14 @@ def files_of(path: Path) -> list[Path]:
     return sorted(found, key=_split_number)
 
 
-def _compared(
-    bag: Path, files: list[BagFile], topics: tuple[TopicInfo, ...], required: bool
-) -> tuple[int, list[str]]:
-    """Number of files with right checksums, and what checksums and metadata say otherwise.
+def _compared(bag: Path, files: list[BagFile], topics: tuple[TopicInfo, ...], required: bool) -> list[str]:
+    """What the metadata say otherwise.
 
     The numbers of messages by topic decide. What recorders are known to write wrongly does not: numbers by file,
     and the duration of a split bag.
     """
-    right, problems = _checked_sums(bag)
     if not (bag / METADATA).is_file():
-        return right, [*problems, f"{METADATA} is missing"] if required else problems
+        return [f"{METADATA} is missing"] if required else []
     said, counts = Counter[str](), Counter[str]()
     try:
         metadata = read_metadata(bag)
@@ -227,9 +198,9 @@ def _compared(
             said[topic_name(str(one["topic_metadata"]["name"]))] += int(one["message_count"])
         duration_ns = int(metadata["duration"]["nanoseconds"])
     except (InputError, LookupError, TypeError, ValueError, AttributeError) as error:
-        return right, [*problems, f"{METADATA} cannot be read: {_text(error)}"]
+        return [f"{METADATA} cannot be read: {_text(error)}"]
     there = [_plain(file.name) for file in files]
-    problems += [f"{name} is missing" for name in listed if _plain(name) not in there]
+    problems = [f"{name} is missing" for name in listed if _plain(name) not in there]
     problems += [f"{name} is not in {METADATA}" for name in there if name not in map(_plain, listed)]
     for topic in topics:
         counts[topic_name(topic.name)] += topic.extent.messages
@@ -238,27 +209,7 @@ def _compared(
     lasts_ns = joined([file.extent for file in files]).duration_ns
     if not wrong and lasts_ns < duration_ns - _SHORT_NS:
         problems.append(f"it lasts {lasts_ns * 1e-9:.1f} s, and {METADATA} says {duration_ns * 1e-9:.1f} s")
-    return right, list(dict.fromkeys(problems))
-
-
-def _checked_sums(bag: Path) -> tuple[int, list[str]]:
-    """Number of right checksums, and what is wrong with the others."""
-    path = bag / CHECKSUMS
-    right, problems = 0, []
-    lines = path.read_bytes().decode("utf-8", "replace") if path.is_file() else ""
-    for line in lines.splitlines():
-        match = _SUM.fullmatch(line)
-        if match is None:
-            problems.append(f"{CHECKSUMS} has a line that is no checksum: {line[:80]!r}")
-        elif not (bag / match[2]).is_file():
-            problems.append(f"{match[2]} is missing")
-        else:
-            with (bag / match[2]).open("rb") as stream:
-                same = hashlib.file_digest(stream, "sha256").hexdigest() == match[1]
-            right += same
-            if not same:
-                problems.append(f"{match[2]} is not the file that was recorded: its checksum is another one")
-    return right, problems
+    return list(dict.fromkeys(problems))
 
 
 def _plain(name: str) -> str:

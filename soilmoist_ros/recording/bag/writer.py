@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import hashlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,15 +15,11 @@ from typing import IO, Final, Self, cast
 from mcap.writer import CompressionType, Writer
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.metadata import BagFile, Extent, Topic, bag_metadata, to_yaml
+from soilmoist_ros.recording.bag.metadata import Extent, Topic, bag_metadata, to_yaml
 from soilmoist_ros.recording.run_folder import sync_folder, write_whole
 
 _WRITE_AT: Final = 1 << 20
 _CHUNK_BYTES: Final = 16 << 10  # size at which a chunk is closed [bytes]: one flipped bit costs a chunk
-
-
-CHECKSUMS: Final = "SHA256SUMS"
-"""File with the checksums of a bag's files, for ``soilmoist bag verify`` and ``sha256sum --check``."""
 
 
 class BagGoneError(OSError):
@@ -32,7 +27,7 @@ class BagGoneError(OSError):
 
 
 class BagWriter:
-    """A bag: the folder ``NAME`` with ``NAME_0.mcap``; after it was closed with ``metadata.yaml`` and checksums.
+    """A bag: the folder ``NAME`` with ``NAME_0.mcap``; after it was closed with ``metadata.yaml``.
 
     A disk error loses nothing: the unwritten data are kept, and the next :meth:`flush` tries again. The lock on
     the open file shows other programs that the recording continues.
@@ -88,21 +83,17 @@ class BagWriter:
         self._file.sync()
 
     def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
-        """Finish the file and write ``metadata.yaml``, with further notes, and the checksums.
+        """Finish the file and write ``metadata.yaml``, with further notes.
 
         :raises OSError: if the disk refuses it; :func:`recover_bag` restores what is on the disk
         """
-        files = [BagFile(self.path.name, self.extent)]
-        metadata = bag_metadata(files, self.counts, self._distribution, notes)
+        metadata = bag_metadata(self.path.name, self.extent, self.counts, self._distribution, notes)
         try:
             self._mcap.add_metadata("rosbag2", {"serialized_metadata": to_yaml(metadata).strip()})
             self._mcap.finish()  # type: ignore[no-untyped-call]
             self._file.sync()
-            text = to_yaml({"rosbag2_bagfile_information": metadata}).encode()
-            sums = {self.path.name: self._file.checksum, "metadata.yaml": hashlib.sha256(text).hexdigest()}
-            lines = [f"{checksum}  {name}\n" for name, checksum in sums.items()]
-            write_whole(self.folder / CHECKSUMS, "".join(lines).encode())
-            write_whole(self.folder / "metadata.yaml", text)
+            text = to_yaml({"rosbag2_bagfile_information": metadata})
+            write_whole(self.folder / "metadata.yaml", text.encode())
         finally:
             self._file.close()
 
@@ -155,15 +146,9 @@ class _AppendedFile:
     def __init__(self, descriptor: int, path: Path) -> None:
         self._descriptor = descriptor
         self._path = path
-        self._hash = hashlib.sha256()
         self._waiting = bytearray()
         self._written = 0
         self._synced = 0
-
-    @property
-    def checksum(self) -> str:
-        """SHA-256 of what was written."""
-        return self._hash.hexdigest()
 
     @property
     def waiting(self) -> int:
@@ -182,7 +167,6 @@ class _AppendedFile:
     def write_out(self) -> None:
         while self._waiting:
             count = os.write(self._descriptor, self._waiting)
-            self._hash.update(memoryview(self._waiting)[:count])
             del self._waiting[:count]
             self._written += count
 

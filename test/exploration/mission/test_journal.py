@@ -10,7 +10,7 @@ import pytest
 
 from soilmoist_ros.exploration import Choice, Mission, MissionRules, Phase, Stop, Verb, parse_dwell
 from soilmoist_ros.exploration.mission.events import Command, GoalReached, Moved, Planned, RecordArrived
-from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission, interrupted_records
+from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission, is_under_way
 from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import Changes
 from soilmoist_ros.foundation.errors import InputError
@@ -83,47 +83,35 @@ def test_a_mission_of_a_strategy_that_is_gone_goes_on_with_its_successor(caplog)
     assert "the strategy ivr of the interrupted mission is gone" in caplog.text
 
 
-def test_the_records_of_the_interrupted_mission_and_no_others():
+def test_whether_a_mission_is_under_way_with_a_state_and_by_the_commands_alone():
     mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
     every, pages = [], Pages()
     journal = MissionJournal(pages)
-    for event in [
-        RecordArrived(1.0, RECORD),
-        Moved(1.5, 0.0, 0.0),
-        Command(2.0, Verb.START),
-        RecordArrived(3.0, RECORD),
-        Command(4.0, Verb.ABORT),
-        RecordArrived(5.0, RECORD),
-        Command(6.0, Verb.START),
-        RecordArrived(7.0, RECORD),
-        RecordArrived(8.0, RECORD),
+    assert not is_under_way(None, [])
+    for event, under_way in [
+        (RecordArrived(1.0, RECORD), False),
+        (Moved(1.5, 0.0, 0.0), False),
+        (Command(2.0, Verb.START), True),
+        (RecordArrived(3.0, RECORD), True),
+        (Command(4.0, Verb.ABORT), False),
+        (RecordArrived(5.0, RECORD), False),
+        (Command(6.0, Verb.START), True),
     ]:
         journal.note(mission, event)
-        if isinstance(event, RecordArrived):
-            journal.note_record("salt", event.now_s, replace(RECORD, raw_counts=7))
         every += pages.events
         pages.events = []
         mission.step(event)
         journal.keep(mission)
         pages.events = []
-        of_salt = interrupted_records(pages.state, every, "salt")
-        assert [one.raw_counts for one in of_salt] == [7] * len(interrupted_records(pages.state, every))
-        found = [r.stamp_s for r in interrupted_records(pages.state, every)]
-        assert found == [2.0] * {3.0: 1, 7.0: 1, 8.0: 2}.get(event.now_s, 0)
-        assert interrupted_records(None, every) == interrupted_records(pages.state, every), "a damaged snapshot"
-    assert interrupted_records(pages.state, every)[1] == RECORD
-    assert interrupted_records(pages.state, every, "clay") == []
-    assert interrupted_records(None, []) == []
+        assert is_under_way(pages.state, every) == is_under_way(None, every) == under_way
 
 
-def test_the_records_of_a_further_property_do_not_touch_the_mission():
+def test_the_records_of_a_further_property_by_earlier_versions_do_not_touch_the_mission():
     mission, _ = travelling()
     pages = Pages()
-    journal = MissionJournal(pages)
-    journal.keep(mission)
-    journal.note_record("salt", mission.state.now_s + 50.0, RECORD)
-    found = interrupted_mission(mission.rules, pages.state, pages.events)
-    assert found.state == mission.state
+    MissionJournal(pages).keep(mission)
+    record = {**event_to_dict(RecordArrived(mission.state.now_s + 50.0, RECORD)), "property": "salt"}
+    assert interrupted_mission(mission.rules, pages.state, [record]).state == mission.state
 
 
 def test_the_disk_is_synced_once_for_all_that_was_noted_and_not_for_places():

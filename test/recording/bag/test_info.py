@@ -28,7 +28,7 @@ from soilmoist_ros.recording import BagReader, BagWriter, PlainTopics, count_rec
 from soilmoist_ros.recording.bag.info import info_table, print_plain, recovery_table
 from soilmoist_ros.recording.bag.plain_topics import GNSS_FRAME
 from soilmoist_ros.recording.bag.playback import INPUTS, Pacer, Playback, TopicChoice
-from soilmoist_ros.recording.bag.verify import bag_info, find_gaps, recover_bag
+from soilmoist_ros.recording.bag.verify import bag_info, recover_bag
 from soilmoist_ros.sensing import CountRecord, fix_from_message
 
 
@@ -82,29 +82,16 @@ def test_a_bag_that_is_being_recorded_is_left_alone(tmp_path):
     assert "being recorded now" in shown(info_table(info))
 
 
-def test_gaps_are_found(tmp_path):
+def test_the_longest_silence_of_a_topic_is_found(tmp_path):
     with BagWriter(tmp_path / "run") as writer:
-        for second in [*range(0, 200, 10), *range(500, 700, 10)]:
+        writer.write(NOTES, START_NS, START_NS, text_message("once"))
+        for second in [*range(500, 700, 10), *range(0, 200, 10)]:  # the clock was set back
             writer.write(PRESSURE, START_NS + second * 10**9, START_NS, number_message(1.0))
-    [topic] = bag_info(tmp_path / "run").topics
-    [gap] = topic.gaps
-    assert gap.duration_s == pytest.approx(310)
-    assert gap.start_s == pytest.approx(START_NS * 1e-9 + 190)
-    assert "1, longest 5 min at 20:29:50Z" in shown(info_table(bag_info(tmp_path / "run")))
-
-
-@pytest.mark.parametrize(
-    "times",
-    [
-        [0.0, 100.0],
-        [0.1 * n for n in range(50)],
-        [1.3**n for n in range(30)],
-        [0.01 * n for n in range(50)] + [1.0 + 0.01 * n for n in range(50)],
-    ],
-    ids=["too few", "regular", "irregular", "short"],
-)
-def test_topics_without_gaps_have_none(times):
-    assert find_gaps(times) == ()
+    once, topic = bag_info(tmp_path / "run").topics
+    assert (topic.interval_s, topic.silent_s) == (pytest.approx(10), pytest.approx(310))
+    assert topic.silent_from_s == pytest.approx(START_NS * 1e-9 + 190)
+    assert (once.interval_s, once.silent_s, once.silent_from_s) == (None, None, None)
+    assert "5 min from 20:29:50Z" in shown(info_table(bag_info(tmp_path / "run")))
 
 
 # Playback --------------------------------------------------------------------------------------------------------

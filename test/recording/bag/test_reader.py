@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags of all recorders are read: reader.py, storage.py and messages.py."""
 
-import io
 import random
 import sqlite3
 from pathlib import Path
@@ -12,13 +11,11 @@ import pytest
 from bags import CLOUD, COUNTS, MODEL, NOTES, START_NS, STORE, cloud, make_topic, text_message, write_foreign
 from mcap.writer import IndexType
 from numpy.lib.recfunctions import append_fields
-from rich.console import Console
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording import BagReader, BagWriter, bag_info, count_records, info_table, points
+from soilmoist_ros.recording import BagReader, BagWriter, bag_info, count_records, points
 from soilmoist_ros.recording.bag.metadata import Definition, Extent, Topic
-from soilmoist_ros.recording.stored_records import quarantine_reasons, stored_counts
 
 
 def counts(number=2):
@@ -101,14 +98,6 @@ def test_quarantined_records_are_read_with_the_others_and_their_reasons(tmp_path
         found = reader.read_counts_of(["/r/counts"])
     assert [name for name, _ in found] == ["/r/counts"] * 4
     assert [record.quarantine for _, record in found] == ["", "", "impossible_count", "unknown_reason"]
-    info = bag_info(tmp_path / "bag")
-    reasons = quarantine_reasons(info)
-    assert reasons == {"/r/quarantined_counts": {"impossible_count": 1, "unknown_reason": 1}}
-    console = Console(file=io.StringIO(), width=200)
-    console.print(info_table(info, reasons))
-    assert "/r/quarantined_counts: quarantined records: 1 impossible count" in console.file.getvalue()
-    stored = stored_counts(tmp_path / "bag", ["/r/counts"], "map")
-    assert [record.quarantine for record in stored] == [record.quarantine for _, record in found]
 
 
 def test_bags_of_a_folder_are_merged_by_time_whatever_their_storage(foreign, tmp_path):

@@ -4,7 +4,6 @@ import errno
 import os
 import random
 import shutil
-import subprocess
 import threading
 import time
 
@@ -286,7 +285,7 @@ def test_a_bag_that_is_gone_is_an_error_and_a_new_one_begins(make, tmp_path, los
     assert (health.level, health.message) == (Level.ERROR, state.gone)
 
 
-def test_a_bag_has_its_notes_and_checksums_for_every_reader(make, tmp_path):
+def test_a_bag_has_its_notes_for_every_reader(make, tmp_path):
     recorder = make(notes=lambda: {"messages of /fix lost on the way": "7"})
     recorder.start()
     for number in range(50):
@@ -299,5 +298,4 @@ def test_a_bag_has_its_notes_and_checksums_for_every_reader(make, tmp_path):
         assert reader.extent == Extent(50, START_NS, START_NS + 49)
     assert bag_info(bag).problems == ()
     assert bag_info(bag).notes == {"messages of /fix lost on the way": "7"}
-    assert subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=bag).returncode == 0
     assert recover_bag(bag, tmp_path / "again").extent.messages == 50

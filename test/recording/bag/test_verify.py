@@ -31,7 +31,7 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 
 def test_a_whole_bag_is_verified(bag):
     found = bag_info(bag.folder)
-    assert (found.checksums, found.problems) == (2, ())
+    assert found.problems == ()
     assert [file.extent.messages for file in found.files] == [24]
     assert bag_info(bag.path).problems == ()
 
@@ -39,7 +39,6 @@ def test_a_whole_bag_is_verified(bag):
 def test_what_the_metadata_say_is_compared(bag):
     path = bag.folder / "metadata.yaml"
     path.write_text(path.read_text().replace("message_count: 8", "message_count: 9", 1))
-    (bag.folder / "SHA256SUMS").unlink()
     with BagWriter(bag.folder.with_name("other")) as writer:
         writer.write(MODEL, START_NS, START_NS, text_message("model"))
     writer.path.rename(bag.folder / "whole_1.mcap")
@@ -48,16 +47,6 @@ def test_what_the_metadata_say_is_compared(bag):
     assert bag_info(bag.folder).problems == ("/robot/model has 8 messages, and metadata.yaml says 9",)
     path.unlink()
     assert bag_info(bag.folder).problems == ("metadata.yaml is missing",)
-
-
-def test_a_missing_file_and_a_bad_line_are_named(bag):
-    with (bag.folder / "SHA256SUMS").open("a") as file:
-        file.write(f"{'0' * 64}  whole_1.mcap\n{'0' * 64}  ../secret\nnonsense\n")
-    problems = bag_info(bag.folder).problems
-    assert problems[0] == "whole_1.mcap is missing"
-    assert len(problems) == 3
-    with pytest.raises(InputError, match="no such bag"):
-        bag_info(bag.folder / "none")
 
 
 def rosbag2(folder, storage, version, mode="", numbers=(4, 4, 4)):
