@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.process]
 
 MAX_INSTALLED_BYTES = 250e6
 """Without what Python compiles later."""
-HEAVY = {"aiohttp", "jinja2", "matplotlib", "mcap", "pandas", "pyproj", "pyvrp", "rasterio"}
+HEAVY = {"aiohttp", "jinja2", "matplotlib", "mcap", "pandas", "pyproj", "rasterio"}
 REMEDY = "pip install 'soilmoist_ros[reports]'"
 
 

@@ -154,8 +154,9 @@ class AdaptiveInterval:
 class Optimal(FixedInterval):
     """Count as long as the strategy plans for each stop, or for a fixed time where it plans none.
 
-    ``greedy``, ``monte_carlo`` and ``adaptive_sampling`` plan none: to count there until a further second would
-    lower the variance more elsewhere made no better maps (three fields, six seeds).
+    The published strategies plan none. To count there until a further second was worth more elsewhere made no
+    better maps with ``greedy`` and ``monte_carlo`` (error with 60 s over that on three fields, six seeds: 0.92 to
+    1.03), and 6 to 15 % better ones with ``adaptive_sampling``, which drove 1.7 times as far.
     """
 
     interval_s: float = 60.0  # dwell that is not planned [s]
