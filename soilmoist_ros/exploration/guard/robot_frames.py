@@ -201,10 +201,12 @@ class FrameCheck:
             )
         return FrameVerdict(away_m <= limit_m, message, (east_m, north_m), limit_m, len(pairs))
 
-    def fitted(self) -> PlaneMove | None:
+    def fitted(self, reach_m: float = 0.0) -> PlaneMove | None:
         """Move from the field's plane to the navigation's frame that explains the pairs.
 
         ``None`` until the robot has moved :data:`BASE_M`, or if no turn and shift explains the pairs.
+
+        :param reach_m: distance from the pairs within which it must hold: noise of the fixes turns it [m]
         """
         if len(self._apart) < MIN_PAIRS:
             return None
@@ -215,8 +217,9 @@ class FrameCheck:
         errors_m = np.hypot(*(move.places(fix) - tf).T)
         good = errors_m <= 3 * np.median(errors_m) + 1e-3
         move, error_m = fit_move(fix[good], tf[good])
-        fits = error_m <= max(self._limit_m, LATENCY_S) and max(np.ptp(tf[good], axis=0)) >= BASE_M
-        return move if fits else None
+        extent_m = max(np.ptp(tf[good], axis=0))
+        fits = error_m * max(reach_m / extent_m, 1.0) <= max(self._limit_m, LATENCY_S)
+        return move if fits and extent_m >= BASE_M else None
 
     def _remedy(self, found: NDArray[np.float64], offset_m: Place) -> str:
         move = self.fitted()
@@ -310,6 +313,7 @@ class RobotFrames:
 
     def __init__(self, field: Field, settings: FrameSettings) -> None:
         self._frame = field.frame
+        self._polygon = field.polygon
         self._centre_m: Place = (float(field.polygon[:, 0].mean()), float(field.polygon[:, 1].mean()))
         self._settings = settings
         self.move: PlaneMove | None = None  # from the plane of the field to the frame of the navigation, if known
@@ -331,7 +335,7 @@ class RobotFrames:
             return self._unchecked
         if self._settings.datum == MAP:
             return self._map_fault or "a map of the navigation with a datum"
-        return f"the navigation's datum: {BASE_M:.0f} m driven by hand with TF and fixes"
+        return f"the navigation's datum: at least {BASE_M:.0f} m driven by hand with TF and fixes"
 
     def take_transforms(self, transforms: Iterable[Transform], now_s: float) -> None:
         """Take in transforms of TF."""
@@ -354,8 +358,10 @@ class RobotFrames:
         if tf is not None:
             delay_s = max(tf.age_s, min(max(now_s - fix.stamp_s, 0.0), MAX_TF_AGE_S))
             self._check.add(now_s, place, (tf.x_m, tf.y_m), delay_s)
-            if self.move is None and self._settings.datum == ROBOT and (found := self._check.fitted()) is not None:
-                self._use(found)
+            if self.move is None and self._settings.datum == ROBOT:
+                reach_m = float(np.hypot(*(self._polygon - place).T).max())
+                if (found := self._check.fitted(reach_m)) is not None:
+                    self._use(found)
         if tf is not None and self.move is not None:
             verdict = self._check.verdict(now_s)
             if verdict.agrees is not None:
