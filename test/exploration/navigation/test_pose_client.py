@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration import ANYBODYS, FORGOTTEN, Stop, way_points
-from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.exploration.navigation.navigator import Ended
 from soilmoist_ros.exploration.navigation.pose_client import (
     KEPT_S,
     MAX_AGE_S,
@@ -22,6 +22,7 @@ from soilmoist_ros.exploration.navigation.pose_client import (
 
 GOAL = Stop("goal", 10.0, 0.0)
 TO_GOAL = way_points([(0.0, 0.0), (10.0, 0.0)], GOAL)
+AROUND = way_points([(0.0, 0.0), (0.0, 10.0), (10.0, 10.0), (10.0, 0.0)], GOAL)
 FAR = (1984.8, 25.4)
 
 
@@ -35,105 +36,80 @@ def drive(client, places, start_s=0.0):
     ]
 
 
-def going():
-    """A client whose robot drives to the goal, 2 m from where it began."""
+def said(request):
+    match request:
+        case SendPose(x_m=x_m, y_m=y_m, heading_rad=heading_rad):
+            return f"pose {x_m:g} {y_m:g} facing {math.degrees(heading_rad):.0f}"
+        case CancelAll():
+            return "cancel all"
+        case Ended(goal_id=goal_id, outcome=outcome):
+            return f"{outcome} {goal_id}"
+
+
+def east(begin, end, step=1.0):
+    return [(begin + step * number, 0.0) for number in range(round((end - begin) / step) + 1)]
+
+
+GOING = (("go", 1, TO_GOAL), "pose 10 0 facing 0"), (("drive", east(0, 2), 0.0), "")
+SEEN = (("go", 1, TO_GOAL), "pose 10 0 facing 0"), (("drive", east(0, 4.5, 0.5), 0.0), "")
+UNKNOWN = "the robot is not asked to stop: its recent positions do not agree on a place"
+COURSES = {
+    "arrives when it has stood there": (
+        GOING[0], (("drive", east(0, 10), 0.0), ""), (("drive", [(10.0, 0.0)] * 3, 11.0), ""),
+        (("drive", [(10.0, 0.0)] * 2, 14.0), "succeeded 1"), (("drive", [(10.0, 0.0)] * 20, 16.0), "")),
+    "already there needs no pose, unless it moved": (
+        (("drive", [(9.5, 0.2)] * 8, 0.0), ""), (("go", 1, TO_GOAL), "succeeded 1"),
+        (("drive", [(9.5 - x, 0.2) for x in range(4)], 8.0), ""), (("go", 2, TO_GOAL), "pose 10 0 facing 0")),
+    "one that is told to stay is not sent to where positions leap": (
+        *SEEN, (("cancel", 1), "pose 4.5 0 facing 0"), (("drive", [(18.0, 12.0)] * 20, 20.0), "canceled 1")),
+    "nor to where it is seen after a gap of positions": (
+        *SEEN, (("cancel", 1), "pose 4.5 0 facing 0"), (("drive", [(8.0, 0.0)] * 4, 20.0), "")),
+    "a stop after a gap of positions is no pose where the robot cannot be": (
+        *SEEN, (("tick", False, 18.0), ""), (("cancel", 1), ""), (("drive", [(18.0, 12.0)] * 3, 20.0), ""),
+        UNKNOWN),
+    "way points one after the other, passed closely or when it stands near, facing along the way": (
+        (("go", 1, AROUND), "pose 0 10 facing 90"), (("drive", [(0.0, float(y)) for y in range(9)], 0.0), ""),
+        (("drive", [(0.0, 9.8)], 9.0), "pose 10 10 facing 0"),
+        (("drive", [(float(x), 10.0) for x in range(8)], 10.0), ""),
+        (("drive", [(8.0, 10.0)] * 6, 18.0), "pose 10 0 facing -90")),
+    "a cancelled goal stays where the robot is, and ends when it stands": (
+        *GOING, (("cancel", 1), "pose 2 0 facing 0"), (("cancel", 1), ""), (("drive", east(2.5, 3, 0.5), 3.0), ""),
+        (("drive", [(3.0, 0.0)] * 10, 5.0), "canceled 1")),
+    "a robot that drives on is stopped again where it is then": (
+        *GOING, (("cancel", 1), "pose 2 0 facing 0"), (("drive", east(3, 6), 3.0), "pose 6 0 facing 0")),
+    "without a plausible place nothing is published until there is one": (
+        *GOING, (("drive", [FAR] * 20, 3.0), ""), (("cancel", 1), ""), (("tick", False, 23.0), ""),
+        (("drive", [(9.0, 0.0)] * 2, 24.0), ""), UNKNOWN,
+        (("drive", [(9.0, 0.0)], 26.0), "pose 9 0 facing 0"), ""),
+    "a navigation with an action is stopped by cancelling its goals until the robot stands": (
+        GOING[0], (("drive", [(0.0, 0.0), FAR], 0.0), ""), (("tick", True, 2.0), ""),
+        (("cancel", 1), "cancel all"), "", (("tick", True, 3.0), ""), (("tick", True, 4.5), "cancel all"),
+        (("drive", [(1.0, 0.0)] * 20, 5.0), "cancel all, cancel all, canceled 1")),
+    "cancelling before the first position, of an earlier process": (
+        (("cancel", 7), ""), (("drive", [(4.0, 4.0)] * 2, 0.0), ""),
+        (("drive", [(4.0, 4.0)], 2.0), "pose 4 4 facing 0"), (("drive", [(4.0, 4.0)] * 8, 3.0), "canceled 7")),
+    "somebody else's pose is left alone until the robot stands": (
+        *GOING, (("heard_other",), "superseded 1"), (("cancel", 2), "canceled 2"),
+        (("go", 3, TO_GOAL), "superseded 3"),
+        (("drive", [(2.0, float(y)) for y in range(1, 6)], 3.0), ""), (("drive", [(2.0, 5.0)] * 7, 8.0), ""),
+        (("go", 4, TO_GOAL), "pose 10 0 facing 0")),
+    "somebody else's pose does not matter if the operator says so": (
+        GOING[0], (("heard_other", False), ""), (("cancel", 1), "")),
+}  # fmt: skip
+"""What is told to a client and what it does then, or the caution that it shows."""
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_what_a_client_makes_of_positions(name):
     client = make()
-    client.go(1, TO_GOAL)
-    drive(client, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
-    return client
-
-
-def test_arrives_when_it_has_stood_there():
-    client = make()
-    assert client.go(1, TO_GOAL) == (SendPose(10.0, 0.0, 0.0),)
-    assert drive(client, [(float(x), 0.0) for x in range(11)]) == [], "still driving"
-    assert drive(client, [(10.0, 0.0)] * 3, 11.0) == [], "not for long enough"
-    (end,) = drive(client, [(10.0, 0.0)] * 2, 14.0)
-    assert (end.goal_id, end.outcome) == (1, Outcome.SUCCEEDED)
-    assert drive(client, [(10.0, 0.0)] * 20, 16.0) == []
-
-
-def test_already_there_needs_no_pose():
-    client = make()
-    drive(client, [(9.5, 0.2)] * 8)
-    assert client.go(1, TO_GOAL) == (Ended(1, Outcome.SUCCEEDED, "already at goal"),)
-    drive(client, [(9.5 - x, 0.2) for x in range(4)], 8.0)
-    assert client.go(2, TO_GOAL) == (SendPose(10.0, 0.0, 0.0),), "it moved"
-
-
-def test_a_robot_that_is_told_to_stay_is_not_sent_to_where_positions_leap():
-    client = make()
-    client.go(1, TO_GOAL)
-    drive(client, [(x / 2, 0.0) for x in range(10)])
-    assert client.cancel(1) == (SendPose(4.5, 0.0, 0.0),)
-    assert drive(client, [(18.0, 12.0)] * 20, 20.0)[:-1] == [], "no pose after a gap of positions"
-
-
-def test_a_stop_after_a_gap_is_no_pose_where_the_robot_cannot_be():
-    client = make()
-    client.go(1, TO_GOAL)
-    drive(client, [(x / 2, 0.0) for x in range(10)])
-    client.tick(False, 18.0)
-    assert client.cancel(1) == ()
-    assert drive(client, [(18.0, 12.0)] * 3, 20.0) == []
-    assert "is not asked to stop" in client.caution
-
-
-def test_way_points_one_after_the_other_facing_along_the_way():
-    client = make()
-    way = [(0.0, 0.0), (0.0, 10.0), (10.0, 10.0), (10.0, 0.0)]
-    assert client.go(1, way_points(way, GOAL)) == (SendPose(0.0, 10.0, math.pi / 2),)
-    assert drive(client, [(0.0, float(y)) for y in range(9)]) == []
-    assert drive(client, [(0.0, 9.8)], 9.0) == [SendPose(10.0, 10.0, 0.0)], "passed closely"
-    assert drive(client, [(float(x), 10.0) for x in range(8)], 10.0) == []
-    assert drive(client, [(8.0, 10.0)] * 6, 18.0) == [SendPose(10.0, 0.0, -math.pi / 2)], "or when it stands near"
-
-
-def test_cancelling_stays_where_the_robot_is_and_ends_when_it_stands():
-    client = going()
-    assert client.cancel(1) == (SendPose(2.0, 0.0, 0.0),)
-    assert client.cancel(1) == (), "it has just been asked"
-    assert drive(client, [(2.5, 0.0), (3.0, 0.0)], 3.0) == []
-    assert [end.outcome for end in drive(client, [(3.0, 0.0)] * 10, 5.0)] == [Outcome.CANCELED]
-
-
-def test_a_robot_that_drives_on_is_stopped_again_where_it_is_then():
-    client = going()
-    client.cancel(1)
-    assert drive(client, [(2.0 + x, 0.0) for x in range(1, 5)], 3.0) == [SendPose(6.0, 0.0, 0.0)]
-
-
-def test_without_a_plausible_place_nothing_is_published_until_there_is_one():
-    client = going()
-    drive(client, [FAR] * 20, 3.0)
-    assert client.cancel(1) == ()
-    assert "do not agree on a place" in client.caution
-    assert client.tick(False, 23.0) == ()
-    assert drive(client, [(9.0, 0.0)] * 2, 24.0) == []
-    assert drive(client, [(9.0, 0.0)], 26.0) == [SendPose(9.0, 0.0, 0.0)]
-    assert client.caution == ""
-
-
-def test_a_navigation_with_an_action_is_stopped_by_cancelling_its_goals():
-    client = make()
-    client.go(1, TO_GOAL)
-    drive(client, [(0.0, 0.0), FAR])
-    client.tick(True, 2.0)
-    assert client.cancel(1) == (CancelAll(),)
-    assert client.caution == ""
-    assert client.tick(True, 3.0) == ()
-    assert client.tick(True, 4.5) == (CancelAll(),), "it does not stand yet"
-    requests = drive(client, [(1.0, 0.0)] * 20, 5.0)
-    assert requests[-1] == Ended(1, Outcome.CANCELED, "cancelled; the robot stands")
-    assert all(isinstance(each, CancelAll) for each in requests[:-1])
-
-
-def test_cancelling_before_the_first_position_and_of_an_earlier_process():
-    client = make(settle_s=2.0)
-    assert client.cancel(7) == ()
-    assert drive(client, [(4.0, 4.0)] * 2) == []
-    assert drive(client, [(4.0, 4.0)], 2.0) == [SendPose(4.0, 4.0, 0.0)]
-    assert [end.goal_id for end in drive(client, [(4.0, 4.0)] * 5, 3.0)] == [7]
+    for step in COURSES[name]:
+        if isinstance(step, str):
+            assert client.caution == step
+            continue
+        (kind, *values), expected = step
+        requests = drive(client, *values) if kind == "drive" else getattr(client, kind)(*values)
+        assert ", ".join(map(said, requests)) == expected, (kind, values)
+        assert client.other_client or kind != "heard_other", "it is shown"
 
 
 @given(st.lists(st.tuples(st.floats(-20, 20), st.floats(-20, 20)), max_size=40), st.integers(0, 10))
@@ -177,26 +153,6 @@ def test_what_somebody_else_drives_gets_no_pose(cancels, requests):
     assert client.cancel(ANYBODYS) == requests
     assert client.moved((10.0, 0.0), 20.0) == client.tick(cancels, 20.5) == ()
     assert client.cancel(FORGOTTEN) != ()
-
-
-def test_somebody_elses_pose_is_left_alone_until_the_robot_stands():
-    client = going()
-    assert [end.outcome for end in client.heard_other()] == [Outcome.SUPERSEDED]
-    assert client.cancel(2) == (Ended(2, Outcome.CANCELED, "cancelled; another client drives the robot"),)
-    assert [end.outcome for end in client.go(3, TO_GOAL)] == [Outcome.SUPERSEDED]
-    assert drive(client, [(2.0, float(y)) for y in range(1, 6)], 3.0) == []
-    assert client.other_client
-    drive(client, [(2.0, 5.0)] * 7, 8.0)
-    assert not client.other_client
-    assert client.go(4, TO_GOAL) == (SendPose(GOAL.x_m, GOAL.y_m, 0.0),)
-
-
-def test_somebody_elses_pose_does_not_matter_if_the_operator_says_so():
-    client = make()
-    client.go(1, TO_GOAL)
-    assert client.heard_other(yields=False) == ()
-    assert client.other_client, "it is shown"
-    assert client.cancel(1) == ()
 
 
 def track(*places, start_s=0.0):
