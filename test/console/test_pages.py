@@ -35,7 +35,7 @@ IDLE = {
     "counts": 0, "queue": [],
     "settings": {
         "hours": 2.0, "dwell": "optimal", "strategy": "gcb", "target": "rate", "home": "", "until_sd": 0.0,
-        "until_gain": 0.0, "targets": ["rate", "vwc"],
+        "targets": ["rate", "vwc"],
     },
 }  # fmt: skip
 
@@ -155,7 +155,6 @@ def test_a_walk_a_strategy_and_earlier_runs_are_in_the_plan_that_is_started(brow
     assert (change.strategy, change.dwell, change.until_sd, change.home) == ("lattice", "ami:2.5%", 0.03, "")
     assert change.target == "vwc"
     assert change.hours == 0.0, "the planner has them"
-    assert change.until_gain is None
     assert change.earlier == (str(tmp_path / "june"),)
     field = load_field(Path(change.field))
     assert change.field.startswith(str(tmp_path / "fields" / "drawn-field-"))

@@ -222,7 +222,7 @@ def test_the_end_leads_to_the_report_and_nothing_is_red(browser, served, tmp_pat
         link.lose()
         shows(page, "alarm", "The connection has ended, after the mission.")
         shows(page, "link", "finished")
-        red = "#link[data-kind=lost], .alarm:not(.calm, [hidden]), [data-kind=old], [data-kind=danger]"
+        red = "#link[data-kind=lost], .alarm:not(.calm, [hidden]), [data-kind=danger]"
         assert page.locator(red).count() == 0
 
 

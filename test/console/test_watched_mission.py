@@ -36,7 +36,7 @@ def fetched(page, path):
 
 
 @pytest.mark.slow
-def test_the_page_shows_the_map_the_robot_and_its_visits(tmp_path):
+def test_the_page_shows_the_map_the_robot_and_its_visits_and_does_not_change_the_mission(tmp_path):
     with watched(tmp_path) as page:
         result = simulate_mission(SETTINGS, watch=page.show)
         shown = page._board.snapshot()
@@ -45,19 +45,12 @@ def test_the_page_shows_the_map_the_robot_and_its_visits(tmp_path):
         values = json.loads(fetched(page, "at?x=50&y=25"))["values"]
     row, column = result.soil_map.grid.shape[0] // 2, round(50 / 2.0)
     assert values["rate"] == pytest.approx(result.soil_map.rate[row, column], rel=0.05), "the last map"
-    assert shown["mission/"]["phase"] == "finished"
+    assert (shown["mission/"]["phase"], shown["watch_only"]) == ("finished", "A simulated mission.")
     assert list(shown["visits"]) == [[round(visit.x_m, 2), round(visit.y_m, 2)] for visit in result.visits]
     assert len(shown["trail/"]) > 5
-    assert shown["watch_only"] == "A simulated mission."
-
-
-@pytest.mark.slow
-def test_watching_does_not_change_the_mission(tmp_path):
-    with watched(tmp_path) as page:
-        seen = simulate_mission(SETTINGS, watch=page.show)
     alone = simulate_mission(SETTINGS)
-    assert seen.visits == alone.visits
-    np.testing.assert_array_equal(seen.soil_map.rate, alone.soil_map.rate)
+    assert result.visits == alone.visits
+    np.testing.assert_array_equal(result.soil_map.rate, alone.soil_map.rate)
 
 
 def test_nobody_steers(tmp_path):

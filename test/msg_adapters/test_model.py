@@ -125,12 +125,6 @@ def test_an_impossible_drift_is_refused(changes, problem):
         model_from_message(String(data=json.dumps(content)))
 
 
-def test_no_model_is_sent_too():
-    message = model_to_message(Model(None, 3.5, 2.0))
-    assert json.loads(message.data) == {"model": None, "n_samples": 0, "stamp_s": 3.5, "cell_m": 2.0}
-    assert model_from_message(message) == Model(None, 3.5, 2.0)
-
-
 def good(**changes):
     nothing = np.empty(0)
     variogram = Variogram("matern32", 0.1, 20.0, 1.0)
@@ -157,5 +151,8 @@ def good(**changes):
     ],
 )
 def test_what_is_no_model_is_refused(text, message):
+    none = model_to_message(Model(None, 3.5, 2.0))
+    assert json.loads(none.data) == {"model": None, "n_samples": 0, "stamp_s": 3.5, "cell_m": 2.0}
+    assert model_from_message(none) == Model(None, 3.5, 2.0), "which is said before the first fit"
     with pytest.raises(ValueError, match=message):
         model_from_message(String(data=text))

@@ -16,7 +16,6 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters.point_cloud import to_seconds
 from msg_adapters.soil_map import (
     OUTSIDE,
-    filter_info,
     mask_to_message,
     soil_map_from_message,
     soil_map_to_message,
@@ -111,10 +110,3 @@ def test_a_mask_is_an_occupancy_grid():
     assert message.info.origin.orientation.w == 1.0
     assert list(message.data) == [0, 100, 0, 100, 100, 0], "row by row, the lowest y first"
     assert (message.header.frame_id, message.header.stamp.sec) == ("navigation", 4)
-
-
-def test_the_filter_is_told_where_the_mask_is():
-    kind = pytest.importorskip("nav2_msgs.msg").CostmapFilterInfo
-    message = deserialize_message(serialize_message(filter_info(kind, "/robot/keepout", 4.5, "map")), kind)
-    assert (message.type, message.filter_mask_topic) == (0, "/robot/keepout")
-    assert (message.base, message.multiplier, message.header.frame_id) == (0.0, 1.0, "map")

@@ -85,19 +85,14 @@ def test_a_visit_comes_back_exactly(visit):
     assert (message.robot, message.header.frame_id) == ("robot_1", "map")
 
 
-def test_codes_of_later_versions_are_read():
-    message = visit_to_message(Visit("a", 1.0, 2.0, 3.0, 4.0, 5, ""))
+def test_codes_of_later_versions_are_read_and_control_characters_of_other_robots_do_not_come_in():
+    odd = "no\x1b[31mrth\r\n\u202e5\x07"
+    message = visit_to_message(Visit(odd, 1.0, 2.0, 3.0, 4.0, 5, odd, outcome=odd))
     message.reason_code = "struck_by_lightning"
-    assert visit_from_message(message).ended is VisitEnd.UNKNOWN
+    found = visit_from_message(message)
+    assert (found.ended, found.name, found.reason, found.outcome) == (VisitEnd.UNKNOWN, *3 * ["north 5"])
     with pytest.raises(ValueError, match="not a visit"):
         visit_from_message(message.header)
-
-
-def test_control_characters_of_other_robots_do_not_come_in():
-    odd = "no\x1b[31mrth\r\n\u202e5\x07"
-    visit = Visit(name=odd, x_m=0.0, y_m=0.0, arrived_s=0.0, dwell_s=1.0, raw_counts=1, reason=odd, outcome=odd)
-    found = visit_from_message(visit_to_message(visit))
-    assert (found.name, found.reason, found.outcome) == ("north 5",) * 3
 
 
 # The mission's status as numbers and codes ----------------------------------------------------------------------

@@ -28,7 +28,8 @@ def test_mask_and_filter_info_are_latched(ros, tmp_path):
     infos = ros.collect(CostmapFilterInfo, "/robot/costmap_filter_info", LATCHED)
     ros.wait_for(lambda: masks and infos)
     mask, info = masks[0], infos[0]
-    assert (info.filter_mask_topic, info.type, info.multiplier) == ("/robot/keepout", 0, 1.0)
+    assert (info.filter_mask_topic, info.type) == ("/robot/keepout", 0)
+    assert (info.base, info.multiplier) == (0.0, 1.0)
     assert (mask.header.frame_id, info.header.frame_id) == ("plane", "plane")
     cells = np.array(mask.data).reshape(mask.info.height, mask.info.width)
     row, column = (

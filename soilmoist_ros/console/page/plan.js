@@ -26,7 +26,7 @@ function dwellText() {
 // What is changed with "change": what differs from what the planner has.
 function changes() {
   const now = settings(), good = number("good") / 100;
-  const all = { hours: number("hours"), strategy: value("strategy"), dwell: dwellText(), target: value("target"), until_sd: good, until_gain: number("gain") };
+  const all = { hours: number("hours"), strategy: value("strategy"), dwell: dwellText(), target: value("target"), until_sd: good };
   const same = (name, one) => (name === "dwell" ? sameDwell(one, now.dwell) : typeof one === "number" ? Math.abs(one - now[name]) < 1e-9 : one === now[name]);
   return Object.fromEntries(Object.entries(all).filter(([name, one]) => !same(name, one)));
 }
@@ -104,8 +104,7 @@ function makeForm() {
     ...choice("target", t("target"), []),
     element("details", {}, element("summary", {}, t("plan_more")),
       part("plan-more",
-        ...input("good", "", { step: "any", min: "0", placeholder: t("never") }),
-        ...input("gain", t("plan_gain"), { step: "any", min: "0", placeholder: t("never") }))));
+        ...input("good", "", { step: "any", min: "0", placeholder: t("never") }))));
 }
 
 // With another target the number would mean something else; the planner's own has that of the planner.
@@ -121,7 +120,7 @@ function prefill() {
   if (now.hours === undefined) return;
   fill("plan-target", now.targets ?? ["rate"], () => (now.targets ?? ["rate"]).map((key) => element("option", { value: key }, t(`target_${key}`))));
   const [kind, amount] = now.dwell.split(":");
-  const given = { hours: now.hours, strategy: now.strategy, target: now.target, dwell: kind, good: +(100 * now.until_sd).toPrecision(6) || "", gain: now.until_gain || "" };
+  const given = { hours: now.hours, strategy: now.strategy, target: now.target, dwell: kind, good: +(100 * now.until_sd).toPrecision(6) || "" };
   if (amount) given["dwell-by"] = kind === "ami" ? +(100 * amount).toPrecision(6) : amount;
   for (const [name, one] of Object.entries(given)) {
     const node = $(`plan-${name}`);

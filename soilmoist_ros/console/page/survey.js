@@ -299,19 +299,8 @@ function renderHome(now) {
 
 // Health, map, frame ---------------------------------------------------------------------------------------------------------
 
-function renderAges() {
-  const heard = sections.heard ?? {}, several = (sections.robots ?? []).length > 1;
-  const rows = (sections.robots ?? []).flatMap((one) => {
-    const name = several ? one.replace("_", " ") : t("robot");
-    return [[t("age_heard", { robot: name }), heard[`mission/${one}`]], [several ? `${name}: ${t("position")}` : t("position"), heard[`fix/${one}`]]];
-  });
-  rows.push([t("map"), heard.map, true]);
-  const list = rows.map(([text, at, slow]) => {
-    const age = at === undefined ? null : Math.max(0, nowS() - at);
-    const old = !ended() && (age === null || (!slow && age > OLD_S));
-    return [text, age === null ? t("never") : t("ago", { duration: duration(Math.floor(age)) }), old];
-  });
-  fill("ages", list, () => list.map(([text, age, old]) => element("li", { "data-kind": old ? "old" : "" }, element("span", {}, text), element("b", {}, age))));
+function renderLink() {
+  const heard = sections.heard ?? {};
   const node = $("link"), first = heard[`mission/${robot}`], age = first === undefined ? null : Math.max(0, Math.floor(nowS() - first));
   const gone = lost(), over = ended();
   node.dataset.kind = over || !(gone || age === null || (age > OLD_S && !sections.watch_only)) ? "" : "lost";
@@ -443,7 +432,7 @@ function renderGuide() {
 const PARTS = [
   ["guide", renderGuide], ["page", renderTabs], ["tab_survey", renderFrame], ["news", renderSteer],
   ["tab_plan", () => tab === "plan" && renderPlan()], ["tab_results", () => tab === "results" && renderResults()],
-  ["state", renderState], ["mission", renderMission], ["health", renderHealth], ["link", renderAges], ["map_name", renderMap],
+  ["state", renderState], ["mission", renderMission], ["health", renderHealth], ["link", renderLink], ["map_name", renderMap],
   ["drawing", renderMapbar], ["this_place", renderPlace],
 ];
 
@@ -468,5 +457,5 @@ startResults({ notice, maySteer, know: (names) => { know(names); showTab("plan")
 addEventListener("hashchange", () => showTab(location.hash.slice(1)));
 showTab(location.hash.slice(1));
 listen(render);
-setInterval(() => { const now = stale() || String(lost()); if (now === wasStale) renderAges(); else { wasStale = now; render(); } }, 1000);
+setInterval(() => { const now = stale() || String(lost()); if (now === wasStale) renderLink(); else { wasStale = now; render(); } }, 1000);
 connect();
