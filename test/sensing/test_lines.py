@@ -1,18 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes in pieces of any size become whole lines (lines.py); records and problems.py."""
+"""Bytes in pieces of any size become whole lines (lines.py)."""
 
-import math
 import threading
 import time
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scripted_server import LIMIT_S, QUICK, ScriptedServer, sends
 
-from soilmoist_ros import sensing
-from soilmoist_ros.sensing import CountRecord, LoggerRecord
 from soilmoist_ros.sensing.connections import open_source
 from soilmoist_ros.sensing.lines import MAX_WAITING, MAX_WAITING_BYTES, LineBuffer, LineReader, LinkState
 
@@ -82,28 +78,3 @@ def test_lines_that_wait_are_limited_in_their_size():
         time.sleep(0.01)
     assert flood.read >= 2 * len(taken)
     reader.stop()
-
-
-# Records -------------------------------------------------------------------------------------------------------
-
-NAN = math.nan
-MAX_LINE = 115
-
-
-@pytest.mark.parametrize(
-    ("thing", "text"),
-    [
-        (CountRecord(1714557610.0, 1.0, -2.25, NAN, 60, 10.0, 8.0),
-         "CountRecord(2024-05-01 10:00:10Z, x=1.0 m, y=-2.2 m, 60 counts, 7.50 counts/s)"),
-        (CountRecord(NAN, NAN, NAN, NAN, 60, 10.0, 10.0),
-         "CountRecord(nan s after 1970Z, x=nan m, y=nan m, 60 counts, 6.00 counts/s)"),
-        (LoggerRecord(1714557610.0, (5.0, NAN, 6.0), (10.0, NAN, 10.0), line=7),
-         "LoggerRecord(2024-05-01 10:00:10Z, 11 counts of 2 of 3 tubes, line 7)"),
-        (sensing.Site(name="north"), "Site(name='north')"),
-        (sensing.Track(), "Track(0 positions)"),
-        (sensing.load_logger_format("thorvald_crs"), None),
-    ],
-)  # fmt: skip
-def test_the_text_of_a_result_fits_a_line(thing, text) -> None:
-    assert len(repr(thing)) <= MAX_LINE
-    assert text is None or repr(thing) == text

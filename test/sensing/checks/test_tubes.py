@@ -96,13 +96,8 @@ def record(counts, live=10.0) -> LoggerRecord:
     return LoggerRecord(0.0, tuple(float(count) for count in counts), live_s)
 
 
-def simulate(rng, shares, rates, missing=0.0):
-    records = []
-    for rate in rates:
-        counts = rng.poisson(shares * rate * 60.0).astype(float)
-        counts[rng.random(len(shares)) < missing] = NAN
-        records.append(record(counts, np.where(np.isnan(counts), NAN, 60.0)))
-    return records
+def simulate(rng, shares, rate, number=2000):
+    return [record(rng.poisson(shares * rate * 60.0), 60.0) for _ in range(number)]
 
 
 def test_all_tubes_have_exactly_the_live_time_and_a_missing_one_takes_its_share_of_the_exposure() -> None:
@@ -113,22 +108,10 @@ def test_all_tubes_have_exactly_the_live_time_and_a_missing_one_takes_its_share_
 
 def test_shares_are_not_biased_by_tubes_that_fail_where_it_is_wet() -> None:
     true = np.array([0.2, 0.3, 0.5])
-    wet = simulate(np.random.default_rng(1), true, np.full(2000, 2.0))
+    wet = simulate(np.random.default_rng(1), true, 2.0)
     wet = [record((NAN, *one.tube_counts[1:]), (NAN, 60.0, 60.0)) for one in wet]
-    dry = simulate(np.random.default_rng(2), true, np.full(2000, 6.0))
+    dry = simulate(np.random.default_rng(2), true, 6.0)
     np.testing.assert_allclose(tube_shares(wet + dry), true, atol=0.004)
-
-
-@pytest.mark.slow
-def test_rate_is_unbiased_and_poisson_with_tubes_missing() -> None:
-    rng = np.random.default_rng(3)
-    true = np.array([0.1, 0.2, 0.3, 0.4])
-    records = simulate(rng, true, np.full(20_000, 5.0), missing=0.2)
-    usable = [one for one in records if np.isfinite(one.tube_counts).any()]
-    raw, exposure = np.array([combine_tubes(one, true) for one in usable]).T
-    assert raw.sum() / exposure.sum() == pytest.approx(5.0, rel=0.003)
-    standardised = (raw - 5.0 * exposure) / np.sqrt(5.0 * exposure)
-    assert standardised.var() == pytest.approx(1.0, abs=0.04)
 
 
 def test_a_tube_that_is_left_out_on_purpose_has_no_share() -> None:

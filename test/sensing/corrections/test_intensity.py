@@ -46,23 +46,10 @@ def test_the_scaled_factors_agree_with_crnpy(latitude, altitude, rigidity, hawdo
 # Values of the database NMDB, mostly of the years 1965 to 2000.
 @pytest.mark.parametrize(
     ("code", "published_gv", "tolerance_gv"),
-    [
-        ("OULU", 0.81, 0.2),
-        ("KIEL", 2.36, 0.2),
-        ("LMKS", 3.84, 0.2),
-        ("JUNG", 4.49, 0.4),
-        ("ROME", 6.27, 0.4),
-        ("ATHN", 8.53, 0.4),
-        ("PSNM", 16.8, 0.3),
-        ("NEWK", 2.40, 0.6),
-        ("HRMS", 4.58, 0.4),
-        ("KERG", 1.14, 0.2),
-        ("TSMB", 9.15, 0.4),
-        ("PTFM", 6.98, 0.3),
-        ("TERA", 0.01, 0.1),
-        ("THUL", 0.3, 0.3),
-    ],
-)
+    [("OULU", 0.81, 0.2), ("KIEL", 2.36, 0.2), ("LMKS", 3.84, 0.2), ("JUNG", 4.49, 0.4), ("ROME", 6.27, 0.4),
+     ("ATHN", 8.53, 0.4), ("PSNM", 16.8, 0.3), ("NEWK", 2.40, 0.6), ("HRMS", 4.58, 0.4), ("KERG", 1.14, 0.2),
+     ("TSMB", 9.15, 0.4), ("PTFM", 6.98, 0.3), ("TERA", 0.01, 0.1), ("THUL", 0.3, 0.3)],
+)  # fmt: skip
 def test_the_table_gives_the_cutoff_rigidity_of_the_monitors(code, published_gv, tolerance_gv) -> None:
     _, latitude, longitude, _ = MONITORS[code]
     assert cutoff_rigidity_gv(latitude, longitude) == pytest.approx(published_gv, abs=tolerance_gv)

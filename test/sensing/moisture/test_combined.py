@@ -39,19 +39,6 @@ def test_the_combination_is_never_less_sure_than_the_best_source_and_its_shares_
     assert min(levels) * (1 - 1e-9) <= both.n0_cps <= max(levels) * (1 + 1e-9)
 
 
-@given(RATES, RATES, SDS, SDS)
-def test_independent_sources_weigh_by_inverse_variance(one, other, sd, other_sd):
-    both = combine_n0([N0Source("", one, sd), N0Source("", other, other_sd)])
-    weight = 1 / sd**2 / (1 / sd**2 + 1 / other_sd**2)
-    assert both.n0_cps == pytest.approx(one**weight * other ** (1 - weight))
-    assert both.sd == pytest.approx((1 / sd**2 + 1 / other_sd**2) ** -0.5)
-
-
-def test_what_all_sources_do_not_know_of_the_site_does_not_average_out():
-    many = [N0Source("elsewhere", 1.0, math.hypot(0.03, GENERAL_SD), GENERAL_SD)] * 60
-    assert combine_n0(many).sd == pytest.approx(GENERAL_SD, rel=0.02)
-
-
 def test_simulated_sites_lie_within_the_stated_error():
     rng = np.random.default_rng(5)
     errors = []

@@ -19,7 +19,7 @@ from soilmoist_ros.sensing.position.track_file import read_positions
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.driver import NO_RECORD_S, logger_fault, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream
-from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S
+from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S, MAX_EDGE_TOLERANCE_S, Survey
 from soilmoist_ros.simulation.robot.virtual_devices import sentences_without_fix
 from virtual_survey import START_S, write_survey
 
@@ -215,3 +215,44 @@ def test_a_planner_reads_the_fault_of_the_driver_in_its_namespace(node, heard):
     said = logger_fault([link, replace(part, name=f"{node}: records")], "/a")
     assert said == (part.message if heard else None)
     assert logger_fault([link], "/a") == ("" if heard else None)
+
+
+# Places of a survey (survey.py) ----------------------------------------------------------------------------------
+
+
+def test_a_single_fix_gives_the_place_within_the_interval_and_within_five_seconds():
+    def placed(interval_s, elapsed_s):
+        survey = Survey(UNCORRECTED, FRAME, keep_unplaced=False, track=Track([fix(elapsed_s)]))
+        survey.take_record(LoggerRecord(T0 + 1000.0, (5.0,), (interval_s,)))
+        return bool(survey.take_ready())
+
+    assert placed(10.0, 995.0 - 4.9)
+    assert not placed(10.0, 995.0 - 5.1)
+    assert placed(60.0, 970.0 - MAX_EDGE_TOLERANCE_S)
+    assert not placed(60.0, 970.0 - MAX_EDGE_TOLERANCE_S - 0.1)
+
+
+@pytest.mark.parametrize("back_s", [12.0, 33.0, 55.0])
+def test_own_positions_from_before_the_clock_was_set_back_are_not_used(back_s):
+    survey, x_m = Survey(UNCORRECTED, FRAME), []
+    for number in range(1, 121):
+        ahead_s = back_s if number <= 60 else 0.0
+        place, counts = fix(10.0 * number, 10.0 * number).position, (5.0 + number % 2,) * 12
+        survey.take_record(
+            replace(record(number, position=place, tube_counts=counts), stamp_s=T0 + 10.0 * number + ahead_s),
+            10.0 * number,
+        )
+        x_m += [one.x_m for one in survey.take_ready(10.0 * number + 5.0)]
+    assert np.abs(np.array(x_m) - (10.0 * np.arange(1, 121) - 5.0)).max() < 10.0
+
+
+def test_a_record_of_a_logger_whose_clock_is_behind_waits_for_its_fix():
+    survey = Survey(UNCORRECTED, FRAME, fix_wait_s=30.0)
+    for second in range(50):
+        survey.take_fix(fix(float(second), float(second)))
+    survey.take_record(record(3, clock_ahead_s=-40.0), 0.0)
+    assert survey.take_ready(0.0) == []
+    for second in range(50, 80):
+        survey.take_fix(fix(float(second), float(second)))
+    (found,) = survey.take_ready(0.0)
+    assert found.x_m == pytest.approx(65.0, abs=1e-6)
