@@ -41,7 +41,7 @@ Value = TypeVar("Value")
 @click.option("--log", "logs", type=INPUT, multiple=True,
               help="Log of the probe of --site, or a folder or ZIP archive of logs. Repeatable.")  # fmt: skip
 @click.option("--nmea", "--track", type=FILE, multiple=True,
-              help="Positions of --log: NMEA, GPX, CSV, RTKLIB or a bag. Repeatable.")  # fmt: skip
+              help="Positions of --log: NMEA, GPX, CSV or a bag. Repeatable.")  # fmt: skip
 @click.option("--run", type=FILE, help="Folder of a run with a certificate, which is made again.")
 @position_options
 @answering

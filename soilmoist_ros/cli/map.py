@@ -45,8 +45,8 @@ NO_MOISTURE = "the site file asks for the rate alone, or its soil is peat withou
     help="Field file: boundary, cell size. Default: the surroundings of the track.",
 )
 @click.option("--nmea", "--track", type=options.INPUT, multiple=True,
-              help="Positions, for loggers without them: NMEA, GPX, CSV, "
-              "RTKLIB or a bag, by content. Repeatable.")  # fmt: skip
+              help="Positions, for loggers without them: NMEA, GPX, CSV "
+              "or a bag, by content. Repeatable.")  # fmt: skip
 @click.option("--from", "start", type=options.TIME, metavar="TIME",
               help="Map records after this time, such as 2026-05-02T14:30+02:00; UTC without a zone.")  # fmt: skip
 @click.option("--to", "end", type=options.TIME, metavar="TIME",

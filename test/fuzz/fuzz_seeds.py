@@ -142,14 +142,6 @@ def plain_bags() -> list[bytes]:
     return bags
 
 
-def snapshot() -> list[bytes]:
-    with tempfile.TemporaryDirectory() as folder:
-        with Journal.open(Path(folder)) as written:
-            written.append(EVENT, events()[0])
-            written.snapshot(mission_state()[0].decode())
-        return [path.read_bytes() for path in Path(folder).iterdir() if path.name != ENTRIES]
-
-
 @cache
 def run_files() -> dict[str, bytes]:
     """Output of a short mission, and the file of the mission in a campaign."""

@@ -12,7 +12,6 @@ from __future__ import annotations
 import base64
 import random
 import re
-import shutil
 import signal
 import tempfile
 from collections.abc import Callable, Iterator
@@ -27,7 +26,6 @@ from fuzz_seeds import (
     DRAWN,
     FIELD,
     GEOJSON,
-    ROOT,
     SHAPES,
     event_lines,
     journal,
@@ -41,7 +39,6 @@ from fuzz_seeds import (
     records,
     run_files,
     shipped,
-    snapshot,
     texts,
     topic,
     travel_map,
@@ -58,7 +55,6 @@ from soilmoist_ros.lab.mission_store import DamagedMissionError, unpack
 from soilmoist_ros.mapping import CovariateSource, FieldGrid, load_field, read_covariates
 from soilmoist_ros.pipeline import ReplaySettings, read_run, replay_bag
 from soilmoist_ros.recording import BagReader, bag_info, load_journal, read_records, recover_bag
-from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.reporting.opened_run import open_run
 from soilmoist_ros.sensing import Site, load_site, parse_log, parse_nmea, read_log, read_soil_cores
 from soilmoist_ros.sensing.corrections.intensity import read_neutron_monitor
@@ -198,17 +194,6 @@ def read_replay(path: Path) -> None:
     replay_bag(path, ReplaySettings(field=str(field), cell_m=10.0, counts_topic=topic))
 
 
-def read_metadata(path: Path) -> None:
-    """A whole recording whose metadata is given: what is in it, and whether it is whole."""
-    shutil.copy(ROOT / "test/golden/one_stop/bag/bag_0.mcap", path.parent)
-    bag_info(path.parent)
-
-
-def read_snapshot(path: Path) -> None:
-    (path.parent / ENTRIES).write_bytes(journal()[0])
-    read_journal(path)
-
-
 def read_output(name: str) -> Callable[[Path], object]:
     """The output folder of a run, one file of which is given: as an earlier survey, and by the Python API."""
 
@@ -292,18 +277,14 @@ TARGETS = {
     "campaign": Target(load_campaign, texts(CAMPAIGN), "campaign.yaml"),
     "truth": Target(load_surrogate, truths, "truth.yaml"),
     "truth_points": Target(read_truth("points"), points, "truth.csv"),
-    "truth_grid": Target(read_truth("grid"), points, "truth.csv"),
     "truth_raster": Target(read_truth("grid"), lambda: [raster()], "truth.tif"),
     "logger_format": Target(load_logger_format, shipped("config/loggers/*.yaml"), "logger.yaml"),
     "bag": Target(read_bag, shipped("test/golden/*/bag/*.mcap", 100_000), "bag/bag_0.mcap"),
     "plain_bag": Target(read_bag, plain_bags, "bag/bag_0.mcap"),
-    "metadata": Target(read_metadata, shipped("test/golden/one_stop/bag/metadata.yaml"), "bag/metadata.yaml"),
     "replay": Target(read_replay, plain_bags, "bag/bag_0.mcap"),
     "journal": Target(read_journal, journal, "journal/entries.jsonl"),
-    "snapshot": Target(read_snapshot, snapshot, "journal/snapshot.json"),
     "summary": output("summary.json"),
     "samples": output("samples.geojson"),
-    "series": output("series.csv"),
     "visits": output("visits.csv"),
     "map": output("map.tif"),
     "stored_mission": Target(unpack, lambda: [run_files()["mission.npz"]], refusals=(DamagedMissionError,)),

@@ -437,7 +437,7 @@ _LOOKS = (
     (rb"#[A-Z]{3,}[A-D]?,", "ASCII messages of NovAtel or Unicore", "log GPGGA and GPZDA, too"),
     (rb'{"class" *:', "JSON of gpsd", "record NMEA: gpspipe -r"),
     (rb"<TrainingCenter", "a track of Garmin (TCX)", "export the track as GPX"),
-    (rb'"Feature(Collection)?"', "GeoJSON", "export the points as CSV with the columns time, lat and lon"),
+    (rb'"Feature(Collection)?"', "GeoJSON", "export the points as CSV with the columns time,lat,lon"),
     (rb"RINEX VERSION", "raw observations (RINEX)", "compute positions from them first, such as with RTKLIB"),
     (rb"\xd3\x00", "correction messages (RTCM), which have no position", "record the output of the rover"),
     (rb"[\x00-\x08\x80-\xff]{8}", "binary messages of an unknown kind", "let the receiver send NMEA"),
