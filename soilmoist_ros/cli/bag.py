@@ -60,12 +60,22 @@ def bag_verify_command(bags: tuple[Path, ...]) -> None:
 @answering
 def bag_recover_command(bag: Path, out: Path) -> None:
     """Rebuild a readable bag from an interrupted BAG. The original is not changed."""
-    from soilmoist_ros.recording import bag_of, copy_configuration, print_plain, recover_bag, recovery_table
+    from soilmoist_ros.recording import (
+        bag_info,
+        bag_of,
+        copy_configuration,
+        info_table,
+        plain_text,
+        print_plain,
+        recover_bag,
+    )
 
-    recovered = recover_bag(bag_of(bag), out)
+    problems = recover_bag(bag_of(bag), out)
     copy_configuration(bag_of(bag), out)
-    put(**asdict(recovered))
-    print_plain(tables(), recovery_table(recovered))
+    info = bag_info(out)
+    put(source=bag_of(bag), folder=out, problems=problems, bag=asdict(info))
+    print_plain(tables(), plain_text("\n".join(problems) or f"{bag} was whole", "yellow" if problems else ""))
+    print_plain(tables(), info_table(info))
 
 
 @command.command("play")

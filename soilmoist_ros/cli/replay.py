@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 @click.option(
     "--site", type=options.named("site"), help="Site file: corrections, soil, calibration. Default: as in the run."
 )
-@click.option("--property", "properties", multiple=True,
-              help="Property of the bag to map, repeatable. Default: all.")  # fmt: skip
 @click.option("--truth", "truths", type=options.Parsed("field"), multiple=True, metavar="[PROPERTY=]FIELD",
               help="Surrogate field to compare with: a built-in one, or a field file with a truth. "
               "PROPERTY defaults to the first one. Repeatable.")  # fmt: skip
@@ -61,7 +59,7 @@ def command(
     options.prepare_output(out, overwrite)
     from soilmoist_ros.pipeline import ReplaySettings
 
-    named: dict[str | int, str] = dict(_truth(text) for text in truths)
+    named = dict(_truth(text) for text in truths)
     settings = ReplaySettings(
         truths=named, crs=crs, earlier=_earlier(earlier),
         covariates=() if covariates == ("none",) else covariates or None, **options.chosen_settings(choices),
@@ -92,10 +90,10 @@ def _earlier(paths: tuple[Path, ...]) -> tuple[Path, ...] | None:
     return () if paths == (Path("none"),) else paths or None
 
 
-def _truth(text: str) -> tuple[str | int, str]:
-    """Property and field of a ``--truth``; 0 is the first property. An = within a file path does not split it."""
+def _truth(text: str) -> tuple[str, str]:
+    """Property, empty for the first, and field of a ``--truth``. An = within a file path does not split it."""
     name, equals, field = text.partition("=")
-    return (name, field) if equals and name.isidentifier() else (0, text)
+    return (name, field) if equals and name.isidentifier() else ("", text)
 
 
 def _print(replay: Replay) -> None:
@@ -115,5 +113,5 @@ def _print(replay: Replay) -> None:
             inside = f"{100 * score.coverage95:.0f} % of the cells within their 95 % interval"
             say(f"rate       MSE {score.rmse**2:.4f} (counts/s)2, {inside}")
         print_knowledge(run)
-        say(f"map        {comparison.message}")
+        say(f"map        {comparison}")
         print_notes(run)

@@ -191,8 +191,8 @@ def run_demo(
                         path = _with_ports(path, namespace, out, group)
                     group.start(name, path, shared_mapper(name, names[1:]))
                 _watch(group, live, show)
-            fields: dict[str | int, str] = {one.name: one.field_name for one in mission.properties}
-            yield ReplaySettings(truths={0: mission.field_name, **fields})
+            fields: dict[str, str] = {one.name: one.field_name for one in mission.properties}
+            yield ReplaySettings(truths={"": mission.field_name, **fields})
 
 
 def _wait(group: ProcessGroup, name: str, is_there: Callable[[], bool]) -> None:

@@ -42,7 +42,6 @@ try:
         Qos,
         Request,
         RunConfiguration,
-        SequenceGaps,
         Topic,
         TopicChoice,
         check_name,
@@ -102,12 +101,9 @@ class Recorder(Node):
         self._out = Path(text("out")).expanduser()
         check_name(text("name"))
         self._distribution = os.environ.get("ROS_DISTRO", "jazzy")
-        self._recorder = BagRecorder(
-            lambda: next_bag(self._out, text("name"), self._distribution), notes=self._notes
-        )
+        self._recorder = BagRecorder(lambda: next_bag(self._out, text("name"), self._distribution))
         self._topics: dict[str, tuple[Topic, Request, Subscription]] = {}
         self._publisher_counts: dict[str, int] = {}
-        self._gaps = SequenceGaps()
         self._skipped: set[str] = set()
         self._mixed: set[str] = set()
         self._listener = quiet_node(self, "listener")  # an executor would cost more than the recording
@@ -145,14 +141,10 @@ class Recorder(Node):
     def _record_arrived(self) -> int:
         """Record the messages that arrived; returns their number."""
         count = 0
-        for topic, request, subscription in self._topics.values():
-            numbered = not request.latched  # of latched topics only the latest message matters
-            publishers = max(1, self._publisher_counts[topic.name])  # those that are gone have messages in transit
+        for topic, _, subscription in self._topics.values():
             with subscription.handle:
                 while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
                     data, info = taken
-                    if numbered:
-                        self._gaps.take(topic.name, info["publication_sequence_number"], publishers)
                     self._recorder.put(topic, info["received_timestamp"], info["source_timestamp"], data)
                     count += 1
         return count
@@ -172,13 +164,9 @@ class Recorder(Node):
 
     def _diagnose(self) -> None:
         state, free = self._recorder.state, free_bytes(self._out)
-        lost = dict(self._gaps.lost)
-        health = recorder_health(state, free, _LOW_DISK_BYTES, len(self._skipped), _FULL_SOON_S, lost)
+        health = recorder_health(state, free, _LOW_DISK_BYTES, len(self._skipped), _FULL_SOON_S)
         name = self.get_fully_qualified_name()
         self._diagnostics.publish(diagnostics_to_message([health], ros_now_s(self), name))
-
-    def _notes(self) -> dict[str, str]:
-        return {f"messages of {name} lost on the way": str(n) for name, n in dict(self._gaps.lost).items()}
 
     def _take_parameters(self, node: str, values: Mapping[str, Any]) -> None:
         self._configuration.take(node, values)

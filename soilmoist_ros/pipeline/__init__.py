@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline.file_facts import FileFinding as FileFinding, contradictions as contradictions, field_findings as field_findings, graph_findings as graph_findings, log_findings as log_findings, logger_findings as logger_findings, position_findings as position_findings, site_findings as site_findings, truth_findings as truth_findings
     from soilmoist_ros.pipeline.log_map import MapSettings as MapSettings, map_logs as map_logs, write_sensor_site as write_sensor_site
     from soilmoist_ros.pipeline.logs import log_positions as log_positions, log_times as log_times, position_source as position_source, read_logs as read_logs, read_track as read_track, reading_of as reading_of, skipped_text as skipped_text
-    from soilmoist_ros.pipeline.properties import PropertyComparison as PropertyComparison
     from soilmoist_ros.pipeline.results import REMEDY as REMEDY, calibration_method as calibration_method, curve_of as curve_of, is_illustrative as is_illustrative, read_features as read_features, read_summary as read_summary, shape_of as shape_of
     from soilmoist_ros.pipeline.run import EARLIEST_STAMP_S as EARLIEST_STAMP_S, CalibrationInfo as CalibrationInfo, EarlierRun as EarlierRun, FailedRun as FailedRun, LossRow as LossRow, MapRun as MapRun, NoMapError as NoMapError, Note as Note, NoteCode as NoteCode, RunChange as RunChange, date_text as date_text, inside_boundary as inside_boundary, local_time as local_time, track_xy as track_xy
     # fmt: on
@@ -30,7 +29,6 @@ __getattr__, __dir__, __all__ = open_door(
         "file_facts": "FileFinding contradictions field_findings graph_findings log_findings logger_findings position_findings site_findings truth_findings",
         "log_map": "MapSettings map_logs write_sensor_site",
         "logs": "log_positions log_times position_source read_logs read_track reading_of skipped_text",
-        "properties": "PropertyComparison",
         "results": "REMEDY calibration_method curve_of is_illustrative read_features read_summary shape_of",
         "run": "CalibrationInfo EARLIEST_STAMP_S EarlierRun FailedRun LossRow MapRun NoMapError Note NoteCode RunChange date_text inside_boundary local_time track_xy",
     },

@@ -26,11 +26,8 @@ from soilmoist_ros.pipeline.mission import (
     replay_mission,
 )
 from soilmoist_ros.pipeline.properties import (
-    PropertyComparison,
     PropertyTopic,
     ReplayedProperty,
-    chosen_properties,
-    named_truths,
     read_planner,
     read_published_map,
     recorded_frame,
@@ -66,9 +63,8 @@ class ReplaySettings(MappingSettings):
     :param field: field file, or the name of a shipped one; ``None`` for that of the mapper
     :param site: site file, or the name of a shipped one; the records keep the corrections of the driver
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
-    :param properties: names of the properties to map; empty for all in the bag
-    :param truths: surrogate fields to compare with, by name of the property or its index in the list of
-        properties, from 0; built-in names, or field files with a truth
+    :param truths: surrogate fields to compare with (built-in names, or field files with a truth) by name of the
+        property; empty for the first one
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`; ``None`` for those of the robot
     :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field; ``None`` for
         those of the robot
@@ -77,8 +73,7 @@ class ReplaySettings(MappingSettings):
     field: Path | str | None = None
     site: Path | str | None = None
     crs: str | None = None
-    properties: Sequence[str] = ()
-    truths: Mapping[str | int, str] = dataclasses.field(default_factory=dict)
+    truths: Mapping[str, str] = dataclasses.field(default_factory=dict)
     counts_topic: str = "counts"
     earlier: Sequence[Path | str] | None = None
     covariates: Sequence[str] | None = None
@@ -131,7 +126,7 @@ class Replay:
     """A run with all properties, and the comparison of each map with the last one that its mapper published."""
 
     run: MapRun
-    comparisons: Sequence[PropertyComparison]
+    comparisons: Sequence[str]
 
 
 class _Recording:
@@ -173,17 +168,20 @@ class _Recording:
         return [f"{name}/{last}" for name in names if name != space and topics.get(f"{name}/{last}") == CLOUD]
 
     def properties(self) -> list[ReplayedProperty]:
-        """The chosen properties with their maps; ``InputError`` if there is none, or one cannot be read."""
+        """All properties with their maps, the robot's own first; ``InputError`` if one cannot be read."""
         reader, chosen = self._reader, self._chosen
         found = team_properties(self.robots, self._configuration)
-        truths = named_truths(found, chosen.truths, reader.path)
+        known = [one.name for one in found]
+        truths = {name or known[0]: field for name, field in chosen.truths.items()}
+        for name in truths.keys() - set(known):
+            raise InputError(f"has no property {name!r}", f"there are: {', '.join(known)}", reader.path)
         properties: list[ReplayedProperty] = []
-        for one in chosen_properties(found, chosen.properties, reader.path):
+        for one in found:
             own = one.counts == tuple(robot.counts for robot in self.robots)
             try:
                 counted = self.counted if own else trusted_records(reader, one.counts, self._frame)
             except InputError as error:
-                if one.weight or one.name in chosen.properties:
+                if own or one.weight:
                     raise
                 note = f"{', '.join(one.counts)} is not mapped: {error}."
                 self._remarks.append(Note(NoteCode.NOT_MAPPED, note))
@@ -200,8 +198,6 @@ class _Recording:
             published = read_published_map(_mapper_topics(one, self.robots, own))
             truth = surrogate_field(truths[one.name]) if one.name in truths else None
             properties.append(ReplayedProperty(one.name, one.weight, survey, records, states, published, truth))
-        if not properties:
-            raise InputError("has no records of these properties", "choose others, or none for all", reader.path)
         return properties
 
     def missions(self) -> list[RobotMission]:

@@ -305,16 +305,12 @@ def _inside(run: RunRecords, target: EarlierTarget) -> tuple[list[CountRecord], 
 
 
 def _named(runs: Sequence[EarlierRun]) -> list[EarlierRun]:
-    """Runs with names that differ: of equal ones, each gets the folder above it, and a number if needed."""
+    """Runs with names that differ: those of equal names are named by their paths."""
     counts = Counter(run.survey.name for run in runs)
-    longer = [f"{run.path.absolute().parent.name}/{run.survey.name}" for run in runs]
-    named = []
-    for number, (run, long) in enumerate(zip(runs, longer, strict=True), 1):
-        name = run.survey.name
-        if counts[name] > 1:
-            name = long if longer.count(long) == 1 else f"{long} ({number})"
-        named.append(replace(run, survey=replace(run.survey, name=name)))
-    return named
+    return [
+        replace(run, survey=replace(run.survey, name=str(run.path))) if counts[run.survey.name] > 1 else run
+        for run in runs
+    ]
 
 
 def earlier_doubts(run: EarlierRun, rate_cps: float, now: datetime, end: datetime | None = None) -> Iterator[str]:

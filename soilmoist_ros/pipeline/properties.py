@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -84,17 +84,6 @@ class PublishedMap:
     stamp_s: float  # end of the last record in it [s since 1970-01-01 UTC]; 0 without records
     cells: NDArray[Any]  # its cells, shape (ny, nx)
     raw_counts: float | None  # counts of all records in it, None if the bag has no samples of that time
-
-
-@dataclass(frozen=True)
-class PropertyComparison:
-    """Comparison of a replayed map with the last map that its mapper published, in words.
-
-    :param same: whether the maps are equal, bit for bit; ``None`` if they were not compared
-    """
-
-    same: bool | None
-    message: str
 
 
 def read_published_map(topics: RunTopics) -> PublishedMap | None:
@@ -211,15 +200,15 @@ class ReplayedProperty:
         """True rate on the map's grid, shape (ny, nx) [counts/s]; ``None`` if unknown."""
         return None if self.truth is None else self.survey.map.grid.to_raster(self.true_rate)
 
-    def compared(self, several: bool = False) -> PropertyComparison:
-        """Comparison of the map of the records up to the last one of the published map with that map.
+    def compared(self, several: bool = False) -> str:
+        """Comparison of the map of the records up to the last one of the published map with that map, in words.
 
         :param several: whether records of several robots are in it
         """
         last, field_map = self.published, self.survey.map
         if last is None or last.stamp_s == 0:
             why = "the bag has no map" if last is None else "the robot's last map is empty"
-            return PropertyComparison(None, f"not compared: {why}")
+            return f"not compared: {why}"
         # Records of several robots may have the same stamp; the counts say how many of these are in the map.
         alike = [
             state
@@ -228,34 +217,32 @@ class ReplayedProperty:
         ]
         if not alike:
             why = "it was reset, or began before or went on after the recording"
-            message = f"not compared: the robot's last map is of other records than the bag: {why}"
-            return PropertyComparison(None, message)
+            return f"not compared: the robot's last map is of other records than the bag: {why}"
         soil_map, cells = field_map.compute(alike[-1]), last.cells
-        differs = "differs from the robot's last one: "
-        bands, shape = cells.dtype.names or (), field_map.grid.shape
-        if not set(_OF_RATE) <= set(bands):
-            return PropertyComparison(False, f"{differs}that lacks bands")
-        if shape != cells.shape:
-            sizes = f"it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}"
-            return PropertyComparison(False, f"{differs}{sizes}")
+        differs, shape = "differs from the robot's last one: ", field_map.grid.shape
+        bands = [*_OF_RATE, *(_OF_MOISTURE if set(_OF_MOISTURE) <= set(cells.dtype.names or ()) else ())]
+        if shape != cells.shape or not set(_OF_RATE) <= set(cells.dtype.names or ()):
+            return (
+                f"{differs}it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}, or bands"
+            )
         largest = 0.0
-        for name in (*_OF_RATE, *_OF_MOISTURE) if set(_OF_MOISTURE) <= set(bands) else _OF_RATE:
+        for name in bands:
             there = cells[name]
             here = np.full(shape, np.nan) if soil_map is None else np.asarray(getattr(soil_map, name))
             here = here.astype(there.dtype)
             known = ~np.isnan(there)
             if not np.array_equal(np.isnan(here), ~known):
-                return PropertyComparison(False, f"{differs}other cells have a {name}")
+                return f"{differs}other cells have a {name}"
             error = np.abs(here[known].astype(float) - there[known]).max(initial=0.0)
             largest = max(largest, float(error) / max(float(np.abs(there[known]).max(initial=0.0)), 1e-30))
         if largest == 0:
-            return PropertyComparison(True, "equals the robot's last one, bit for bit")
+            return "equals the robot's last one, bit for bit"
         why = ""
         if largest < _ROUNDING:
             why = ": rounding, as on another processor or with more threads"
         elif several:
             why = ": records of several robots reach mapper and recorder in different orders"
-        return PropertyComparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}")
+        return f"{differs}by up to {largest:.1e} of its largest values{why}"
 
     def errors_at(self, stamp_s: float) -> MapErrors:
         """Errors of the map of all records up to a time, see :func:`map_errors`; NaN without map or truth."""
@@ -270,20 +257,3 @@ class ReplayedProperty:
             return MapErrors()
         mask = field_map.grid.mask
         return map_errors(soil_map.rate[mask], soil_map.rate_sd[mask], self.true_rate, self.truth.curve)
-
-
-def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag: Path) -> list[PropertyTopic]:
-    """The properties of these names in the order of the bag, or all; ``InputError`` for other names."""
-    known = [one.name for one in found]
-    for name in names:
-        if name not in known:
-            raise InputError(f"has no property {name!r}", f"there are: {', '.join(known)}", bag)
-    return [one for one in found if not names or one.name in names]
-
-
-def named_truths(found: Sequence[PropertyTopic], truths: Mapping[str | int, str], bag: Path) -> dict[str, str]:
-    """The truths by the names of their properties, see :func:`chosen_properties`."""
-    names: dict[str | int, str] = dict(enumerate(one.name for one in found))
-    named = {names.get(key, str(key)): field for key, field in truths.items()}
-    chosen_properties(found, list(named), bag)
-    return named

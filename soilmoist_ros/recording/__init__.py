@@ -18,13 +18,13 @@ from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
     # fmt: off
-    from soilmoist_ros.recording.bag.info import info_table as info_table, plain_text as plain_text, print_plain as print_plain, recovery_table as recovery_table, verified_table as verified_table
+    from soilmoist_ros.recording.bag.info import info_table as info_table, plain_text as plain_text, print_plain as print_plain, verified_table as verified_table
     from soilmoist_ros.recording.bag.messages import CLOUD as CLOUD, COUNT_DATUM as COUNT_DATUM, COUNT_POINT as COUNT_POINT, DATATYPES as DATATYPES, FRAME as FRAME, QUARANTINED as QUARANTINED, REASON as REASON, REASONS as REASONS, SAMPLE_AREA as SAMPLE_AREA, SAMPLE_SPREAD as SAMPLE_SPREAD, STAMP_OFFSET as STAMP_OFFSET, VISIT as VISIT, count_points as count_points, count_records as count_records, line_bytes as line_bytes, line_text as line_text, points as points, quarantined_topic as quarantined_topic, sample_points as sample_points, stamp_parts as stamp_parts, visit_of as visit_of, visit_values as visit_values
     from soilmoist_ros.recording.bag.metadata import Qos as Qos, Request as Request, Topic as Topic, find_definition as find_definition, request_for as request_for
     from soilmoist_ros.recording.bag.plain_topics import PlainTopics as PlainTopics
     from soilmoist_ros.recording.bag.playback import INPUTS as INPUTS, Pacer as Pacer, Playback as Playback, TopicChoice as TopicChoice
     from soilmoist_ros.recording.bag.reader import BagReader as BagReader, bags_of as bags_of
-    from soilmoist_ros.recording.bag.recorder import BagRecorder as BagRecorder, SequenceGaps as SequenceGaps, check_name as check_name, free_bytes as free_bytes, next_bag as next_bag, recorder_health as recorder_health
+    from soilmoist_ros.recording.bag.recorder import BagRecorder as BagRecorder, check_name as check_name, free_bytes as free_bytes, next_bag as next_bag, recorder_health as recorder_health
     from soilmoist_ros.recording.bag.storage import recorder_notes as recorder_notes
     from soilmoist_ros.recording.bag.verify import bag_info as bag_info, recover_bag as recover_bag
     from soilmoist_ros.recording.bag.writer import BagWriter as BagWriter
@@ -39,13 +39,13 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "bag.info": "info_table plain_text print_plain recovery_table verified_table",
+        "bag.info": "info_table plain_text print_plain verified_table",
         "bag.messages": "CLOUD COUNT_DATUM COUNT_POINT DATATYPES FRAME QUARANTINED REASON REASONS SAMPLE_AREA SAMPLE_SPREAD STAMP_OFFSET VISIT count_points count_records line_bytes line_text points quarantined_topic sample_points stamp_parts visit_of visit_values",
         "bag.metadata": "Qos Request Topic find_definition request_for",
         "bag.plain_topics": "PlainTopics",
         "bag.playback": "INPUTS Pacer Playback TopicChoice",
         "bag.reader": "BagReader bags_of",
-        "bag.recorder": "BagRecorder SequenceGaps check_name free_bytes next_bag recorder_health",
+        "bag.recorder": "BagRecorder check_name free_bytes next_bag recorder_health",
         "bag.storage": "recorder_notes",
         "bag.verify": "bag_info recover_bag",
         "bag.writer": "BagWriter",

@@ -98,10 +98,11 @@ def test_a_bag_is_recovered_and_verified_and_damage_is_named(bag, tmp_path):
     run = CliRunner().invoke
     done = run(command, ["recover", str(bag), "--out", str(tmp_path / "recovered")])
     assert done.exit_code == 0, done.output
+    assert "was whole" in done.output
+    assert "16 messages" in done.output
     done = run(command, ["verify", str(bag), str(tmp_path / "recovered")])
     assert done.exit_code == 0
     assert done.output.count("whole") == 2
-    assert "right checksums of 2 files" in done.output
     path = tmp_path / "recovered" / "recovered_0.mcap"
     (found,) = json.loads(run(command, ["verify", str(path.parent), "--json"]).stdout)["bags"]
     assert (found["bag"], found["paths"]) == (str(path.parent), [str(path)]), "as in 0.2.0"
@@ -110,7 +111,7 @@ def test_a_bag_is_recovered_and_verified_and_damage_is_named(bag, tmp_path):
     path.write_bytes(data)
     done = run(command, ["verify", str(tmp_path / "recovered")])
     assert done.exit_code == 1
-    for text in ("its checksum is another one", "is damaged in 1 place", "and metadata.yaml says"):
+    for text in ("is damaged in 1 place", "and metadata.yaml says"):
         assert text in done.output
     done = run(command, ["info", str(tmp_path / "recovered")])
     assert done.exit_code == 1

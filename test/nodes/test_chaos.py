@@ -156,7 +156,8 @@ def judged(nodes, acts, places, goals, records_of):
     judge.mapped(end_s, nodes.samples, whole.map.samples)
     for bag in nodes.bags:  # the full disk has spoilt them, but not invented anything
         with TemporaryDirectory() as folder, suppress(InputError):  # without a complete message
-            with BagReader(recover_bag(bag, Path(folder, "bag")).folder) as reader:
+            recover_bag(bag, Path(folder, "bag"))
+            with BagReader(Path(folder, "bag")) as reader:
                 recorded = [record for _, record in reader.read_counts_of(["/counts"], "map")]
             judge.known(end_s, recorded, stored, f"the bag {bag.name}")
     return judge.violations

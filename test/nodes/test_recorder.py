@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from soilmoist_ros.nodes import recorder
-from soilmoist_ros.recording import BagReader, read_parameters, recorder_notes, recover_bag
+from soilmoist_ros.recording import BagReader, read_parameters, recover_bag
 from soilmoist_ros.recording.bag.scan import McapScan
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -110,33 +110,6 @@ def test_a_kill_costs_nothing_that_was_flushed(ros, tmp_path, published):
         assert ros.call(Trigger, "/b/recorder/stop").success
         assert (bag / "metadata.yaml").is_file()
     assert path.read_bytes() == left
-
-
-def test_messages_that_never_came_are_counted(ros, tmp_path):
-    path = tmp_path / "bags" / "run" / "run_0.mcap"
-    publisher = ros.node.create_publisher(String, "/notes", BEST_EFFORT)
-    process = ros.start("recorder", params=params(tmp_path))
-    sent = 0
-
-    def speak(data="short"):
-        nonlocal sent
-        publisher.publish(String(data=data))
-        sent += 1
-
-    ros.wait_for(publisher.get_subscription_count)
-    ros.wait_for(lambda: [speak(), on_disk(path).count("/notes") >= 8][1])
-    process.process.send_signal(signal.SIGSTOP)
-    for _ in range(200):  # more than the buffers of the sockets hold
-        speak("long" * 10_000)
-    process.process.send_signal(signal.SIGCONT)
-    before = on_disk(path).count("/notes")
-    ros.wait_for(lambda: [speak(), on_disk(path).count("/notes") >= before + 8][1])
-    assert process.stop(signal.SIGINT) == 0
-    with BagReader(tmp_path / "bags" / "run") as bag:
-        missing = sent - len(bag.read_texts("notes"))
-    assert missing > 50
-    noted = int(recorder_notes(tmp_path / "bags" / "run")["messages of /notes lost on the way"])
-    assert missing - 8 <= noted <= missing, "some were sent before it listened, some while it ended"
 
 
 SQUARE = "name: square\ndatum: {latitude_deg: 53.2, longitude_deg: -0.5}\npolygon: [[0, 0], [30, 0], [30, 30]]\n"

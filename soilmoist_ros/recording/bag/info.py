@@ -14,7 +14,7 @@ from rich.text import Text
 
 from soilmoist_ros.foundation import duration, printable
 from soilmoist_ros.recording.bag.metadata import Extent
-from soilmoist_ros.recording.bag.verify import BagInfo, RecoveredBag, TopicInfo
+from soilmoist_ros.recording.bag.verify import BagInfo, TopicInfo
 
 _PLAIN_WIDTH: Final = 240
 
@@ -39,18 +39,6 @@ def info_table(info: BagInfo) -> RenderableType:
     said = [plain_text(f"{name}: {value}", style="yellow") for name, value in info.notes.items()]
     now = Text("being recorded now", style="yellow")
     return Group(head, table, *said, now if info.recording else _verdict(info))
-
-
-def recovery_table(bag: RecoveredBag) -> RenderableType:
-    """The result of :func:`recover_bag` as a table."""
-    table = Table("topic", box=None, pad_edge=False)
-    table.add_column("messages", justify="right")
-    for name, count in sorted(bag.counts.items()):
-        table.add_row(plain_text(name), str(count))
-    problems = plain_text("\n".join(bag.problems) or f"{bag.source} was whole", "yellow" if bag.problems else "")
-    return Group(
-        problems, plain_text(f"recovered to {bag.folder}: {_extent_text(bag.extent)}", no_wrap=True), table
-    )
 
 
 def verified_table(bag: BagInfo) -> RenderableType:

@@ -12,10 +12,9 @@ import shutil
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 from soilmoist_ros.foundation import Health, InputError, Level
@@ -56,7 +55,6 @@ class BagRecorder:
     :param flush_period_s: time between flushes to the disk [s]; a crash loses at most the messages of this time
     :param capacity_bytes: size of messages that may wait [bytes]
     :param retry_s: time between two attempts after an error [s]
-    :param notes: what else to keep in the metadata of a bag; called from the writer's thread
     """
 
     def __init__(
@@ -65,13 +63,11 @@ class BagRecorder:
         flush_period_s: float = 0.5,
         capacity_bytes: int = 64 << 20,
         retry_s: float = _RETRY_S,
-        notes: Callable[[], Mapping[str, str]] = dict,
     ) -> None:
         self._new_bag = new_bag
         self._flush_period_s = flush_period_s
         self._capacity_bytes = capacity_bytes
         self._retry_s = retry_s
-        self._notes = notes
         self._sizes: deque[tuple[float, int]] = deque(maxlen=_SIZES)
         self._in_bag = 0
         self._queue: deque[TimedMessage] = deque()
@@ -164,8 +160,7 @@ class BagRecorder:
                 else:
                     state = self.state
                     told = f"{state.dropped}{f' ({state.gone})' if state.gone else ''}"
-                    noted = {"messages lost in writing": told} if state.dropped else {}
-                    bag.close({**self._notes(), **noted})
+                    bag.close({"messages lost in writing": told} if state.dropped else {})
             except OSError as error:
                 problem = f"{bag.folder} could not be closed: {error.strerror}; {_RECOVER}"
         with self._changed:
@@ -300,12 +295,7 @@ def free_bytes(folder: Path) -> int | None:
 
 
 def recorder_health(
-    state: RecorderState,
-    free_bytes: int | None,
-    low_disk_bytes: float,
-    skipped: int = 0,
-    full_soon_s: float = 0.0,
-    lost: Mapping[str, int] = MappingProxyType({}),
+    state: RecorderState, free_bytes: int | None, low_disk_bytes: float, skipped: int = 0, full_soon_s: float = 0.0
 ) -> Health:
     """Health of the recorder.
 
@@ -313,17 +303,14 @@ def recorder_health(
     :param low_disk_bytes: free space below which the recorder warns [bytes]
     :param skipped: topics that are not recorded because their type is not installed
     :param full_soon_s: time to a full disk below which the recorder warns [s]
-    :param lost: messages that did not reach the recorder, by topic
     """
     full_s = free_bytes / state.rate_bps if free_bytes is not None and state.rate_bps > 0 else math.inf
-    topics = ", ".join(f"{count} of {name}" for name, count in sorted(lost.items()))
     low = free_bytes is not None and free_bytes < low_disk_bytes
     warnings = (
         (not state.recording, "not recording"),
         (low, f"only {(free_bytes or 0) / 1e6:.0f} MB left on the disk"),
         (full_s < full_soon_s, f"the disk will be full in {full_s / 60:.0f} min"),
         (state.dropped > 0, f"{state.dropped} messages lost: the disk is too slow"),
-        (bool(lost), f"messages lost on the way to the recorder: {topics}"),
     )
     warning = next((message for is_so, message in warnings if is_so), "")
     level = Level.ERROR if state.problem or state.gone else Level.WARN if warning else Level.OK
@@ -332,7 +319,6 @@ def recorder_health(
         "bag": str(state.bag or ""),
         "messages": str(state.messages),
         "dropped": str(state.dropped),
-        "lost": str(sum(lost.values())),
         "topics": str(state.topics),
         "topics skipped": str(skipped),
         "size [MB]": f"{state.size_bytes / 1e6:.3f}",
@@ -342,30 +328,3 @@ def recorder_health(
         "disk free [MB]": "unknown" if free_bytes is None else f"{free_bytes / 1e6:.0f}",
     }
     return Health("bag", level, message, values)
-
-
-class SequenceGaps:
-    """Counts messages that their publisher numbered and that never came.
-
-    A message does not say which publisher of its topic has sent it, so only topics with one publisher count.
-
-    >>> gaps = SequenceGaps()
-    >>> for number in (7, 8, 11, 1, 2):  # the publisher starts again after 11
-    ...     gaps.take("/counts", number)
-    >>> gaps.lost
-    {'/counts': 2}
-    """
-
-    def __init__(self) -> None:
-        self.lost: dict[str, int] = {}
-        """Missing messages by topic, without topics that miss none."""
-        self._next: dict[str, int] = {}
-
-    def take(self, topic: str, number: int | None, publishers: int = 1) -> None:
-        """Note a message by its number, which grows by 1 with each of its publisher; ``None`` if unknown."""
-        due = self._next.pop(topic, None)
-        if number is None or publishers != 1:
-            return
-        self._next[topic] = number + 1
-        if due is not None and number > due:
-            self.lost[topic] = self.lost.get(topic, 0) + number - due

@@ -225,20 +225,10 @@ def _split_number(path: Path) -> tuple[int, str]:
     return (int(match[1]) if match else -1, path.name)
 
 
-@dataclass(frozen=True)
-class RecoveredBag:
-    """A bag that was written in ``folder``, its messages by topic, and the problems of its source."""
-
-    source: Path
-    folder: Path
-    extent: Extent
-    counts: dict[str, int]
-    problems: tuple[str, ...]
-
-
-def recover_bag(path: Path, out: Path) -> RecoveredBag:
+def recover_bag(path: Path, out: Path) -> tuple[str, ...]:
     """Write every complete message of a bag, or an MCAP file, to a new folder, as a bag that any reader accepts.
 
+    :returns: the problems of the source
     :raises InputError: if nothing can be read, or the new bag cannot be written
     """
     files = files_of(path)
@@ -260,9 +250,7 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
         if isinstance(error, InputError):
             raise
         raise InputError(f"cannot be written: {error.strerror}", "choose a disk with more space", out) from None
-    problems = bag_info(path).problems if path.is_dir() else [text for scan in scans for text in scan.findings()]
-    counts = {topic.name: count for topic, count in writer.counts.items()}
-    return RecoveredBag(path, out, writer.extent, counts, tuple(problems))
+    return bag_info(path).problems if path.is_dir() else tuple(scans[0].findings())
 
 
 def _readable(scan: McapScan) -> Iterator[TimedMessage]:

@@ -8,20 +8,12 @@ import threading
 import time
 
 import pytest
-from bags import NOTES, PRESSURE, START_NS, number_message, text_message
+from bags import NOTES, START_NS, text_message
 from rosbags.highlevel import AnyReader
 
 from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.recording import BagReader, TopicChoice, bag_info, recover_bag
-from soilmoist_ros.recording.bag.metadata import Extent
-from soilmoist_ros.recording.bag.recorder import (
-    BagRecorder,
-    RecorderState,
-    SequenceGaps,
-    check_name,
-    next_bag,
-    recorder_health,
-)
+from soilmoist_ros.recording import TopicChoice, bag_info
+from soilmoist_ros.recording.bag.recorder import BagRecorder, RecorderState, check_name, next_bag, recorder_health
 from soilmoist_ros.recording.bag.scan import McapScan
 
 DATA = text_message("x" * 90)
@@ -226,15 +218,6 @@ def test_health_tells_the_worst(state, free, level, message):
     assert message in health.message
 
 
-def test_gaps_of_several_publishers_are_not_told_from_their_turns():
-    gaps = SequenceGaps()
-    for number in (1, 7, 2, 9):
-        gaps.take("/t", number, 2)
-    for number in (11, 12, 14):
-        gaps.take("/t", number)
-    assert gaps.lost == {"/t": 1}
-
-
 @pytest.mark.parametrize(
     ("name", "wanted"),
     [
@@ -283,19 +266,3 @@ def test_a_bag_that_is_gone_is_an_error_and_a_new_one_begins(make, tmp_path, los
     assert bag_info(state.bag).notes == {"messages lost in writing": f"5 ({state.gone})"}
     health = recorder_health(state, 10**12, 1e6)
     assert (health.level, health.message) == (Level.ERROR, state.gone)
-
-
-def test_a_bag_has_its_notes_for_every_reader(make, tmp_path):
-    recorder = make(notes=lambda: {"messages of /fix lost on the way": "7"})
-    recorder.start()
-    for number in range(50):
-        topic, data = [(NOTES, DATA), (PRESSURE, number_message(number))][number % 2]
-        recorder.put(topic, START_NS + number, START_NS, data)
-    recorder.stop()
-    bag = tmp_path / "run"
-    assert stamps(bag) == list(range(START_NS, START_NS + 50))  # rosbags
-    with BagReader(bag) as reader:
-        assert reader.extent == Extent(50, START_NS, START_NS + 49)
-    assert bag_info(bag).problems == ()
-    assert bag_info(bag).notes == {"messages of /fix lost on the way": "7"}
-    assert recover_bag(bag, tmp_path / "again").extent.messages == 50
