@@ -32,8 +32,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import floats
-from soilmoist_ros.mapping.kriging.system import KrigingSystem, Points, Progress, SamplePoints, target_variance
+from soilmoist_ros.mapping.kriging.system import KrigingSystem, Points, Progress, target_variance
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
+from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -163,13 +164,11 @@ def tile_sums(
     columns, rows = (first[:, None] + np.arange(side) for first, side in ((left, width), (top, height)))
     x, y = x_m[columns], y_m[rows]
     variogram, places, inverse = system.variogram, system.places, _Inverse.of(system)
-    samples = np.column_stack([places.xy, places.spread])
-    points = SamplePoints(variogram, samples)
     tile = _TileShape.of(variogram, float(x[0, -1] - x[0, 0]) / 2, float(y[0, -1] - y[0, 0]) / 2)
     skeleton = find_skeleton(variogram, tile, tiles.shape)
     r = len(skeleton.x)
     middle = [(axis[:, :1] + axis[:, -1:]) / 2 for axis in (x, y)]
-    is_near = tile.are_near(points, *scaled(variogram, middle[0][:, 0], middle[1][:, 0]))
+    is_near = tile.are_near(variogram, Supports(places.xy, places.spread), *middle)
     cell, sample = _cells_at(places.xy[: len(places) if nugget else 0], x_m, y_m)
     has_cell = [(away >= 0) & (away < side) for away, side in ((cell[0] - top, height), (cell[1] - left, width))]
     is_near[sample] |= has_cell[0] & has_cell[1]
@@ -178,17 +177,15 @@ def tile_sums(
     functions[:r] = skeleton.to_cells
     for start in range(0, len(top), _AT_ONCE):
         some = slice(start, start + _AT_ONCE)
-        far = np.empty((len(samples), skeletons[0][some].size))
-        points.covariance(*scaled(variogram, skeletons[0][some].ravel(), skeletons[1][some].ravel()), far)
-        far.reshape(len(far), -1, r)[is_near[:, some]] = 0.0
-        solved = dtrmm(1.0, inverse.factor, far.T, side=1, lower=1, trans_a=1, overwrite_b=1).T
+        far = _covariance(system, slice(None), np.column_stack([axis[some].ravel() for axis in skeletons]))
+        far.reshape(-1, r, len(places)).transpose(0, 2, 1)[is_near[:, some].T] = 0.0
+        solved = dtrmm(1.0, inverse.factor, far.T, lower=1, overwrite_b=1)
         for number, of_far in enumerate(np.split(solved, solved.shape[1] // r, axis=1), start):
             near = np.flatnonzero(is_near[:, number])
             grid = np.meshgrid(x[number], y[number])
             covariance = functions[r : r + len(near)]
             if len(near):
-                cells = scaled(variogram, grid[0].ravel(), grid[1].ravel())
-                SamplePoints(variogram, samples[near]).covariance(*cells, covariance)
+                covariance[:] = _covariance(system, near, np.column_stack([axis.ravel() for axis in grid])).T
                 here = (has_cell[0] & has_cell[1])[:, number]
                 of_tile = (cell[0] - top[number])[here] * width + (cell[1] - left[number])[here]
                 covariance[near.searchsorted(sample[here]), of_tile[:, 0]] += variogram.nugget
@@ -198,6 +195,14 @@ def tile_sums(
                 slice(left[number], left[number] + width),
                 sums.reshape(-1, height, width),
             )
+
+
+def _covariance(system: KrigingSystem, which: Indices | slice, xy: Array) -> Array:
+    """Structured covariance of places, shape (g, 2) [m], with some of the samples, shape (g, m)."""
+    variogram, places = system.variogram, system.places
+    covariance = Points(variogram, places.xy[which], xy, places.spread[which]).correlation(slice(0, len(xy)))
+    covariance *= variogram.structured_sill
+    return covariance
 
 
 class _TileShape(NamedTuple):
@@ -219,11 +224,11 @@ class _TileShape(NamedTuple):
         margin = (EVERYWHERE if is_analytic else MARGIN) * lengths.max()
         return cls((half_x_m, half_y_m), sides, lengths, abs(float(np.linalg.det(sides))), float(margin))
 
-    def are_near(self, samples: SamplePoints, x: Array, y: Array) -> Mask:
-        """Mask of the samples that have a point near a tile, shape (samples, tiles)."""
-        near = np.zeros((len(samples.layers[0][1]), len(x)), bool)
-        for which, east, north, _ in samples.layers:
-            way = east[:, None] - x, north[:, None] - y
+    def are_near(self, variogram: Variogram, samples: Supports, x_m: Array, y_m: Array) -> Mask:
+        """Mask of the samples that have a point near a tile about (x, y), shape (samples, tiles)."""
+        near = np.zeros((len(samples.layers[0][1]), len(x_m)), bool)
+        for which, points, _ in samples.layers:
+            way = scaled(variogram, points[:, 0, None] - x_m[:, 0], points[:, 1, None] - y_m[:, 0])
             first, second = (
                 (np.abs(way[0] * side[1] - way[1] * side[0]) - self.area) / length
                 for side, length in zip(self.sides, self.lengths, strict=True)

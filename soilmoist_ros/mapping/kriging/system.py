@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import IllConditionedError, squared_distances
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.model import Variogram, scaled
+from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
@@ -41,47 +41,6 @@ class Points:
         """Structured correlation of the targets of a tile with all places, shape (tile, places), new memory."""
         variogram, scaled = self._variogram, self._scaled[tile]
         return self._places.average(lambda points: _correlation(variogram, scaled, variogram.scaled(points)))
-
-
-class SamplePoints:
-    """Samples that know their covariance with places."""
-
-    def __init__(self, variogram: Variogram, samples: Array) -> None:
-        self._correlation = variogram.correlation_model.correlation
-        # as :class:`Supports`: whose points they are, their places as of :func:`scaled`, weights times the sill
-        self.layers: list[tuple[slice | NDArray[np.intp], Array, Array, Array]] = []
-        for which, points, weight in Supports(samples[:, :2], samples[:, 2:6]).layers:
-            factor = np.full(len(points), variogram.structured_sill)
-            factor *= 1.0 if weight is None else weight
-            self.layers.append((which, *scaled(variogram, *points.T), factor))
-
-    def covariance(self, x: Array, y: Array, out: Array) -> None:
-        """Structured covariance with places as of :func:`scaled`, shape (g,), in ``out``, shape (m, g)."""
-        at_once = max(1, _AT_ONCE // max(1, len(x)))
-        east, north, factor = (np.concatenate([layer[k] for layer in self.layers]) for k in (1, 2, 3))
-        for start in range(0, len(east), at_once):
-            points = slice(start, start + at_once)
-            square = x - east[points, None]
-            square *= square
-            north_square = y - north[points, None]
-            north_square *= north_square
-            square += north_square
-            correlation = self._correlation(square)
-            correlation *= factor[points, None]
-            self._add(correlation, start, out)
-
-    def _add(self, values: Array, first: int, out: Array) -> None:
-        """Add the values of points, numbered through all layers from ``first`` on, to those of their samples."""
-        begin = 0
-        for which, east, _, _ in self.layers:
-            start, stop = max(first - begin, 0), min(first + len(values) - begin, len(east))
-            if start < stop:
-                part = values[begin + start - first : begin + stop - first]
-                if isinstance(which, slice):
-                    out[start:stop] = part
-                else:
-                    out[which[start:stop]] += part
-            begin += len(east)
 
 
 def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = None) -> Array:
