@@ -6,20 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import shapely
 
 from rehearsal import planner as clients
-from rehearsal.cases import (
-    GRAPHS,
-    OUTLINES,
-    RECEIVERS,
-    Fault,
-    Faults,
-    Span,
-    make_case,
-    make_quiet_case,
-    random_ground,
-)
+from rehearsal.cases import RECEIVERS, Fault, Faults, Span, make_case, make_quiet_case
 from rehearsal.judge import Kind, Violation
 from rehearsal.rehearsal import Outcome, rehearse
 from soilmoist_ros.exploration import Cause, Fence, Listed, MissionRules, Response, Watch
@@ -41,18 +30,6 @@ def rehearsed(safety, tmp_path):
         return rehearse(case, safety.Disk(tmp_path / str(next(stores))))
 
     return run
-
-
-@pytest.mark.parametrize("outline", OUTLINES)
-def test_a_robot_can_begin(outline):
-    for graph in (None, *GRAPHS):
-        ground = random_ground(np.random.default_rng(3), outline, graph)
-        area = shapely.Polygon(ground.field.polygon)
-        assert area.is_valid
-        no_go = shapely.union_all([shapely.Polygon(ring) for ring in ground.field.no_go])
-        assert area.difference(no_go).covers(shapely.Point(ground.start))
-        assert (ground.graph is None) == (graph is None)
-        assert ground.field.grid().mask.sum() > 20
 
 
 def quiet(number, **changes):
