@@ -353,14 +353,6 @@ def forecasts_of(kind: str, name: str, seed: int, result: MissionResult) -> Iter
         yield Made(kind, name, seed, hours, share, expected, low, high, sd / expected, error / expected)
 
 
-def told(result: MissionResult) -> float | None:
-    """Share of the time at which the field was called uniform, ``None`` if it was not."""
-    for made in result.forecasts:
-        if made.forecast.hidden is not None:
-            return made.time_s / (3600 * result.settings.hours)
-    return None
-
-
 def forecast_table(found: Sequence[Made]) -> Iterator[tuple[str, ...]]:
     """How well the forecasts held, by the kind of missions and the share of the time at which they were made."""
     for kind, share in sorted({(row.kind, row.share) for row in found}):
@@ -378,7 +370,6 @@ def forecast_table(found: Sequence[Made]) -> Iterator[tuple[str, ...]]:
 def forecasts(given: argparse.Namespace) -> None:
     """Compare forecasts with what missions reach."""
     found: list[Made] = []
-    uniform: list[str] = []
     own = given.fields or [*STATIONARY, *NON_STATIONARY, *MADE]
     for seed, kind in product(range(1, given.seeds + 1), KINDS):
         if (is_foreign := kind.startswith("surfaces")) and not given.surfaces:
@@ -386,17 +377,13 @@ def forecasts(given: argparse.Namespace) -> None:
         for name in real_surfaces(given.surfaces) if is_foreign else own:
             result = mission(name, seed, kind, given.surfaces)
             found += forecasts_of(kind, name, seed, result)
-            share = told(result)
-            if share is not None:
-                uniform.append(f"{name} {seed} at {100 * share:.0f} %")
             print(f"{kind}, {name}, seed {seed}: {result.ended}", flush=True)
     missions = len({(row.kind, row.field, row.seed) for row in found})
     columns = (
         "missions", "made at", "forecasts", "inside the band", "band", "reached / forecast (10 to 90 %)",
         "error / forecast",
     )  # fmt: skip
-    settings = f"{missions} missions; called uniform at some time: {'; '.join(uniform) or 'none'}"
-    results.publish("forecasts", columns, forecast_table(found), settings, given.save)
+    results.publish("forecasts", columns, forecast_table(found), f"{missions} missions", given.save)
 
 
 # Aims ------------------------------------------------------------------------------------------------------------

@@ -124,14 +124,7 @@ def _forecast(one: Forecast | None) -> dict[str, Any] | None:
         return None
     end = [one.times_s[-1], one.sd_end, *one.band_end] if one.times_s else None
     wrong = [one.wrong, *(one.wrong_ends or (None,))]
-    return {
-        "sd": one.sd,
-        "moisture": one.moisture,
-        "end": end,
-        "hidden": one.hidden,
-        "wrong": wrong,
-        "aim": _aim(one),
-    }
+    return {"sd": one.sd, "moisture": one.moisture, "end": end, "wrong": wrong, "aim": _aim(one)}
 
 
 def _aim(one: Forecast) -> dict[str, Any] | None:

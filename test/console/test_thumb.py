@@ -21,7 +21,7 @@ UNDER_WAY = IDLE | {
     "reason": "r3c4 is reached", "phase": "counting", "running": True,
     "moving": True, "stop": ["r3c4", 20.0, 20.0], "counts": 900, "planned_dwell_s": 90,
     "dwell_s": 60, "used_s": 600, "left_s": 6600, "stops": 7, "distance_m": 410, "ready": True,
-    "forecast": {"sd": 0.044, "moisture": False, "end": [6600, 0.028, 0.023, 0.034], "hidden": None,
+    "forecast": {"sd": 0.044, "moisture": False, "end": [6600, 0.028, 0.023, 0.034],
                  "wrong": [None, None]},
     "last_command": "", "home_place": None,
 }  # fmt: skip

@@ -41,7 +41,7 @@ def test_a_view_has_codes_and_values_of_which_the_page_makes_sentences():
     assert {f"ended_{end}" for end in MissionEnd} <= TEXTS.keys()
     sure = Forecast(0.028, (600.0,), (0.02,), (1.25,), 0.02, 4.0, moisture=True, wrong=0.12, wrong_end=0.07)
     assert mission_view(replace(over, forecast=sure), {})["forecast"] == {
-        "sd": 0.028, "moisture": True, "end": [600.0, 0.02, 0.016, 0.025], "hidden": None,
+        "sd": 0.028, "moisture": True, "end": [600.0, 0.02, 0.016, 0.025],
         "wrong": pytest.approx([0.12, 0.07, 0.056, 0.0875]), "aim": None,
     }  # fmt: skip
     reaching = Reaching("p95-sd=0.03 m3/m3", True, 0.042, (0.03, 0.02, 0.04), (1500.0, 900.0, None))

@@ -40,7 +40,7 @@ STATUS = st.builds(
     blacklisted=st.lists(WORD, max_size=3).map(tuple), estimated_end_s=st.none() | NUMBER,
     needs_operator=st.booleans(), silent=st.booleans(), hindered=st.booleans(),
     ended=st.none() | st.sampled_from(MissionEnd),
-    forecast=st.none() | st.just(Forecast(0.03, (60.0, 600.0), (0.02, 0.01), (1.1, 1.2), 0.01, 4.0, hidden=0.06)),
+    forecast=st.none() | st.just(Forecast(0.03, (60.0, 600.0), (0.02, 0.01), (1.1, 1.2), 0.01, 4.0, wrong=0.06)),
 )  # fmt: skip
 QUIET = MissionStatus(
     now_s=math.nan, phase=Phase.IDLE, reason="waiting for start", target=None, planned_dwell_s=0.0, dwell_s=0.0,

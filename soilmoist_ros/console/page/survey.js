@@ -213,8 +213,7 @@ function forecastText(one) {
   const end = one.end && t("forecast_at_end", { error: hundredths(one.end[1]), low: hundredths(one.end[2]), high: hundredths(one.end[3]), min: Math.round(one.end[0] / 60) });
   const [now, later, low, high] = one.wrong.map((share) => share === null ? null : fixed(100 * share, 1));
   const wrong = now === null ? null : later === null ? t("wrong_now", { now }) : t("wrong_later", { now, later, low, high });
-  const text = [[t("forecast_now", { error: spread(one) }), end].filter(Boolean).join(", "), wrong, one.aim && aimText(one.aim)].filter(Boolean).join("; ");
-  return one.hidden === null ? text : `${text}; ${t("uniform", { error: Math.round(100 * one.hidden) })}`;
+  return [[t("forecast_now", { error: spread(one) }), end].filter(Boolean).join(", "), wrong, one.aim && aimText(one.aim)].filter(Boolean).join("; ");
 }
 
 // Why the robot cannot be started, sent home, or skip a stop.

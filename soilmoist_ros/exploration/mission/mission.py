@@ -75,7 +75,7 @@ SDS: Final = 3.0  # errors of positions up to this many standard deviations are 
 MIN_GOOD_SAMPLES: Final = 10  # fewer samples say too little of the field to call its map good enough
 GOOD_FORECASTS: Final = 3
 """A mission ends by so many forecasts in a row: each fit of the variogram makes them jump a little."""
-SATISFIED: Final = (MissionEnd.GOOD_ENOUGH, MissionEnd.LITTLE_GAIN, MissionEnd.NOTHING_VARIES)
+SATISFIED: Final = (MissionEnd.GOOD_ENOUGH, MissionEnd.LITTLE_GAIN)
 """Ends of a mission whose map is as good as demanded, or would not become much better."""
 _RESUMES: Final = {
     Phase.PLANNING: Todo.PLAN,
@@ -332,8 +332,6 @@ class _Step:
         if event.forecast is not None:
             end = satisfied(self.rules, event.forecast, self.state.samples)
             good = 0 if end is None else self.state.good_forecasts + 1
-            if end is not None and end[0] is MissionEnd.NOTHING_VARIES:
-                good = max(good, GOOD_FORECASTS)
             self.set(forecast=event.forecast, forecast_s=self.now_s, good_forecasts=good)
             if end is not None and good >= GOOD_FORECASTS and not event.to_certify:
                 self.end(*end)
@@ -1217,16 +1215,13 @@ def satisfied(rules: MissionRules, forecast: Forecast, samples: int) -> tuple[Mi
     reaching = forecast.reaching if rules.until is not None and samples >= MIN_GOOD_SAMPLES else None
     if reaching is not None and reaching.is_met:
         return MissionEnd.GOOD_ENOUGH, f"the map is good enough: {reaching.met_text}"
-    if rules.until_gain > 0 and not forecast.is_guess:
-        if forecast.hidden is not None:
-            return MissionEnd.NOTHING_VARIES, f"nothing varies: {forecast.uniform}"
-        if 100 * forecast.gain < rules.until_gain:
-            return (
-                MissionEnd.LITTLE_GAIN,
-                f"little is to be gained: in {SOON_S / 60:.0f} min the map would become "
-                f"{100 * forecast.gain:.2g} % better, less than the {rules.until_gain:g} % demanded",
-            )
-    return None
+    if rules.until_gain <= 0 or forecast.is_guess or 100 * forecast.gain >= rules.until_gain:
+        return None
+    return (
+        MissionEnd.LITTLE_GAIN,
+        f"little is to be gained: in {SOON_S / 60:.0f} min the map would become "
+        f"{100 * forecast.gain:.2g} % better, less than the {rules.until_gain:g} % demanded",
+    )
 
 
 def after_colon(reason: str) -> str:

@@ -98,8 +98,7 @@ class MissionEnd(StrEnum):
     FAILSAFE = "failsafe"  # the guard reported a danger that ends the mission
     GOOD_ENOUGH = "good_enough"  # the deviation of the map is as small as demanded, or its decision is made
     LITTLE_GAIN = "little_gain"  # the map would become less better than demanded
-    NOTHING_VARIES = "nothing_varies"
-    """The counts show no differences within the field, and the rules demand a gain."""
+    NOTHING_VARIES = "nothing_varies"  # the counts showed no differences; in recordings of earlier versions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,8 +118,8 @@ class MissionRules:
         planner may choose to count on. Without, the visit closes first, as published
     :param until_sd: the mission ends when the standard deviation of the map is at most this: of the moisture
         [m^3/m^3], or of the rate as a share of its mean [-]; see :class:`Forecast`. 0: never
-    :param until_gain: the mission ends when the standard deviation will fall by less than this in ten minutes [%],
-        or when the counts show no differences within the field. 0: never
+    :param until_gain: the mission ends when the standard deviation will fall by less than this in ten minutes
+        [%]; 0: never
     :param until: how good the map must be; the tour is planned to reach it in the shortest time, and the mission
         ends then. ``until_sd`` only ends the mission
     :param by_person: a person carries the sensor: who stands at another place than the target measures there, and

@@ -19,25 +19,17 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from soilmoist_ros.exploration.planning.decision import EXPLORING, threshold_text
 from soilmoist_ros.exploration.planning.properties import MIN_RATE_CPS, Aim, Property, slope2
 from soilmoist_ros.foundation import read_json
-from soilmoist_ros.mapping import (
-    ModelName,
-    Prior,
-    RestrictedLikelihood,
-    Samples,
-    Variogram,
-    VariogramFit,
-    correlation_model,
-    sample_correlation,
-    spatial_blocks,
-)
+from soilmoist_ros.mapping import Prior, Variogram, VariogramFit, correlation_model, sample_correlation
 
 Array = NDArray[np.float64]
 
@@ -111,8 +103,6 @@ class Forecast:
 
     :param factors: bands about them: in four of five missions the standard deviation ends up between
         ``sd / factor`` and ``sd * factor``
-    :param hidden: upper limit (95 %) of the standard deviation of the field about its mean, as a share of the mean
-        rate, if the counts so far show no difference between places; ``None`` if they do, or it is too early
     """
 
     sd: float  # now
@@ -122,7 +112,6 @@ class Forecast:
     sd_soon: float  # after :data:`SOON_S`, if the mission goes on
     mean_rate_cps: float  # mean rate of the map [counts/s]
     moisture: bool = False  # whether the standard deviations are of the moisture
-    hidden: float | None = None
     is_guess: bool = False  # whether it is made before there is a map
     wrong: float | None = None  # share of the field expected in the wrong zone now; ``None`` without thresholds
     wrong_end: float | None = None  # at the end of the mission
@@ -162,9 +151,7 @@ class Forecast:
             text += f", {self.end_text} in {self.times_s[-1] / 60:.0f} min"
         if self.wrong is not None:
             text += f"; {self.wrong_text}"
-        if self.reaching is not None:
-            text += f"; {self.reaching.text}"
-        return text if self.hidden is None else f"{text}; {self.uniform}"
+        return text if self.reaching is None else f"{text}; {self.reaching.text}"
 
     @property
     def end_text(self) -> str:
@@ -194,12 +181,6 @@ class Forecast:
         """True if hardly any place is expected in the wrong zone, and a threshold divides the field."""
         return self.wrong is not None and self.wrong < DECIDED and self.divides
 
-    @property
-    def uniform(self) -> str:
-        """Upper limit of the variation in a field whose counts show no differences, in words."""
-        assert self.hidden is not None
-        return f"the counts show no differences, and the rate varies by less than ±{100 * self.hidden:.0f} %"
-
 
 def hundredths(sd: float) -> str:
     """A standard deviation in hundredths, to two digits."""
@@ -219,20 +200,17 @@ def forecast_from_text(text: str) -> Forecast | None:
     if not text:
         return None
     try:
-        values = read_json(text)
-        lists = {name: tuple(float(value) for value in values[name]) for name in ("times_s", "sds", "factors")}
-        numbers = {name: float(values[name]) for name in ("sd", "sd_soon", "mean_rate_cps")}
-        if len(set(map(len, lists.values()))) > 1:
+        found = _adapter().validate_python(read_json(text))
+        if len({len(values) for values in (found.times_s, found.sds, found.factors)}) > 1:
             raise ValueError("its lists differ in length")
-        known = {name: values.get(name) for name in ("hidden", "wrong", "wrong_end")}
-        numbers |= {name: float(value) for name, value in known.items() if value is not None}
-        outside = tuple(float(value) for value in values.get("outside", ()))
-        reaching = values.get("reaching")
-        if reaching:
-            reaching = Reaching(**{**reaching, **{name: tuple(reaching[name]) for name in ("end", "times_s")}})
-        return Forecast(**{**values, **known, **lists, **numbers, "outside": outside, "reaching": reaching})
-    except (TypeError, KeyError, ValueError, OverflowError) as error:
+    except (ValueError, OverflowError) as error:
         raise ValueError(f"{text[:40]!r} is not a forecast: {error}") from None
+    return found
+
+
+@cache
+def _adapter() -> TypeAdapter[Forecast]:
+    return TypeAdapter(Forecast)
 
 
 def _rounded(value: Any) -> Any:
@@ -251,7 +229,6 @@ LEARNING = 0.08
 """Power of the counting time by which the standard deviation falls because the variogram becomes certain [-]."""
 MIN_EVERY_S = 60.0  # shortest mission time between two forecasts [s]
 MAX_FORECASTS = 60  # number of forecasts in a long mission
-UNIFORM_FROM = 0.2  # share of the mission time after which a field may be called uniform
 SPREAD, MAX_SPREAD = 2.2, 1.4
 """Band in which 80 % of missions end: where the exposure grows e^x-fold, the logarithm of its factor is
 ``x / (2.2 + 1.4 x)``. Fitted to 168 missions, 72 of them on fields that the project did not make."""
@@ -271,7 +248,7 @@ class Forecaster:
 
     def __init__(self, cells_xy: Array, extent_m: float, nominal_rate_cps: float) -> None:
         self._cells_xy, self._extent_m, self._nominal_rate_cps = cells_xy, extent_m, nominal_rate_cps
-        self._due_s, self._varies = -math.inf, False
+        self._due_s = -math.inf
 
     def forecast(
         self,
@@ -297,8 +274,7 @@ class Forecaster:
         share = min(max(counted_s / used_s, _MIN_SHARE), robots) if used_s > 0 else 1.0
         if early := used_s < EXPLORING * (used_s + left_s):
             of = replace(of, thresholds=None)
-        hidden = self._hidden(of) if used_s >= UNIFORM_FROM * (used_s + left_s) else None
-        found = map_forecast(of, self._cells_xy, left_s, share, hidden, aim, by_person)
+        found = map_forecast(of, self._cells_xy, left_s, share, aim, by_person)
         if early and aim is not None and aim.kind == "zone" and (reaching := found.reaching) is not None:
             end = (reaching.now,) * 3  # the end was less certain by 8 percentage points than forecast so early
             found = replace(found, reaching=replace(reaching, end=end, times_s=()))
@@ -315,23 +291,12 @@ class Forecaster:
         """Standard deviation of the map now, ``None`` without a map."""
         return None if of.field_map.soil_map is None else map_forecast(of, self._cells_xy, 0.0, aim=aim)
 
-    def _hidden(self, of: Property) -> float | None:
-        """Upper limit of the variation, ``None`` if differences were found or may be hidden."""
-        if self._varies:
-            return None
-        kriging, samples = of.field_map.kriging, of.field_map.samples
-        assert kriging is not None
-        evidence, limit = differences(samples, kriging.variogram.model, self._extent_m)
-        self._varies = evidence >= CERTAIN
-        return limit if evidence < SHOWN and limit <= MAX_HIDDEN else None
-
 
 def map_forecast(
     of: Property,
     cells_xy: Array,
     left_s: float,
     share: float = 1.0,
-    hidden: float | None = None,
     aim: Aim | None = None,
     by_person: bool = False,
 ) -> Forecast:
@@ -349,7 +314,7 @@ def map_forecast(
     counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
     curve = _Curve(covariance, slope2(of, rate), of.factor * rate, fixed, counted_s, share, by_person)
     reaching = None if aim is None else curve.reaching(aim, rate, left_s, of.curve is not None)
-    found = replace(curve.forecast(left_s, mean, of.curve is not None, hidden), reaching=reaching)
+    found = replace(curve.forecast(left_s, mean, of.curve is not None), reaching=reaching)
     if of.thresholds is None:
         return found
     moved = np.clip(np.diag(covariance), 0.0, variance) * max(1 - (found.sd_end / found.sd) ** 2, 0.0)
@@ -452,14 +417,12 @@ class _Curve:
         """Exposure of the map after some mission time [s], divided by that now."""
         return 1 + self._share * after_s / max(self._counted_s, 1.0)
 
-    def forecast(
-        self, left_s: float, mean_rate_cps: float, moisture: bool, hidden: float | None = None
-    ) -> Forecast:
+    def forecast(self, left_s: float, mean_rate_cps: float, moisture: bool) -> Forecast:
         """The forecast over the time left [s]."""
         steps = range(1, _STEPS + 1) if left_s > 0 else ()
         times_s = tuple(left_s * step / _STEPS for step in steps)
         sds, factors = tuple(map(self.sd, times_s)), tuple(map(self._factor, times_s))
-        return Forecast(self.sd(0.0), times_s, sds, factors, self.sd(SOON_S), mean_rate_cps, moisture, hidden)
+        return Forecast(self.sd(0.0), times_s, sds, factors, self.sd(SOON_S), mean_rate_cps, moisture)
 
 
 def _first(aim: Aim, figures: Array, times_s: Array) -> float | None:
@@ -469,50 +432,3 @@ def _first(aim: Aim, figures: Array, times_s: Array) -> float | None:
     if last < 0 or last + 1 == len(short):
         return 0.0 if last < 0 else None
     return float(np.interp(0.0, short[[last + 1, last]], times_s[[last + 1, last]]))
-
-
-# Whether the counts so far show any difference between places of a field ----------------------------------------
-
-SHOWN = 4.0  # evidence from which differences are shown: 19 of 20 uniform fields stay below
-CERTAIN = 9.0  # evidence from which differences are certain
-MAX_HIDDEN = 0.1
-"""Counts that would not show a variation of this share of the mean rate tell nothing about the field."""
-MIN_PLACES = 10  # fewer places say nothing about a field
-RANGE_SHARES = (1 / 2, 1 / 3, 1 / 5)  # practical ranges that are tried, as shares of the extent
-_LIMIT_DROP = 1.35  # of the log-likelihood at a one-sided 95 % limit: chi-squared with one degree of freedom
-_VARIATIONS = np.array([0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12, 0.15, 0.2, 0.3])
-_NOTHING = 1e-9
-_MAX_PLACES = 150
-
-
-def differences(samples: Samples, model: ModelName, extent_m: float) -> tuple[float, float]:
-    """Evidence of samples for differences within a field, and a limit of the differences.
-
-    :returns: twice the log-likelihood ratio of the best structured field to a uniform one; and the upper limit
-        (95 %) of the standard deviation about the mean, as a share of the mean rate
-    """
-    places = _few(samples)
-    mean = float(places.counts.sum() / places.exposure_s.sum())
-    if len(places) < MIN_PLACES or mean <= 0:
-        return 0.0, math.inf
-    likelihood, tiny = RestrictedLikelihood(places, model), _NOTHING * mean**2
-    practical = correlation_model(model).practical
-    evidence, limit = 0.0, 0.0
-    for share in RANGE_SHARES:
-        sills = (tiny, *((_VARIATIONS * mean) ** 2))
-        values = np.array([likelihood.value(np.log([s, share * extent_m / practical, tiny])) for s in sills])
-        values -= values[0]
-        evidence = max(evidence, 2 * float(values.max()))
-        likely = int(np.flatnonzero(values > values.max() - _LIMIT_DROP).max())
-        limit = max(limit, float(_VARIATIONS[likely]) if likely < len(_VARIATIONS) else math.inf)
-    return evidence, limit
-
-
-def _few(samples: Samples) -> Samples:
-    """Samples, pooled with their neighbours if they are many."""
-    if len(samples) <= _MAX_PLACES:
-        return samples
-    pools = spatial_blocks(samples.xy, 0, -(-len(samples) // _MAX_PLACES))
-    exposure_s = np.array([samples.exposure_s[pool].sum() for pool in pools])
-    xy = np.array([np.average(samples.xy[pool], axis=0, weights=samples.exposure_s[pool]) for pool in pools])
-    return Samples(xy, np.array([samples.counts[pool].sum() for pool in pools]), exposure_s)

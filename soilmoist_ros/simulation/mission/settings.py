@@ -381,8 +381,8 @@ class MissionSettings:
         "rate (0.02: 2 %), with target vwc in m3/m3; 0: never.", low=0, check=_not_percent,
     )  # fmt: skip
     until_gain: float = _setting(
-        0.0, "End when the standard deviation of the map will fall by less than this in ten minutes. Or when the "
-        "counts show no differences within the field after a fifth of the time; 0: never.", unit="%", low=0,
+        0.0, "End when the standard deviation of the map will fall by less than this in ten minutes; 0: never.",
+        unit="%", low=0,
     )  # fmt: skip
     certify: int = _setting(
         0, "Number of places of a certificate: drawn at random before the mission, counted at whatever the "
