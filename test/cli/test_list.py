@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -25,33 +26,29 @@ def listed(*options):
 
 
 @pytest.mark.slow
-def test_all_kinds_are_listed_with_their_names(monkeypatch):
-    monkeypatch.delitem(KINDS, "fields")  # which take long; they have a test of their own
+def test_all_kinds_are_listed_with_their_names():
     found = json.loads(listed("--json"))
     assert set(KINDS) < set(found)
     lines = listed().splitlines()
     for kind in KINDS:
         (line,) = (each for each in lines if each.startswith(f"{kind} "))
         assert [item["name"] for item in found[kind]] == line.removeprefix(kind).strip().split(", ")
+        for item in found[kind]:
+            assert item["about"]
+            in_a_file = kind in ("loggers", "sites", "campaigns", "scenarios")
+            assert (item["file"] is not None) == in_a_file or kind == "fields"
+            assert item["file"] is None or Path(item["file"]).is_file()
+    fields = {item["name"]: item["about"] for item in found["fields"]}
+    assert fields["half-wet"].endswith("; 60 x 50 m, 2 h")
+    assert fields["example"].endswith(", not simulated")
 
 
-@pytest.mark.parametrize("kind", ["strategies", "dwell-rules", "models", "loggers", "sites", "exports"])
-def test_each_item_says_what_it_is_and_where(kind):
-    items = json.loads(listed(kind, "--json"))["items"]
-    text = listed(kind)
+def test_a_kind_says_what_each_name_is_and_where_it_is_given():
+    items, text = json.loads(listed("sites", "--json"))["items"], listed("sites")
     for item in items:
-        assert item["about"]
-        assert f"\n{item['name']} " in f"\n{text}"
-        assert (item["file"] is None) == (kind not in ("loggers", "sites"))
-        assert item["file"] is None or Path(item["file"]).is_file()
-    assert "A name is given to: --" in text
-
-
-@pytest.mark.slow
-def test_fields_have_their_size():
-    fields = {item["name"]: item for item in json.loads(listed("fields", "--json"))["items"]}
-    assert (fields["half-wet"]["size"], fields["half-wet"]["simulated"]) == ("60 x 50 m", True)
-    assert fields["example"]["simulated"] is False
+        assert re.search(rf"^{item['name']} +{re.escape(item['about'])}$", text, re.MULTILINE)
+    assert "A name is given to: --site" in text
+    assert f"Files, to read and copy: {Path(items[0]['file']).parent}/NAME.yaml" in text
 
 
 def failsafe(*given, code=0):
