@@ -73,11 +73,7 @@ EXAMPLES = {
         "guide --field my_field.yaml --site my_site.yaml --logger-uri serial:///dev/ttyUSB0?baud=9600 "
         "--gnss-uri tcp://127.0.0.1:4002 --host 0.0.0.0 --out out/tuesday",
     ),
-    "watch": (
-        "watch --field my_field.yaml",
-        "watch --field my_field.yaml --robot robot_1 --robot robot_2",
-        "watch --field my_field.yaml --robot robot_1 --property salt",
-    ),
+    "watch": ("watch", "watch --robot robot_1 --robot robot_2"),
     "campaign": (
         "campaign paper --runs 1 --out out/paper",
         "campaign my_campaign.yaml --workers 4 --out out/mine",

@@ -11,35 +11,25 @@ import time
 import click
 
 from soilmoist_ros.cli.answer import live_view, reporting_errors
-from soilmoist_ros.cli.options import named
 from soilmoist_ros.foundation import InputError
 
 _POLL_S = 0.2
 
 
 @click.command("watch")
-@click.option(
-    "--field", type=named("field"), required=True, help="Field file of the nodes, or the name of a shipped one."
-)
 @click.option("--robot", "robots", multiple=True, help="Namespace of a robot, repeatable. Default: none.")
-@click.option("--property", "properties", multiple=True, help="Further property to show, repeatable.")
 @reporting_errors
-def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...]) -> None:
+def command(robots: tuple[str, ...]) -> None:
     """Watch a running survey in a terminal, until Ctrl-C: state, forecast and numbers.
 
     It listens on the ROS domain of the shell, and changes nothing.
     """
-    from soilmoist_ros.foundation import resource
-    from soilmoist_ros.mapping import load_field
-    from soilmoist_ros.reporting import LiveMap, LiveMission
-
-    place = load_field(resource("fields", field))
-    names = [name.strip("/") for name in robots] or [""]
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
-    live = LiveMission(f" {place.name} ", [LiveMap(name) for name in ("", *properties)], names)
     from soilmoist_ros.nodes import monitored
+    from soilmoist_ros.reporting import LiveMission
 
+    live = LiveMission(" survey ", [name.strip("/") for name in robots] or [""])
     try:
         domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
     except ValueError:

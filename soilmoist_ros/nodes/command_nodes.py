@@ -23,21 +23,13 @@ from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
 from rclpy.time import Duration
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import (
-    diagnostics_from_message,
-    health_from_status,
-    mission_from_message,
-    samples_from_message,
-    soil_map_from_message,
-    to_time,
-)
+from msg_adapters import diagnostics_from_message, health_from_status, mission_from_message, to_time
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import MapWorker
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, interface_class, published_qos
 from soilmoist_ros.recording import BagReader, Pacer, Playback
-from soilmoist_ros.reporting import LiveMap, LiveMission, LiveRobot
+from soilmoist_ros.reporting import LiveMission, LiveRobot
 from soilmoist_ros.sensing import logger_fault
 from soilmoist_ros.simulation import CLOCK_PART, WAITS_FOR
 
@@ -186,24 +178,12 @@ class NodeMonitor(Node):
             self.create_subscription(
                 DiagnosticStatus, f"{below}mission", partial(self._on_mission, robot), LATCHED
             )
-        for one in live.maps:
-            topic = f"{one.name}/soil_map" if one.name else "soil_map"
-            self.create_subscription(PointCloud2, topic, partial(self._on_map, one), LATCHED)
-        self.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
 
     def _on_mission(self, robot: LiveRobot, message: DiagnosticStatus) -> None:
         with contextlib.suppress(ValueError):
             mission_from_message(message)
             robot.status = dict(health_from_status(message).values)
-
-    def _on_map(self, live: LiveMap, message: PointCloud2) -> None:
-        with contextlib.suppress(ValueError):
-            live.cells = soil_map_from_message(message)
-
-    def _on_samples(self, message: PointCloud2) -> None:
-        with contextlib.suppress(ValueError):
-            self._live.samples_xy = samples_from_message(message).xy
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         parts = diagnostics_from_message(message)

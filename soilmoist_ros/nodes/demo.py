@@ -19,7 +19,7 @@ from soilmoist_ros.mapping import FIT_SETTINGS, CovariateSource
 from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
 from soilmoist_ros.pipeline import ReplaySettings
 from soilmoist_ros.recording import CONFIGURATION, write_parameters
-from soilmoist_ros.reporting import LiveMap, LiveMission
+from soilmoist_ros.reporting import LiveMission
 from soilmoist_ros.sensing import Irrigation
 from soilmoist_ros.simulation import (
     MissionSettings,
@@ -163,15 +163,11 @@ def run_demo(
     out, mission = settings.out.absolute(), settings.mission
     if (out / "bag").exists():
         raise InputError("holds a run already", "choose another folder: recordings are not overwritten", out)
-    field, *others = mission_fields(mission)
+    field = mission_fields(mission)[0]
     parameters = write_configuration(settings, field, out)
-    grid = field.field.grid()
-    truths = [grid.to_raster(one.rate_at(grid.cells)) for one in (field, *others)]
-    names = ("", *(one.name for one in mission.properties))
     live = LiveMission(
         f" soilmoist demo: {field.title}, {mission.strategy}, {mission.dwell}, "
         f"{settings.time_factor:g} x real time ",
-        [LiveMap(name, truth) for name, truth in zip(names, truths, strict=True)],
         robot_namespaces(mission.robots),
     )
     with free_domain() as domain:
@@ -189,7 +185,7 @@ def run_demo(
                     namespace, _, node = name.rpartition("/")
                     if node == "sensor_driver":
                         path = _with_ports(path, namespace, out, group)
-                    group.start(name, path, shared_mapper(name, names[1:]))
+                    group.start(name, path, shared_mapper(name, [one.name for one in mission.properties]))
                 _watch(group, live, show)
             fields: dict[str, str] = {one.name: one.field_name for one in mission.properties}
             yield ReplaySettings(truths={"": mission.field_name, **fields})

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS, Export as Export, export_run as export_run
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings, RunSource as RunSource, open_source as open_source
     from soilmoist_ros.reporting.geotiff import write_geotiff as write_geotiff
-    from soilmoist_ros.reporting.live_view import LiveMap as LiveMap, LiveMission as LiveMission, LiveRobot as LiveRobot
+    from soilmoist_ros.reporting.live_view import LiveMission as LiveMission, LiveRobot as LiveRobot
     from soilmoist_ros.reporting.one_place import at_one_place as at_one_place, moisture_of_all as moisture_of_all
     from soilmoist_ros.reporting.opened_run import OpenedRun as OpenedRun, open_run as open_run
     from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs, remove_earlier as remove_earlier, require_free as require_free
@@ -46,7 +46,7 @@ _open, __dir__, __all__ = open_door(
         "exports.registry": "EXPORTS Export export_run",
         "exports.source": "ExportSettings RunSource open_source",
         "geotiff": "write_geotiff",
-        "live_view": "LiveMap LiveMission LiveRobot",
+        "live_view": "LiveMission LiveRobot",
         "one_place": "at_one_place moisture_of_all",
         "opened_run": "OpenedRun open_run",
         "output_folder": "earlier_outputs remove_earlier require_free",

@@ -7,46 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from soilmoist_ros.reporting.page.frame import duration, length
-
-Array = NDArray[np.float64]
-
-
-class LiveMap:
-    """The latest map of a property.
-
-    :param name: name of the property and namespace of its mapper; empty for the mission's own field
-    :param true_rate: true rate on the map's raster, shape (ny, nx) [counts/s], if known
-    """
-
-    def __init__(self, name: str = "", true_rate: Array | None = None) -> None:
-        self.name = name
-        self._true_rate = true_rate
-        self.cells: NDArray[np.void] | None = None
-        """Cells with fields x, y, rate, rate_sd, vwc, vwc_sd, shape (ny, nx)."""
-
-    @property
-    def mse(self) -> float:
-        """Mean squared error of the rate map [(counts/s)^2]; NaN without a map or a truth."""
-        cells = self.cells
-        if cells is None or self._true_rate is None or cells.shape != self._true_rate.shape:
-            return math.nan
-        error = cells["rate"] - self._true_rate
-        return float(np.mean(error[np.isfinite(error)] ** 2)) if np.isfinite(error).any() else math.nan
-
-    @property
-    def text(self) -> str:
-        """Mean and standard deviation of the cells, of the moisture, else of the rate; empty without a map."""
-        if self.cells is None:
-            return ""
-        quantity, scale, unit = "vwc", 100.0, "% by volume"
-        if not np.isfinite(self.cells["vwc"]).any():
-            quantity, scale, unit = "rate", 1.0, "counts/s"
-        known = scale * self.cells[quantity][np.isfinite(self.cells[quantity])].astype(float)
-        return f"mean {known.mean():.3g} {unit}, {known.std():.2g} from place to place" if known.size else ""
 
 
 class LiveRobot:
@@ -77,15 +38,12 @@ class LiveRobot:
 class LiveMission:
     """The latest messages of a mission. One thread may set them while another reads the view.
 
-    :param maps: maps of the properties; the mission's own field is the first
     :param namespaces: namespaces of the robots
     """
 
-    def __init__(self, title: str, maps: Sequence[LiveMap] = (), namespaces: Sequence[str] = ("",)) -> None:
+    def __init__(self, title: str, namespaces: Sequence[str] = ("",)) -> None:
         self.title = title
-        self.maps = tuple(maps) or (LiveMap(),)
         self.robots = tuple(map(LiveRobot, namespaces))
-        self.samples_xy: Array = np.empty((0, 2))
         self.clock_waits_for = ""
         """Event that simulated time has been awaiting for long, in words; empty without one."""
         self.rain = ""
@@ -109,12 +67,6 @@ class LiveMission:
             for key in ("time_used_s", "time_left_s", "distance_m", "samples")
         )
         value, unit = length(sum(driven_m))
-        facts["mission"] = f"{duration(max(used_s))} used, {duration(max(left_s))} left; {value} {unit} driven"
-        facts["map"] = f"stops: {sum(stops):.0f}, samples with those on the way: {len(self.samples_xy)}"
-        errors = [f"{one.name} {mse:.4f}".lstrip() for one in self.maps if math.isfinite(mse := one.mse)]
-        if errors:
-            facts["map"] += f"; mean squared error {', '.join(errors)} (counts/s)²"
-        for one in self.maps:
-            if text := one.text:
-                facts[f"{one.name} map".lstrip() if one.name else "field"] = text
+        driven = f"{value} {unit} driven, {sum(stops):.0f} stops"
+        facts["mission"] = f"{duration(max(used_s))} used, {duration(max(left_s))} left; {driven}"
         return facts

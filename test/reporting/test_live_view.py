@@ -18,7 +18,6 @@ def test_colours_are_dark_where_it_is_wet():
     assert (np.diff(steps) < -5).all()
 
 
-BANDS = ("x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd")
 STATUS = {
     "state": "counting", "reason": "counting at s17 (ami:0.03)", "target": "s17", "target_x_m": "12.5",
     "target_y_m": "3.0", "planned_dwell_s": "251.0", "elapsed_dwell_s": "40.0", "time_used_s": "3600.0",
@@ -26,30 +25,16 @@ STATUS = {
 }  # fmt: skip
 
 
-def cells(mask=None, west=4.0, south=-8.0, cell=2.0, moist=True):
-    mask = np.ones((3, 5), bool) if mask is None else np.asarray(mask, bool)
-    table = np.full(mask.shape, np.nan, [(name, "<f4") for name in BANDS])
-    row, column = np.nonzero(mask)
-    table["x"][mask], table["y"][mask] = west + cell * column, south + cell * row
-    for number, name in enumerate(BANDS[2:5] + (BANDS[5:] if moist else ())):
-        table[name][mask] = number + column
-    return table
-
-
 def test_what_is_told():
     live = LiveMission("")
     live.robots[0].status = STATUS
-    live.samples_xy = np.zeros((31, 2))
     assert live.facts == {
         "state": "counting: counting at s17 (ami:0.03)",
         "target": "s17, counted 40 s of about 251 s",
-        "mission": "1 h 00 min used, 30 min left; 812 m driven",
-        "map": "stops: 7, samples with those on the way: 31",
+        "mission": "1 h 00 min used, 30 min left; 812 m driven, 7 stops",
     }
     live.rain = "rain is likely"
     assert live.facts["weather"] == "rain is likely"
-    live.maps[0].cells = cells()
-    assert live.facts["field"] == "mean 500 % by volume, 1.4e+02 from place to place"
     live.robots[0].status = {**STATUS, "forecast": "±3.0 % of the rate now"}
     assert live.facts["forecast"] == "±3.0 % of the rate now"
 
@@ -58,23 +43,13 @@ def test_several_robots_have_a_line_each():
     live = LiveMission("", namespaces=("robot_1", "robot_2"))
     assert live.facts == {"robot 1": "waiting for the planner", "robot 2": "waiting for the planner"}
     live.robots[1].status = {**STATUS, "samples": "4", "time_used_s": "3540.0"}
-    assert live.facts["map"] == "stops: 4, samples with those on the way: 0"
     live.robots[0].status = {**STATUS, "target": "", "target_x_m": "nan", "state": "planning", "reason": "next"}
     assert live.facts == {
         "robot 1": "planning: next",
         "robot 2": "counting: counting at s17 (ami:0.03)",
-        "mission": "1 h 00 min used, 30 min left; 1625 m driven",
-        "map": "stops: 11, samples with those on the way: 0",
+        "mission": "1 h 00 min used, 30 min left; 1625 m driven, 11 stops",
     }
     live.robots[1].sensor_fault = "not used: tube 3 (tube counts too much)"
     assert live.facts["robot 2 sensor"] == live.robots[1].sensor_fault
     live.clock_waits_for = "the next plan of robot_1"
     assert live.facts["clock"] == "waits for the next plan of robot_1"
-
-
-def test_an_empty_map_is_none():
-    live = LiveMission("")
-    table = cells()
-    table["rate"] = table["vwc"] = np.nan
-    live.maps[0].cells = table
-    assert "field" not in live.facts
