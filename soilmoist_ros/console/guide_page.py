@@ -196,7 +196,6 @@ class FieldBorder:
                 datum = [self._frame.latitude_deg, self._frame.longitude_deg]
                 self._board.put("field", {"name": "", "boundary": around, "no_go": [], "datum": datum})
             x_m, y_m = self._frame.to_local(place.latitude_deg, place.longitude_deg)[0].tolist()
-            self._board.hear("fix/")
             if math.isfinite(x_m) and math.isfinite(y_m):
                 self._history.place(x_m, y_m, sd_m)
                 self._page.walk.place(x_m, y_m, sd_m)

@@ -313,7 +313,6 @@ class GuidedSurvey:
             position = fix.position
             self._latlon = position.latitude_deg, position.longitude_deg
             x_m, y_m = self._plane.to_local(position.latitude_deg, position.longitude_deg)[0].tolist()
-            self.board.hear("fix/")
             if math.isfinite(x_m) and math.isfinite(y_m):
                 self._history.place(x_m, y_m, position.horizontal_sd_m)
                 self._page.walk.place(x_m, y_m, position.horizontal_sd_m)

@@ -174,7 +174,6 @@ class Console(Node):
 
     def _on_fix(self, robot: str, message: NavSatFix) -> None:
         fix = fix_from_message(message)
-        self._board.hear(f"fix/{robot}")
         position = fix.position
         x_m, y_m = self._field.frame.to_local(position.latitude_deg, position.longitude_deg)[0]
         if not (math.isfinite(x_m) and math.isfinite(y_m)):

@@ -55,21 +55,17 @@ def test_limits_only_widen_and_moisture_is_in_percent_by_volume():
     assert MapLayers(narrow, 1).about["layers"][0]["limits"][0] > 29
 
 
-def test_it_says_which_layers_there_are():
-    about = MapLayers(cells(moisture=False), 7).about
-    assert [layer["key"] for layer in about["layers"]] == ["rate", "rate_sd"]
-    assert about["version"] == 7
-    with pytest.raises(KeyError):
-        MapLayers(cells(moisture=False), 1).png("vwc")
-    with pytest.raises(KeyError):
-        MapLayers(cells(), 1).png("x")
-
-
-def test_values_at_a_place_are_those_of_its_cell():
+def test_values_at_a_place_are_those_of_its_cell_and_layers_are_those_that_have_values():
     layers = MapLayers(cells(), 1)
     assert layers.at(13.9, 2.1) == pytest.approx({"rate": 3.0, "rate_sd": 0.5, "vwc": 0.3, "vwc_sd": 0.05})
     for outside in ((13.0, 5.0), (9.9, 1.0), (11.0, 6.1), (float("nan"), 1.0)):
         assert layers.at(*outside) == {}
+    dry = MapLayers(cells(moisture=False), 7)
+    assert [layer["key"] for layer in dry.about["layers"]] == ["rate", "rate_sd"]
+    assert dry.about["version"] == 7
+    for one, key in ((dry, "vwc"), (layers, "x")):
+        with pytest.raises(KeyError):
+            one.png(key)
 
 
 # The sentence of the dose that leads the page ------------------------------------------------------------------

@@ -52,15 +52,10 @@ def test_runs_are_listed_with_what_is_known(folder):
     assert (runs["second"]["recording"], runs["second"]["report"]) == (True, False)
     json.dumps(list(runs.values()), allow_nan=False)
     assert list_runs(folder / "none") == []
-
-
-def test_numbers_of_a_summary_that_are_none_are_left_out(folder):
-    digits = "9" * 400
-    text = f'{{"survey_duration_s": NaN, "distance_m": {digits}, "mission": {{"stops": "x"}}}}'
-    (folder / "first" / "summary.json").write_text(text)
+    wrong = f'{{"survey_duration_s": NaN, "distance_m": {"9" * 400}, "mission": {{"stops": "x"}}}}'
+    (folder / "first" / "summary.json").write_text(wrong)
     (first,) = (run for run in list_runs(folder) if run["name"] == "first")
     assert (first["duration_s"], first["distance_m"], first["stops"]) == (None, None, None)
-    json.dumps(first, allow_nan=False)
 
 
 @pytest.mark.parametrize(

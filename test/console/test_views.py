@@ -61,8 +61,15 @@ def test_places_that_are_not_finite_are_not_shown():
         place_views([(1.0, 2.0), (NAN, 2.0)])
 
 
-def test_a_way_is_kept_for_those_who_come_late():
-    board = Board()
+def test_a_way_is_kept_for_those_who_come_late_and_ages_are_those_of_a_steady_clock():
+    now = [5.0]
+    board = Board(lambda: now[0])
+    assert board.heard_s("map") == float("-inf")
+    board.hear("map")
+    now[0], before = 9.0, board.version
+    board.put("a", [1])
+    assert board.snapshot() == {"a": [1], "heard": {"map": 5.0}}
+    assert (board.heard_s("map"), board.version) == (5.0, before + 1)
     history = RobotHistory(board, "r1")
     history.place(0.0, 0.0, NAN)
     history.place(0.1, 0.0, 0.02)
@@ -115,15 +122,3 @@ def test_a_reader_of_all_changes_has_what_is_there(states):
         message = json.loads(json.dumps(changes(sent, now)))
         read, sent = as_read(read, message), now
     assert read == {name: list(value) if isinstance(value, tuple) else value for name, value in sent.items()}
-
-
-def test_ages_are_those_of_a_steady_clock():
-    now = [5.0]
-    board = Board(lambda: now[0])
-    assert board.heard_s("map") == float("-inf")
-    board.hear("map")
-    now[0], before = 9.0, board.version
-    board.put("a", [1])
-    assert board.heard_s("map") == 5.0
-    assert board.snapshot() == {"a": [1], "heard": {"map": 5.0}}
-    assert board.version == before + 1
