@@ -46,7 +46,7 @@ def bag_verify_command(bags: tuple[Path, ...]) -> None:
     for bag in bags:
         found = bag_info(bag_of(bag))
         wrong |= not found.whole
-        paths = [found.path if found.path.is_file() else found.path / one.name for one in found.files]
+        paths = [found.path if found.path.is_file() else found.path / name for name in found.files]
         results.append({"bag": found.path, "paths": paths, **asdict(found)})  # keys of 0.2.0
         print_plain(tables(), verified_table(found))
     put(bags=results)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -305,11 +306,12 @@ def _inside(run: RunRecords, target: EarlierTarget) -> tuple[list[CountRecord], 
 
 
 def _named(runs: Sequence[EarlierRun]) -> list[EarlierRun]:
-    """Runs with names that differ: those of equal names are named by their paths."""
-    counts = Counter(run.survey.name for run in runs)
+    """Runs with names that differ: those of equal names are named by their paths below a common folder."""
+    counts, paths = Counter(run.survey.name for run in runs), [run.path.absolute() for run in runs]
+    names = [path.relative_to(os.path.commonpath(paths)).as_posix() for path in paths]
     return [
-        replace(run, survey=replace(run.survey, name=str(run.path))) if counts[run.survey.name] > 1 else run
-        for run in runs
+        replace(run, survey=replace(run.survey, name=name)) if counts[run.survey.name] > 1 else run
+        for run, name in zip(runs, names, strict=True)
     ]
 
 
