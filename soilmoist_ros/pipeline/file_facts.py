@@ -26,7 +26,6 @@ from soilmoist_ros.foundation import (
     coordinates_text,
     distance_text,
     duration,
-    listing,
 )
 from soilmoist_ros.mapping import Field, PositionSource, read_covariates, require_near
 from soilmoist_ros.pipeline.earlier_runs import MAX_AHEAD_S
@@ -246,8 +245,7 @@ def _on_monitor(settings: sensing.CorrectionSettings) -> Iterator[FileFinding]:
         of = source.station or intensity.monitor or "a station without a name"
         first, last = (_date(float(source.stamp_s[index])) for index in (0, -1))
         rates = [float(source.rate.min()), float(source.rate.max())]
-        left_out = f"; not used: {listing(source.not_used)}" if source.not_used else ""
-        text = f"{of}, {first} to {last} UTC, {rates[0]:g} to {rates[-1]:g}, {reference}{left_out}"
+        text = f"{of}, {first} to {last} UTC, {rates[0]:g} to {rates[-1]:g}, {reference}"
     else:
         rates, text = [source], f"constant rate {source:g}, {reference}"
     yield FileFinding("monitor", text)

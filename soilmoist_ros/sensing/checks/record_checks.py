@@ -196,16 +196,17 @@ class TotalChecks:
     """
 
     def __init__(self, n0_cps: float = math.nan, typical_cps: float = math.nan, n0_from: str = N0_KEY) -> None:
-        self.dispersion = Dispersion()
-        """Dispersion of the records in use."""
+        self.recorded, self.dispersion = Dispersion(), Dispersion()
+        """Dispersion of all records as they came, and of the records in use."""
         self._n0_cps, self.typical_cps, self._n0_from = n0_cps, typical_cps, n0_from
         self._recent: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._stop: deque[_Counted] = deque(maxlen=LAST_RECORDS)
         self._anchor: CountRecord | None = None
         self._odd = self._good = 0
 
-    def check(self, record: CountRecord) -> list[Finding]:
-        """Faults of the next record, if it is not quarantined already."""
+    def check(self, record: CountRecord, recorded: CountRecord | None = None) -> list[Finding]:
+        """Faults of the next record; a record that is quarantined already only counts for the dispersion."""
+        self.recorded.add(record if recorded is None else recorded)
         if record.quarantine or not (record.effective_exposure_s > 0 and record.exposure_s > 0):
             return []
         counted = _Counted(record.stamp_s, record.raw_counts, record.effective_exposure_s)
@@ -262,9 +263,14 @@ class TotalChecks:
     @property
     def findings(self) -> list[Finding]:
         """Faults of the log as a whole so far."""
-        message = f"the index of dispersion is {self.dispersion.index:.3g}; counting statistics have 1"
-        if self.dispersion.is_high:
-            remedy = "check the detector for noise; intervals of the map are too narrow"
+        message = (
+            f"the index of dispersion is {self.recorded.index:.4g} as recorded and {self.dispersion.index:.3g} "
+            f"without bad tubes and quarantined records; counting statistics have 1"
+        )
+        if self.recorded.is_high or self.dispersion.is_high:
+            remedy = (
+                "check the detector for noise; intervals of the map are too narrow if the records in use scatter"
+            )
             return [Finding(Kind.OVERDISPERSED, message, remedy)]
         if self.dispersion.is_low:
             remedy = "take raw counts, not smoothed ones; check if the counter repeats a number"

@@ -20,23 +20,21 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import InputError, Mistake, did_you_mean, read_lines
+from soilmoist_ros.foundation import InputError, Mistake, read_lines
 from soilmoist_ros.sensing.corrections.factors import atmospheric_depth_gcm2
+from soilmoist_ros.sensing.formats.log_values import read_number
 
 Scaling = Literal["none", "hawdon2014", "mcjannet2023"]
 TABLE = Path(__file__).with_name("cutoff_rigidity.csv")
 MAX_GAP_S = 6 * 3600.0
-_TAG = re.compile(r"<[^<>]{1,40}>")
 _KEY_AND_VALUE = re.compile(r"#\s*([A-Z][A-Z .]{2,20}):\s*(.*?)\s*")
 _DURATION = re.compile(r"(\d+)\s*(min|hour|day)")
 _SECONDS = {"min": 60.0, "hour": 3600.0, "day": 86_400.0}
 _MISSING = ("", "null", "nan", "na", "-")
-_DATA_TYPES = re.compile(r"(?:R|1H)?(?:CORR?|UNCORR?|PRESS)(?:_\w+)?|\w*mbar", re.IGNORECASE)
-_CORRECTED_E = re.compile(r"(?:R|1H)?CORR?_E", re.IGNORECASE)
-_NOT_CORRECTED = re.compile(r"uncorr|press_|pressure_mbar", re.IGNORECASE)
-_WORDS = re.compile(r"(\S+(?:[ T]\d\d?:\d\d\S*)?)\s+(.+)")
+_NOT_CORRECTED = re.compile(r"uncorr|press_|pressure_mbar|\b(R|1H)(COR+(?!\w*_E)|PRESS)", re.IGNORECASE)
+"""Data types of NMDB that are not corrected for pressure and efficiency, such as RUNCORR; RCORR_E is."""
 _CORRECTED = "export the rates 'corrected for pressure and efficiency' instead"
-_EXPECTED = "expected lines such as '2018-05-01 14:00:00;151.2' (UTC), as exported from nmdb.eu"
+_EXPECTED = "export one station from nmdb.eu, or write rows such as '2018-05-01 14:00:00;151.2' (UTC)"
 
 
 @dataclass(frozen=True)
@@ -146,8 +144,7 @@ class NeutronMonitor:
     :param rate: neutron-monitor rate, any unit, shape (n,), > 0
     :param interval_s: duration of an interval [s], 0 if the rates are momentary
     :param max_gap_s: maximum time between neighbours of a rate that is interpolated [s]
-    :param station: name of the station or column; empty if the file does not give it
-    :param not_used: other columns of the file
+    :param station: code of the station; empty if the file does not give it
     """
 
     stamp_s: NDArray[np.float64]
@@ -155,7 +152,6 @@ class NeutronMonitor:
     interval_s: float = 0.0
     max_gap_s: float = MAX_GAP_S
     station: str = ""
-    not_used: tuple[str, ...] = ()
 
     def at(self, stamp_s: float) -> float | None:
         """Rate at a time; ``None`` outside the series or in a gap that is too long."""
@@ -190,53 +186,52 @@ class NeutronMonitor:
 def read_neutron_monitor(path: Path, station: str = "", max_gap_s: float = MAX_GAP_S) -> NeutronMonitor:
     """Read an ASCII export of the neutron monitor database NMDB (www.nmdb.eu/nest), or rows of time and rate.
 
-    The separator is ``;`` (with decimal points or commas), a tab, ``,`` or blanks; times are ISO 8601, or begin
-    with day.month.year (UTC). Rows with an empty or null rate are skipped. The times of an export are the
-    beginnings of intervals, whose duration is in its head.
+    Times are ISO 8601 (UTC), the separator is ``;`` or ``,``. Rows with an empty or null rate are skipped. In an
+    export, times are the beginnings of intervals, whose duration is in its head.
 
-    :param station: code of the station, for a file of several; the only one if empty
+    :param station: code of the station that the file must be of, if it names one; any if empty
     :param max_gap_s: maximum duration of a gap that is interpolated [s]
-    :raises InputError: if the file cannot be read, has uncorrected counts, no positive rate, or not the station
+    :raises InputError: if the file cannot be read, has uncorrected counts, several rates or no positive one, or is
+        of another station
     """
     head: dict[str, str] = {}
-    names: list[str] = []
-    rows: list[tuple[int, float, list[str]]] = []
-    for number, raw in enumerate(read_lines(path, "check 'file' under 'intensity'"), start=1):
-        line = _TAG.sub("", raw).strip()
+    rows: list[tuple[int, float, str]] = []
+    for number, line in enumerate(read_lines(path, "check 'file' under 'intensity'"), start=1):
         if "no data available" in line.lower():
             raise InputError("says that there are no data", "export another time or station from nmdb.eu", path)
-        if match := _KEY_AND_VALUE.fullmatch(line):
-            if match[1] == "STATION" and head.get("STATION", match[2]) != match[2]:
-                what = f"has the stations {head['STATION']} and {match[2]}, one after the other"
-                raise InputError(what, "give the export of one station", path)
-            head[match[1].strip()] = match[2]
-        cells = _cells(line.lstrip("# "))
-        if cells[0].startswith("start_date_time"):
-            names = re.split(r"[\s;,]+", line.lstrip("# "))[1:]
-        elif line.startswith("#") or len(cells) < 2:
+        if match := _KEY_AND_VALUE.fullmatch(line.strip()):
+            key, value = match[1].strip(), match[2]
+            if key == "STATION" and head.setdefault(key, value) != value:
+                what = f"has the stations {head[key]} and {value}, one after the other"
+                raise InputError(what, _EXPECTED, path)
+            head[key] = value
             continue
-        elif (stamp_s := _stamp(cells[0])) is not None:
-            rows.append((number, stamp_s, cells[1:]))
-        elif cells[0][:1].isdigit():
+        if "start_date_time" in line:
+            head["DATA TYPE"] = head.get("DATA TYPE") or line.partition("start_date_time")[2].strip(" ;,")
+        cells = [cell.strip() for cell in re.split("[;,]", line)]
+        if line.startswith("#") or not cells[0][:1].isdigit():
+            continue
+        if (stamp_s := _stamp(cells[0])) is None:
             remedy = "write times as 2018-05-01 14:00 (UTC), as in an export from nmdb.eu"
             raise InputError([Mistake(f"the time {cells[0]!r} cannot be read", remedy, path, number)])
-        elif not rows:
-            names = cells[1:]
+        if len(cells) != 2:
+            what = f"the row has {len(cells)} fields, not time and rate: {line.strip()[:60]!r}"
+            raise InputError([Mistake(what, _EXPECTED, path, number)])
+        rows.append((number, stamp_s, cells[1]))
     if _NOT_CORRECTED.search(head.get("DATA TYPE", "")):
         raise InputError(f"has the data type {head['DATA TYPE']}", _CORRECTED, path)
-    stations = re.findall(r"[^\s,;]+", head.get("STATION") or head.get("STATIONS") or "")
-    if len(stations) > 1:
-        names = stations  # the names of the columns are what was measured, not where
-    column, name, not_used = _column(names, stations, [cells for _, _, cells in rows], station, path)
+    of = head.get("STATION", "")
+    if station and of and of.casefold() != station.casefold():
+        remedy = "correct 'monitor' under 'intensity', or export the file of that station"
+        raise InputError(f"is of the station {of}, not of {station}", remedy, path)
     rates: dict[float, float] = {}
-    for number, stamp_s, cells in rows:
-        cell = cells[column] if column < len(cells) else ""
+    for number, stamp_s, cell in rows:
         if cell.casefold() in _MISSING:
             continue
-        rate = _rate(cell)
-        if not (math.isfinite(rate) and rate > 0):
+        rate = read_number(cell) or 0.0
+        if not rate > 0:
             remedy = "correct the row, or export counts per second, not relative units"
-            remedy = "if it marks a gap, leave the rate empty" if rate == 0 or rate <= -99 else remedy
+            remedy = "if it marks a gap, leave the rate empty" if cell in ("0", "-999") else remedy
             raise InputError([Mistake(f"rate {cell!r} is not a positive number", remedy, path, number)])
         rates[stamp_s] = rate
     if not rates:
@@ -245,59 +240,12 @@ def read_neutron_monitor(path: Path, station: str = "", max_gap_s: float = MAX_G
     interval_s = int(interval[1]) * _SECONDS[interval[2]] if interval else 0.0
     stamps = np.array(sorted(rates))
     series = np.array([rates[stamp] for stamp in stamps])
-    return NeutronMonitor(stamps + interval_s / 2, series, interval_s, max_gap_s, name, not_used)
-
-
-def _column(
-    names: list[str], stations: list[str], rows: list[list[str]], station: str, path: Path
-) -> tuple[int, str, tuple[str, ...]]:
-    """Number and name of the column of rates, and the names of the other columns."""
-    width = max(map(len, rows), default=1)
-    names = [*names, *(f"column {number}" for number in range(len(names) + 1, width + 1))]
-    known = (any(at < len(cells) and math.isfinite(_rate(cells[at])) for cells in rows) for at in range(width))
-    used = [at for at, is_known in enumerate(known) if is_known] or [0]
-    wanted = [at for at in used if names[at].casefold() == station.casefold()]
-    if not wanted:
-        of = stations[0] if len(stations) == 1 else ""
-        if station and of and of.casefold() != station.casefold():
-            remedy = "correct 'monitor' under 'intensity', or export the file of that station"
-            raise InputError(f"is of the station {of}, not of {station}", remedy, path)
-        types = [names[at] for at in used if _DATA_TYPES.fullmatch(names[at])]
-        wanted = [at for at in used if _CORRECTED_E.fullmatch(names[at])] if types else used
-        if not wanted:
-            raise InputError(f"has the data types {', '.join(types)}", _CORRECTED, path)
-        if len(wanted) > 1:
-            several = [names[at] for at in wanted]
-            what = f"has no column of rates {station}" if station else "has several columns of rates"
-            remedy = f"choose one with 'monitor' under 'intensity'{did_you_mean(station.upper(), several)}"
-            raise InputError(f"{what}: it has {', '.join(several)}", remedy, path)
-    [at] = wanted[:1]
-    is_type = _DATA_TYPES.fullmatch(names[at]) or names[at] == "column 1"
-    name = "".join(stations[:1]) if is_type else names[at]
-    return at, name, tuple(names[other] for other in used if other != at)
-
-
-def _rate(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return math.nan
-
-
-def _cells(line: str) -> list[str]:
-    """Cells of a row; a comma is a separator only in a row without semicolons and tabs."""
-    separator = next((one for one in ";\t," if one in line), "")
-    if not separator:
-        match = _WORDS.fullmatch(line)
-        return [match[1], *match[2].split()] if match else [line]
-    cells = [cell.strip() for cell in line.split(separator)]
-    return cells if separator == "," else [re.sub(r"^(\d+),(\d+)$", r"\1.\2", cell) for cell in cells]
+    return NeutronMonitor(stamps + interval_s / 2, series, interval_s, max_gap_s, of)
 
 
 def _stamp(text: str) -> float | None:
-    text = re.sub(r"^(\d\d?)\.(\d\d?)\.(\d{4})\b", lambda day: f"{day[3]}-{day[2]:0>2}-{day[1]:0>2}", text)
     try:
-        time = datetime.fromisoformat(text.replace("Z", "+00:00").replace("/", "-"))
+        time = datetime.fromisoformat(text.replace("Z", "+00:00"))
     except ValueError:
         return None
     # Neutron monitors exist since 1951.

@@ -91,9 +91,11 @@ class IntensityCorrection(Section):
     file: Path | None = None
     """Rates C in time, as exported from nmdb.eu; a relative path starts at the site file."""
     monitor: Annotated[str, AfterValidator(_monitor_code)] | None = None
-    """Code of the neutron monitor in the database NMDB, such as JUNG; names its column in a file of several."""
+    """Code of the neutron monitor in the database NMDB, such as JUNG."""
     scaling: Scaling = "none"
     """Conversion of a change at the monitor into one at the site: none, hawdon2014 or mcjannet2023."""
+    gaps: Literal["interpolate"] = "interpolate"
+    """No longer a setting: a file may only have the value that is used."""
     max_gap_hours: Annotated[float, Field(ge=0, le=240)] = 6.0
     """Longest gap of the file that is interpolated [h]; records in longer ones cannot be corrected."""
 

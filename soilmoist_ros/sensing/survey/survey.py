@@ -43,9 +43,10 @@ MAX_ALTITUDE_AGE_S = 300.0  # maximum time between a record and a position that 
 
 @dataclass(frozen=True)
 class _Waiting:
-    """A corrected record that waits for its position since a monotonic time."""
+    """A corrected record that waits for its position since a monotonic time; ``recorded`` has bad tubes, too."""
 
     record: CountRecord
+    recorded: CountRecord
     raw: LoggerRecord
     interval_s: float
     since_s: float
@@ -141,7 +142,7 @@ class Survey:
         :param now_s: monotonic time [s]
         :param unused_tubes: indices of the tubes that the format leaves out
         """
-        checked = self.checks.check(record, unused_tubes)
+        original, checked = record, self.checks.check(record, unused_tubes)
         record = checked.record
         if self._grows:
             self._weather.add(record)
@@ -160,7 +161,11 @@ class Survey:
                 return
             corrected = uncorrected_record(record, shares, weather.value)
         self._list(findings, record, path)
-        self._waiting.append(_Waiting(corrected, record, interval_s, now_s, path))
+        recorded = corrected
+        if record.tube_counts != original.tube_counts:
+            with suppress(LostRecordError):
+                recorded = self._correct(replace(record, tube_counts=original.tube_counts), shares)
+        self._waiting.append(_Waiting(corrected, recorded, record, interval_s, now_s, path))
 
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
@@ -213,7 +218,8 @@ class Survey:
                 return None
             record = waiting.record
         if not findings:
-            findings = self.checks.totals.check(record)
+            recorded = replace(waiting.recorded, x_m=record.x_m, y_m=record.y_m)
+            findings = self.checks.totals.check(record, recorded)
         self._list(findings, raw, path)
         return replace(record, quarantine=record.quarantine or findings[0].kind.value) if findings else record
 
