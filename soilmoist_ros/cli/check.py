@@ -39,7 +39,7 @@ Value = TypeVar("Value")
 @click.option("--robot-radius", "robot_radius_m", type=click.FloatRange(min=0), default=0.75, show_default=True,
               help="robot_radius_m of the planner [m].")  # fmt: skip
 @click.option("--log", "logs", type=INPUT, multiple=True,
-              help="Log of the probe of --site, or a folder or ZIP archive of logs. Repeatable.")  # fmt: skip
+              help="Log of the probe of --site, or a folder of logs. Repeatable.")  # fmt: skip
 @click.option("--nmea", "--track", type=FILE, multiple=True,
               help="Positions of --log: NMEA, GPX, CSV or a bag. Repeatable.")  # fmt: skip
 @click.option("--run", type=FILE, help="Folder of a run with a certificate, which is made again.")

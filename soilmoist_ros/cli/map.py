@@ -76,7 +76,7 @@ def command(
 ) -> None:
     """Map soil moisture from neutron LOGS.
 
-    A log is a file of the logger, a folder or ZIP archive of such files, or a bag with its lines: .bag of ROS 1,
+    A log is a file of the logger, a folder of such files, or a bag with its lines: .bag of ROS 1,
     .mcap or .db3.
 
     Writes summary.json, map.tif, samples.geojson, soilmoist.qgs and report.html to the folder --out.

@@ -123,7 +123,7 @@ def map_logs(
 ) -> MapRun:
     """Map the logs of a survey.
 
-    :param paths: log files of one probe, folders and ZIP archives of them, or bags with the lines of its logger
+    :param paths: log files of one probe, folders of them, or bags with the lines of its logger
     :raises InputError: if a file cannot be used; lists all mistakes
     """
     values = settings.values()

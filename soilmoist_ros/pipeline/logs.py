@@ -59,7 +59,7 @@ def read_logs(
 ) -> list[LogFile]:
     """Read the logs of one probe.
 
-    :param paths: log files, bags, or folders and ZIP archives with such files, at least one
+    :param paths: log files, bags, or folders with such files, at least one
     :param logger: format, a shipped name or a file; detected from the header of the first log if ``None``
     :param topic: topic with the lines in bags; see :func:`.logger_topic` if empty
     :param skipped: gets the faults of files that cannot be used; errors if ``None``, or if no file can be used

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.formats.notation import UndecidedOrderError as UndecidedOrderError, matching_formats as matching_formats
     from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME as FORMAT_NAME, RECORDS_PER_HEADER as RECORDS_PER_HEADER, TUBES as TUBES, format_header as format_header, format_record as format_record
     from soilmoist_ros.sensing.gnss import FIX_TYPE as FIX_TYPE, UNKNOWN_COVARIANCE as UNKNOWN_COVARIANCE, Covariance as Covariance, CovarianceKind as CovarianceKind, Fix as Fix, FixStatus as FixStatus, Heard as Heard, clock_words as clock_words, fix_from_message as fix_from_message, stamp_of as stamp_of
-    from soilmoist_ros.sensing.lines import log_files as log_files, read_data as read_data, split_lines as split_lines
+    from soilmoist_ros.sensing.lines import log_files as log_files, split_lines as split_lines
     from soilmoist_ros.sensing.moisture.combined import DISAGREEMENT_SD as DISAGREEMENT_SD, PROFILE_DENSITY_SD_GCM3 as PROFILE_DENSITY_SD_GCM3, PROFILE_SD as PROFILE_SD, N0Source as N0Source, combine_n0 as combine_n0, combined_calibration as combined_calibration, difference_sd as difference_sd, earlier_source as earlier_source
     from soilmoist_ros.sensing.moisture.cores import SoilCore as SoilCore, possible_days as possible_days, profiles_of as profiles_of, read_soil_cores as read_soil_cores
     from soilmoist_ros.sensing.moisture.curve import CalibrationCurve as CalibrationCurve, MoistureCurve as MoistureCurve, SoilLimits as SoilLimits, UniversalCurve as UniversalCurve, soil_limits as soil_limits
@@ -70,7 +70,7 @@ __getattr__, __dir__, __all__ = open_door(
         "formats.notation": "UndecidedOrderError matching_formats",
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of",
-        "lines": "log_files read_data split_lines",
+        "lines": "log_files split_lines",
         "moisture.combined": "DISAGREEMENT_SD PROFILE_DENSITY_SD_GCM3 PROFILE_SD N0Source combine_n0 combined_calibration difference_sd earlier_source",
         "moisture.cores": "SoilCore possible_days profiles_of read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",

@@ -9,7 +9,6 @@ import logging
 import math
 import re
 import threading
-import zipfile
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -205,7 +204,7 @@ class LineReader:
 
 
 def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
-    """Lines of a text file, or of one in a ZIP archive, without line ends, and whether the last line had an end.
+    """Lines of a text file without line ends, and whether the last line had an end.
 
     :param binary: whether other bytes may stand between the lines
     :raises InputError: if the file is missing, a folder, not readable, empty or not text
@@ -213,10 +212,10 @@ def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
     if path.is_dir():
         raise InputError("is a folder, not a file", "give the path of a log file in it", path)
     try:
-        data = read_data(path)
+        data = path.read_bytes()
     except FileNotFoundError:
         raise InputError("there is no such file", "check the path", path) from None
-    except (OSError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"cannot be read: {reason}", "check the path and its permissions", path) from None
     if not data.strip(b"\x00 \t\r\n\xef\xbb\xbf\xff\xfe"):
@@ -230,34 +229,21 @@ def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
     return split_lines(data)
 
 
-def read_data(path: Path) -> bytes:
-    """Content of a file, or of a file in a ZIP archive."""
-    archive = next((parent for parent in path.parents if parent.is_file()), None)
-    if archive is None:
-        return path.read_bytes()
-    with zipfile.ZipFile(archive) as content:
-        return content.read(path.relative_to(archive).as_posix())
-
-
 def log_files(paths: Iterable[Path]) -> list[Path]:
-    """Files to read: those that are given, and those in folders and ZIP archives, without hidden ones.
+    """Files to read: those that are given, and those in folders, without hidden ones and runs.
 
-    :raises InputError: if a folder or archive has no file
+    :raises InputError: if a folder has no file
     """
     found: list[Path] = []
     for path in paths:
-        if path.is_dir():
-            runs = {one.parent for one in path.rglob("summary.json")}
-            names = sorted(one for one in path.rglob("*") if one.is_file() and not runs.intersection(one.parents))
-        elif path.suffix.lower() == ".zip" and zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as content:
-                names = sorted(path / one.filename for one in content.infolist() if not one.is_dir())
-        else:
+        if not path.is_dir():
             found.append(path)
             continue
+        runs = {one.parent for one in path.rglob("summary.json")}
+        names = sorted(one for one in path.rglob("*") if one.is_file() and not runs.intersection(one.parents))
         files = [one for one in names if not any(part[0] in "._" for part in one.relative_to(path).parts)]
         if not files:
-            raise InputError("has no file", "give a log file, or a folder or archive with log files", path)
+            raise InputError("has no file", "give a log file, or a folder with log files", path)
         found += files
     return found
 
