@@ -147,6 +147,8 @@ def files(tmp_path):
     (tmp_path / "runs" / "may").mkdir(parents=True)
     (tmp_path / "runs" / "may" / "summary.json").write_text("{}")
     (tmp_path / "outside.yaml").touch()
+    (tmp_path / "fields").mkdir()
+    (tmp_path / "fields" / "secret.txt").touch()
     return SurveyFiles(tmp_path / "fields", tmp_path / "runs", tmp_path / "own.yaml")
 
 
@@ -171,7 +173,8 @@ def test_names_become_paths(files, tmp_path):
 @pytest.mark.parametrize(
     "asked",
     [
-        {"field": "../outside.yaml"}, {"field": "/etc/passwd"}, {"field": "gone.yaml"}, {"earlier": ("..",)},
+        {"field": "../outside.yaml"}, {"field": "/etc/passwd"}, {"field": "gone.yaml"}, {"field": "secret.txt"},
+        {"earlier": ("..",)},
         {"earlier": ("../runs/may",)},
     ],
 )  # fmt: skip

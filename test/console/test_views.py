@@ -78,8 +78,9 @@ def test_a_way_is_kept_for_those_who_come_late_and_ages_are_those_of_a_steady_cl
     history.place(3.0, 0.0, 0.02)
     assert board.get("place/r1") == [3.0, 0.0, 90, 0.02], "it has driven to the east"
     history.follow(replace(STATUS, phase=Phase.IDLE))
+    history.place(6.0, 0.0, 0.02)
     history.follow(replace(STATUS, time_used_s=60.0))
-    assert board.get("start/r1") == [3.0, 0.0], "where the next mission starts"
+    assert board.get("start/r1") == [3.0, 0.0], "where the mission has started"
     for step in range(2 * MAX_TRAIL):
         history.place(3.0, float(step), 0.02)
     assert len(board.get("trail/r1")) <= MAX_TRAIL
