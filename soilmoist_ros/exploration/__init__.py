@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M as ROBOT_RADIUS_M, Fence as Fence, KeepoutMask as KeepoutMask, keepout_mask as keepout_mask, unreachable as unreachable
     from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph as FencedGraph, Outside as Outside
     from soilmoist_ros.exploration.guard.robot_frames import FrameSettings as FrameSettings, RobotFrames as RobotFrames, Transform as Transform, yaw_rotation as yaw_rotation
-    from soilmoist_ros.exploration.guard.signals import EmergencyTopic as EmergencyTopic
+    from soilmoist_ros.exploration.guard.signals import EmergencyTopic as EmergencyTopic, logger_fault as logger_fault
     from soilmoist_ros.exploration.guard.watch import POSES_FROZEN_S as POSES_FROZEN_S, Watch as Watch
     from soilmoist_ros.exploration.mission.events import ANYBODYS as ANYBODYS, FORGOTTEN as FORGOTTEN, Action as Action, CancelGoal as CancelGoal, Command as Command, Event as Event, Finish as Finish, GoalFailed as GoalFailed, GoalReached as GoalReached, GoTo as GoTo, Moved as Moved, Publish as Publish, RecordArrived as RecordArrived, RequestPlan as RequestPlan, StartCounting as StartCounting, Tick as Tick, VisitDone as VisitDone
     from soilmoist_ros.exploration.mission.journal import EVENT as EVENT, MissionJournal as MissionJournal, interrupted_mission as interrupted_mission, is_under_way as is_under_way
@@ -66,7 +66,7 @@ __getattr__, __dir__, __all__ = open_door(
         "guard.fence": "Fence KeepoutMask ROBOT_RADIUS_M keepout_mask unreachable",
         "guard.fenced_graph": "FencedGraph Outside",
         "guard.robot_frames": "FrameSettings RobotFrames Transform yaw_rotation",
-        "guard.signals": "EmergencyTopic",
+        "guard.signals": "EmergencyTopic logger_fault",
         "guard.watch": "POSES_FROZEN_S Watch",
         "mission.events": "ANYBODYS Action CancelGoal Command Event FORGOTTEN Finish GoTo GoalFailed GoalReached Moved Publish RecordArrived RequestPlan StartCounting Tick VisitDone",
         "mission.journal": "EVENT MissionJournal interrupted_mission is_under_way",

@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.covariate_files import RasterBands as RasterBands, opened_raster as opened_raster
     from soilmoist_ros.mapping.covariates import Covariates as Covariates, CovariateSource as CovariateSource, read_covariates as read_covariates, require_covariates as require_covariates
     from soilmoist_ros.mapping.drift import Change as Change, Changing as Changing, Drift as Drift, DriftModel as DriftModel, TimedSamples as TimedSamples
-    from soilmoist_ros.mapping.expected_counts import without_verdict as without_verdict
     from soilmoist_ros.mapping.field import Field as Field, FieldFile as FieldFile, Misplaced as Misplaced, load_field as load_field, require_no_go as require_no_go
-    from soilmoist_ros.mapping.field_map import FieldMap as FieldMap, FieldMapSettings as FieldMapSettings, MapState as MapState, SkippedRecords as SkippedRecords, Snapshot as Snapshot, default_merge_radius_m as default_merge_radius_m
+    from soilmoist_ros.mapping.field_map import FieldMap as FieldMap, FieldMapSettings as FieldMapSettings, MapState as MapState, Snapshot as Snapshot, default_merge_radius_m as default_merge_radius_m
     from soilmoist_ros.mapping.grid import FieldGrid as FieldGrid
     from soilmoist_ros.mapping.knowledge import EarlierSurvey as EarlierSurvey, Knowledge as Knowledge, samples_at_end as samples_at_end
     from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging as PoissonKriging
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.map_worker import MapWorker as MapWorker, map_health as map_health
     from soilmoist_ros.mapping.mapping_settings import FIT_SETTINGS as FIT_SETTINGS, MappingSettings as MappingSettings
     from soilmoist_ros.mapping.placement import Placement as Placement, PositionSource as PositionSource, likely_cause as likely_cause, require_near as require_near
-    from soilmoist_ros.mapping.records import Skip as Skip, StampLimits as StampLimits, survey_samples as survey_samples
+    from soilmoist_ros.mapping.records import Skip as Skip, SkippedRecords as SkippedRecords, StampLimits as StampLimits, survey_samples as survey_samples, without_verdict as without_verdict
     from soilmoist_ros.mapping.samples import Samples as Samples, spatial_blocks as spatial_blocks
     from soilmoist_ros.mapping.several_surveys import FieldChange as FieldChange, JointKriging as JointKriging, Persistence as Persistence, SurveysEstimate as SurveysEstimate, field_change as field_change, mean_places as mean_places, moisture_slope as moisture_slope
     from soilmoist_ros.mapping.soil_map import CELL as CELL, Bands as Bands, SoilMap as SoilMap, common_rate_sd as common_rate_sd, level_of as level_of, make_bands as make_bands, make_soil_map as make_soil_map, map_cells as map_cells, moisture_terms as moisture_terms, possible_moisture as possible_moisture
@@ -46,9 +45,8 @@ __getattr__, __dir__, __all__ = open_door(
         "covariate_files": "RasterBands opened_raster",
         "covariates": "CovariateSource Covariates read_covariates require_covariates",
         "drift": "Change Changing Drift DriftModel TimedSamples",
-        "expected_counts": "without_verdict",
         "field": "Field FieldFile Misplaced load_field require_no_go",
-        "field_map": "FieldMap FieldMapSettings MapState SkippedRecords Snapshot default_merge_radius_m",
+        "field_map": "FieldMap FieldMapSettings MapState Snapshot default_merge_radius_m",
         "grid": "FieldGrid",
         "knowledge": "EarlierSurvey Knowledge samples_at_end",
         "kriging.poisson_kriging": "PoissonKriging",
@@ -56,7 +54,7 @@ __getattr__, __dir__, __all__ = open_door(
         "map_worker": "MapWorker map_health",
         "mapping_settings": "FIT_SETTINGS MappingSettings",
         "placement": "Placement PositionSource likely_cause require_near",
-        "records": "Skip StampLimits survey_samples",
+        "records": "Skip SkippedRecords StampLimits survey_samples without_verdict",
         "samples": "Samples spatial_blocks",
         "several_surveys": "FieldChange JointKriging Persistence SurveysEstimate field_change mean_places moisture_slope",
         "soil_map": "Bands CELL SoilMap common_rate_sd level_of make_bands make_soil_map map_cells moisture_terms possible_moisture",

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -20,13 +20,12 @@ from numpy.typing import NDArray
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing import CountRecord, Kind
+from soilmoist_ros.sensing import CountRecord
 
 Array = NDArray[np.float64]
 Where = tuple[int, Array]
 """Index of a record in the track, and spread of its counts: what the map needs to use it later."""
 
-UNEXPECTED: Final = Kind.UNEXPECTED_COUNT.value  # reason why such a record is quarantined
 
 MAX_PROBABILITY: Final = 1e-5
 """Probability of a count, or of one farther out on its side, below which it is unexpected. Both sides together are
@@ -85,11 +84,6 @@ class Expectation:
         expected = self.rate_cps * exposure_s
         sd = math.sqrt(expected + self.variance * exposure_s**2)
         return f"{record.raw_counts} counts where the map expects {expected:.0f} ± {sd:.0f}"
-
-
-def without_verdict(record: CountRecord) -> CountRecord:
-    """The record without the verdict of an earlier map: the records before and after it decide anew."""
-    return replace(record, quarantine="") if record.quarantine == UNEXPECTED else record
 
 
 def stands_out(record: CountRecord, samples: Samples) -> bool:

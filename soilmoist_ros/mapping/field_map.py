@@ -27,7 +27,7 @@ from soilmoist_ros.mapping.drift import (
     TimedSamples,
     find_change,
 )
-from soilmoist_ros.mapping.expected_counts import UNEXPECTED, ExpectedCounts, Held, without_verdict
+from soilmoist_ros.mapping.expected_counts import ExpectedCounts, Held
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.joint_fit import JointModel
 from soilmoist_ros.mapping.knowledge import NOTHING, Knowledge
@@ -35,12 +35,15 @@ from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.kriging.system import Progress
 from soilmoist_ros.mapping.mapping_settings import MappingSettings
 from soilmoist_ros.mapping.records import (
+    UNEXPECTED,
     DrivenPaths,
     SampleMerger,
     Skip,
+    SkippedRecords,
     check_record,
     driven_spreads,
     survey_samples,
+    without_verdict,
 )
 from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples, as_samples
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
@@ -175,14 +178,6 @@ class MapState:
         if soil_map.change.drift is None or state.mapped_timed is None:
             return None
         return Changing(state.mapped_timed, soil_map.change, state.stamp_s)
-
-
-@dataclass(frozen=True)
-class SkippedRecords:
-    """Records of one kind that were left out."""
-
-    count: int
-    example: str
 
 
 @dataclass(frozen=True, eq=False)

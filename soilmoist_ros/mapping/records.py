@@ -7,8 +7,8 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,11 +22,12 @@ from soilmoist_ros.mapping.samples import (
     path_spread,
     without_noise,
 )
-from soilmoist_ros.sensing import CountRecord
+from soilmoist_ros.sensing import CountRecord, Kind
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
+UNEXPECTED: Final = Kind.UNEXPECTED_COUNT.value  # reason why a record that does not fit the map is quarantined
 MAX_RATE_CPS = 1e4  # rate that no cosmic-ray neutron sensor reaches, by orders of magnitude [counts/s]
 MAX_RECORD_S = 86400.0  # exposure beyond which a record counts as a mistake [s]
 MAX_PLANE_M = 100_000.0  # distance beyond which the plane of a field has no true distances [m]
@@ -60,6 +61,19 @@ class Skip(enum.Enum):
             Skip.QUARANTINED: "read the reason in the table of records, and check the sensor",
             Skip.UNEXPECTED: "measure there again: a second record that agrees brings the first into the map",
         }[self]
+
+
+@dataclass(frozen=True)
+class SkippedRecords:
+    """Records of one kind that were left out."""
+
+    count: int
+    example: str
+
+
+def without_verdict(record: CountRecord) -> CountRecord:
+    """The record without the verdict of an earlier map: the records before and after it decide anew."""
+    return replace(record, quarantine="") if record.quarantine == UNEXPECTED else record
 
 
 def check_record(record: CountRecord, area: BaseGeometry) -> tuple[Skip | None, str]:

@@ -25,12 +25,12 @@ from rclpy.time import Duration
 from rosgraph_msgs.msg import Clock
 
 from msg_adapters import diagnostics_from_message, health_from_status, mission_from_message, to_time
+from soilmoist_ros.exploration import logger_fault
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import MapWorker
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, interface_class, published_qos
 from soilmoist_ros.recording import BagReader, Pacer, Playback
 from soilmoist_ros.reporting import LiveMission, LiveRobot
-from soilmoist_ros.sensing import logger_fault
 from soilmoist_ros.simulation import CLOCK_PART, WAITS_FOR
 
 Progress = Callable[[str, float], None]

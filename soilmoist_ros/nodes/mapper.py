@@ -38,7 +38,6 @@ from soilmoist_ros.nodes.parameters import Parameters, Value, other_namespaces
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, VISITS, every, interface_class, ros_now_s
 from soilmoist_ros.pipeline import open_survey
 from soilmoist_ros.recording import START, TEAM_S, MapRecords, MapSources, quarantined_topic, read_earlier
-from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt
 
 __all__ = ["PARAMETERS", "Mapper", "main"]
@@ -226,6 +225,8 @@ class Mapper(Node):
         return response
 
     def _on_save(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        from soilmoist_ros.reporting import write_outputs  # 5 MB that a robot needs only here
+
         self._arrived.flush(_FLUSH_S)  # the last records of a mission may still wait
         with self._guard:
             snapshot = self._online.snapshot()

@@ -41,6 +41,7 @@ from soilmoist_ros.exploration import (
     RobotFrames,
     TopologicalMap,
     Transform,
+    logger_fault,
     parse_topological_map,
 )
 from soilmoist_ros.foundation import Health, InputError, foreign_text, read_json
@@ -63,7 +64,7 @@ from soilmoist_ros.nodes.topics import (
     ros_now_s,
 )
 from soilmoist_ros.recording import quarantined_topic
-from soilmoist_ros.sensing import FIX_TYPE, CountRecord, Fix, fix_from_message, logger_fault
+from soilmoist_ros.sensing import FIX_TYPE, CountRecord, Fix, fix_from_message
 
 _AGAIN_TICKS: Final = 10  # seconds after which a map of the navigation that could not be used is tried again
 SLICE: Final = 100  # records that are taken at a time; some 20 ms of work

@@ -21,7 +21,6 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics_to_message
-from soilmoist_ros.exploration import property_weights
 from soilmoist_ros.foundation import InputError, not_installed
 from soilmoist_ros.nodes.node_process import Aside, run
 from soilmoist_ros.nodes.parameter_tables import RECORDER as PARAMETERS
@@ -170,8 +169,10 @@ class Recorder(Node):
 
     def _take_parameters(self, node: str, values: Mapping[str, Any]) -> None:
         self._configuration.take(node, values)
-        if node == "planner":
-            for name in property_weights(values.get("properties", ())):
+        if node == "planner" and values.get("properties"):
+            from soilmoist_ros.exploration import property_weights  # loads maps: 6 MB that few robots need
+
+            for name in property_weights(values["properties"]):
                 self._collector.ask(f"{name}/mapper")
 
     def _keep_configuration(self) -> None:

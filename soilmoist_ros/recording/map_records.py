@@ -9,10 +9,13 @@ import struct
 from collections import Counter
 from collections.abc import Iterable
 from operator import attrgetter
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from soilmoist_ros.mapping import FieldMap, Skip, SkippedRecords, without_verdict
+from soilmoist_ros.mapping import Skip, SkippedRecords, without_verdict
 from soilmoist_ros.sensing import CountRecord, Doubt, Doubts, placed_of_any
+
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping import FieldMap  # the driver keeps records, too, and needs no map in memory
 
 RECEIVED: Final = ""
 """Source of the records that were received as messages, now or by an earlier process."""

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.problems import Consequence as Consequence, Kind as Kind, Problem as Problem, Severity as Severity, reason_text as reason_text
     from soilmoist_ros.sensing.records import FIRST_STAMP_S as FIRST_STAMP_S, LAST_STAMP_S as LAST_STAMP_S, CountRecord as CountRecord, LoggerRecord as LoggerRecord, Position as Position, utc_text as utc_text
     from soilmoist_ros.sensing.survey.correction import intensity_source as intensity_source, unusual_factors as unusual_factors
-    from soilmoist_ros.sensing.survey.driver import Batch as Batch, Driver as Driver, DriverSettings as DriverSettings, logger_fault as logger_fault
+    from soilmoist_ros.sensing.survey.driver import Batch as Batch, Driver as Driver, DriverSettings as DriverSettings
     from soilmoist_ros.sensing.survey.logs import CalibrationCounts as CalibrationCounts, SurveyRecords as SurveyRecords, calibration_counts as calibration_counts, log_doubts as log_doubts, process_logs as process_logs, why_unplaced as why_unplaced
     from soilmoist_ros.sensing.survey.side_by_side import compare_side_by_side as compare_side_by_side
     # fmt: on
@@ -86,7 +86,7 @@ __getattr__, __dir__, __all__ = open_door(
         "problems": "Consequence Kind Problem Severity reason_text",
         "records": "CountRecord FIRST_STAMP_S LAST_STAMP_S LoggerRecord Position utc_text",
         "survey.correction": "intensity_source unusual_factors",
-        "survey.driver": "Batch Driver DriverSettings logger_fault",
+        "survey.driver": "Batch Driver DriverSettings",
         "survey.logs": "CalibrationCounts SurveyRecords calibration_counts log_doubts process_logs why_unplaced",
         "survey.side_by_side": "compare_side_by_side",
     },

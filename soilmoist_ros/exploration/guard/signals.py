@@ -1,13 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Judges of single signals: the battery, the counts of a sensor, and an emergency stop."""
+"""Judges of single signals: the battery, the counts and logger of a sensor, and an emergency stop."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter, deque
+from collections.abc import Iterable
 from typing import Final
 
+from soilmoist_ros.foundation import Health, Level
 from soilmoist_ros.sensing import Kind, reason_text
 
 # Battery: whether it is low, and what is left of its charge after the way home ----------------------------------
@@ -160,3 +162,23 @@ class EmergencyTopic:
             return None
         self._pressed = pressed
         return pressed
+
+
+# Logger: what its driver reports ---------------------------------------------------------------------------------
+
+
+def logger_fault(parts: Iterable[Health], namespace: str) -> str | None:
+    """Report of the driver in a namespace about its logger; empty if nothing is wrong, ``None`` without a driver.
+
+    :param parts: states of health with the full names of their nodes
+    """
+    wanted = [
+        part
+        for part in parts
+        if part.name.endswith((": records", ": logger link"))
+        and (part.name.rpartition(": ")[0].rpartition("/")[0] or "/") == namespace
+    ]
+    if not wanted:
+        return None
+    worst_part = max(wanted, key=lambda part: (part.level is Level.ERROR, part.level))
+    return worst_part.message if worst_part.level is not Level.OK else ""

@@ -170,7 +170,7 @@ class LaneTravel(GraphTravel):
             for after in leaving[end[edge]].tolist()
             if end[after] != begin[edge] or may_turn[end[edge]]
         ]
-        first, second = np.array(turns, np.intp).reshape(-1, 2).T
+        first, second = np.array(turns, np.int32).reshape(-1, 2).T  # SciPy 1.11 reads no indices of 64 bits
         size = len(graph.edges)
         # Lengths of 0 would be no edges of the matrix.
         lengths = np.maximum(graph.length_m[second], 1e-6)

@@ -221,7 +221,8 @@ class TravelGraph:
         from scipy.sparse import csr_array
 
         order = np.lexsort([self.length_m, self.edges[:, 1], self.edges[:, 0]])
-        ends, lengths = self.edges[order], self.length_m[order]
+        # Graph routines of SciPy 1.11, which Ubuntu 24.04 has, read indices of 32 bits only.
+        ends, lengths = self.edges[order].astype(np.int32), self.length_m[order]
         first = np.ones(len(ends), bool)
         first[1:] = (ends[1:] != ends[:-1]).any(axis=1)
         size = len(self.names)

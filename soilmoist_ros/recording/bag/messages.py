@@ -7,15 +7,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import Visit, VisitEnd
 from soilmoist_ros.foundation import LatLon, foreign_text
-from soilmoist_ros.mapping import Samples
 from soilmoist_ros.sensing import CountRecord, Kind
+
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping import Samples  # nodes that do not map need none of its code in memory
 
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Kinds of numbers by the datatypes of PointField."""

@@ -189,7 +189,8 @@ def location_factor(pressure_hpa: float, rigidity_gv: float, latitude_deg: float
     pressures = np.linspace(pressure_hpa, SEA_LEVEL_HPA, 41)
     gravity = gravity_ms2(latitude_deg, 0.0)
     betas = [barometric_coefficient(float(10 * one / gravity), rigidity_gv) for one in pressures]
-    attenuated = float(np.trapezoid(betas, pressures))
+    # The trapezoidal rule: its name differs between NumPy 1 and 2.
+    attenuated = float(np.mean(np.add(betas[1:], betas[:-1])) / 2 * (pressures[-1] - pressures[0]))
     return math.exp(attenuated) * _dorman(rigidity_gv) / _dorman(RIGIDITY_GV)
 
 

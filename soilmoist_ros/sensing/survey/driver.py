@@ -8,7 +8,7 @@ import math
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -340,23 +340,3 @@ def _by_kind(what: str, counted: Counter[Kind]) -> dict[str, str]:
 
 def _number(value: float, digits: int) -> str:
     return "unknown" if math.isnan(value) else f"{value:.{digits}f}"
-
-
-# What a driver reports about its logger, for nodes that need no survey ------------------------------------------
-
-
-def logger_fault(parts: Iterable[Health], namespace: str) -> str | None:
-    """Report of the driver in a namespace about its logger; empty if nothing is wrong, ``None`` without a driver.
-
-    :param parts: states of health with the full names of their nodes
-    """
-    wanted = [
-        part
-        for part in parts
-        if part.name.endswith((": records", ": logger link"))
-        and (part.name.rpartition(": ")[0].rpartition("/")[0] or "/") == namespace
-    ]
-    if not wanted:
-        return None
-    worst_part = max(wanted, key=lambda part: (part.level is Level.ERROR, part.level))
-    return worst_part.message if worst_part.level is not Level.OK else ""

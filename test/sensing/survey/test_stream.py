@@ -12,12 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from soilmoist_ros.exploration import logger_fault
 from soilmoist_ros.foundation import Level, LocalFrame
 from soilmoist_ros.sensing import Fix, FixStatus, Kind, Track, format_header, format_record, process_logs, read_log
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.track_file import read_positions
 from soilmoist_ros.sensing.records import LoggerRecord, Position
-from soilmoist_ros.sensing.survey.driver import NO_RECORD_S, logger_fault, records_health
+from soilmoist_ros.sensing.survey.driver import NO_RECORD_S, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream
 from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S, MAX_EDGE_TOLERANCE_S, Survey
 from soilmoist_ros.simulation.robot.virtual_devices import sentences_without_fix
