@@ -20,8 +20,8 @@ from soilmoist_ros.sensing.formats.log_values import (
     remedy_of_unit,
     zone_doubt,
 )
-from soilmoist_ros.sensing.formats.logger_format import RATE_TIME_S, ROUNDING_TOLERANCE, LoggerFormat, order_of
-from soilmoist_ros.sensing.formats.notation import date_text, is_packed, stamp_text
+from soilmoist_ros.sensing.formats.logger_format import RATE_TIME_S, ROUNDING_TOLERANCE, LoggerFormat
+from soilmoist_ros.sensing.formats.notation import is_packed, stamp_text
 from soilmoist_ros.sensing.problems import Finding, Kind, LostRecordError
 from soilmoist_ros.sensing.records import NAN, LoggerRecord, Position
 
@@ -43,8 +43,9 @@ class FieldReader:
         """Faults of the last record that did not drop it."""
         self._side = longitude
         self._missing = {text.casefold() for text in logger.missing} | {""}
-        self._formats, self._clock = list(logger.time.used_formats), logger.time.clock
+        self._clock = logger.time.clock
         self._rivals = logger.time.rivals if logger.time.date_order == "auto" else ()
+        self._formats = [name for name in logger.time.used_formats if name not in self._rivals]
         self._packed = False
         self.stamp_s, self._previous_number = NAN, -1
         """Stamp of the last record as its line has it [s since 1970 UTC]."""
@@ -110,11 +111,10 @@ class FieldReader:
     def _stamp(self, fields: Sequence[str]) -> float:
         text = stamp_text(fields, self.layout)
         column = "+".join(source.name for source in self.layout.time)
-        sure = [name for name in self._formats if name not in self._rivals]
-        stamp_s = read_time(text, sure, self._clock, self.stamp_s)
-        if stamp_s is None and self._rivals:
-            self._require_order(text, column)
-            stamp_s = read_time(text, self._formats, self._clock, self.stamp_s)
+        stamp_s = read_time(text, self._formats, self._clock, self.stamp_s)
+        if stamp_s is None and read_time(text, self._rivals) is not None:
+            remedy = "write 'date_order: day_first' or 'date_order: month_first' below 'time' in the logger format"
+            raise LostRecordError(Kind.BAD_TIME, f"{text!r} has two orders of day and month", column, remedy)
         if stamp_s is None or not EARLIEST_S <= stamp_s <= LATEST_S:
             likely = [one for one in likely_time_formats(text) if one not in self._formats]
             remedy = f"if it is {' or '.join(likely[:2])}, add this to time.formats" if likely else ""
@@ -126,22 +126,6 @@ class FieldReader:
         if isinstance(self._clock, ZoneInfo) and (doubt := zone_doubt(text, self._formats, self._clock, stamp_s)):
             self._note(Kind.LOCAL_TIME, f"{text!r} {doubt}", column, "see logger_time_zone in the site file")
         return stamp_s
-
-    def _require_order(self, text: str, column: str) -> None:
-        """Decide on the order of day and month from a stamp that has one reading; later ones have it, too."""
-        readings = {order_of(name): read_time(text, [name]) for name in self._rivals if read_time(text, [name])}
-        if len(set(readings.values())) > 1:
-            dates = " or ".join(
-                f"{date_text(stamp_s)} ({order})" for order, stamp_s in readings.items() if stamp_s
-            )
-            remedy = "write one of these words as 'date_order' below 'time' in the logger format"
-            message = f"{text!r} is {dates}, and no stamp before it decides"
-            raise LostRecordError(Kind.BAD_TIME, message, column, remedy)
-        if readings:
-            self._formats = [
-                name for name in self._formats if name not in self._rivals or order_of(name) in readings
-            ]
-            self._rivals = ()
 
     def _record_number(self, fields: Sequence[str]) -> int:
         source = self.layout.record_number

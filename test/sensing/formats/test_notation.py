@@ -87,14 +87,14 @@ def test_the_format_decides_where_the_file_does_not(tmp_path) -> None:
         assert days(read(tmp_path, text, table(time={**time, "date_order": order}))) == [day]
 
 
-def test_a_stream_waits_for_a_stamp_that_decides(tmp_path) -> None:
-    time = {"columns": ["day"], "formats": ["%d/%m/%Y %H:%M", "%m/%d/%Y %H:%M"]}
+def test_a_stream_needs_the_order_in_its_format() -> None:
+    time = {"columns": ["day"], "formats": ["%d/%m/%Y %H:%M", "%m/%d/%Y %H:%M", "iso8601"]}
     parser = RecordParser(table(time=time))
-    stamps = (b"05/01/2024 10:00", b"05/13/2024 10:00", b"06/01/2024 10:00")
+    stamps = (b"05/01/2024 10:00", b"2024-05-13 10:00", b"05/13/2024 10:00")
     found = [parser.feed(line) for line in (b"day,N,p", *(stamp + b",9,1000" for stamp in stamps))]
-    assert [one is not None for one in found] == [False, False, True, True]
-    assert f"{datetime.fromtimestamp(found[3].stamp_s, UTC):%Y-%m-%d}" == "2024-06-01"
-    assert [problem.kind for problem in parser.problems] == [Kind.BAD_TIME]
+    assert [one is not None for one in found] == [False, False, True, False]
+    assert [problem.kind for problem in parser.problems] == [Kind.BAD_TIME] * 2
+    assert "write 'date_order: day_first' or" in parser.problems[0].mistake.remedy
 
 
 @pytest.mark.parametrize(
