@@ -86,8 +86,7 @@ def test_the_recorder_finds_the_definitions_of_this_project(goto_node, name, par
 @pytest.fixture
 def project(tmp_path):
     """A copy of the files that scripts/build_interfaces uses, with a fake ROS environment."""
-    scripts = ("scripts/build_interfaces", "scripts/install")
-    for name in (*scripts, "requirements-ros.txt", "requirements-interfaces.txt"):
+    for name in ("scripts/build_interfaces", "requirements-ros.txt", "requirements-interfaces.txt"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
     shutil.copytree(ROOT / "interfaces", tmp_path / "interfaces")
