@@ -195,18 +195,6 @@ def test_doubts_about_the_place_give_the_map_of_the_mapper(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_run_in_several_bags_of_both_storages_is_one_run(tmp_path):
-    whole = GOLDEN / "one_stop" / "bag"
-    copy_bag(
-        whole, tmp_path / "run" / "later", lambda _, number: number >= 5, storage_plugin=StoragePlugin.SQLITE3
-    )
-    copy_bag(whole, tmp_path / "run" / "sooner", lambda _, number: number < 5, storage_plugin=StoragePlugin.MCAP)
-    replay = replay_bag(tmp_path / "run", with_files("one_stop"))
-    assert replay.comparisons == replay_bag(GOLDEN / "one_stop").comparisons
-    assert len([item for item in replay.run.inputs if item.role == "bag"]) == 2
-
-
-@pytest.mark.slow
 def test_what_was_lost_is_noted(tmp_path):
     writer = BagWriter(tmp_path / "run")
     for message in McapScan(GOLDEN / "one_stop" / "bag" / "bag_0.mcap").messages():

@@ -6,10 +6,6 @@ import errno
 import json
 import os
 import re
-import signal
-import subprocess
-import sys
-import textwrap
 
 import pytest
 from hypothesis import given
@@ -165,27 +161,6 @@ def test_no_entry_is_confirmed_that_is_not_on_the_disk(tmp_path, monkeypatch):
         patch.setattr(os, "fdatasync", refuse)
         with pytest.raises(OSError, match="Input/output"):
             journal.append("event", {})
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("count", [1, 60])
-def test_what_was_confirmed_survives_a_kill(tmp_path, count):
-    code = """
-        import sys
-        from pathlib import Path
-        from soilmoist_ros.recording.journal import Journal
-        journal = Journal.open(Path(sys.argv[1]))
-        while True:
-            print(journal.append("event", {"text": "x" * 300}), flush=True)
-    """
-    command = [sys.executable, "-c", textwrap.dedent(code), str(tmp_path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-        for _ in range(count):
-            process.stdout.readline()
-        process.send_signal(signal.SIGKILL)
-        confirmed = count + len(process.stdout.read().splitlines())
-    loaded = load_journal(tmp_path)
-    assert [entry.seq for entry in loaded.entries][:confirmed] == list(range(1, confirmed + 1))
 
 
 def test_a_journal_that_is_turned_over_begins_anew(tmp_path):

@@ -19,7 +19,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration import Command, Mission, MissionJournal, MissionRules, Moved, RecordArrived, Verb
@@ -255,68 +255,6 @@ def test_a_clock_that_was_set_back_does_not_resume_an_earlier_session(tmp_path, 
     assert open_session(root, folder, fresh=False) == opened[-1]
 
 
-@pytest.fixture
-def disk(monkeypatch):
-    """A list: while it has something in it, the disk is full, and takes half of what is written first."""
-    full, write = [], os.write
-
-    def limited(descriptor, data):
-        if not full:
-            return write(descriptor, data)
-        if full.count("half"):
-            full.remove("half")
-            return write(descriptor, bytes(data)[: len(data) // 2])
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(os, "write", limited)
-    return full
-
-
-def test_records_that_a_full_disk_refuses_are_written_when_it_has_space_again(tmp_path, disk):
-    records = published(6)
-    log = RecordLog(tmp_path / DRIVER, "map")
-    log.write(records[:2])
-    disk += ["full", "half"]
-    for one in records[2:4]:
-        with pytest.raises(OSError, match="No space"):
-            log.write([one])
-    assert log.waits
-    disk.clear()
-    log.write(records[4:])
-    assert not log.waits
-    assert RecordTail(tmp_path / DRIVER, "map").read().records == records
-    log.close()
-
-
-def test_records_of_a_sync_that_failed_are_written_again_and_count_once(tmp_path, monkeypatch):
-    records, log, tail = published(6), RecordLog(tmp_path / DRIVER, "map"), RecordTail(tmp_path / DRIVER, "map")
-    path, dropped = tmp_path / DRIVER / ENTRIES, [False, True]
-    log.write(records[:2])
-    synced = path.read_bytes()
-    found = tail.read().records
-
-    def fail(_):
-        if dropped.pop():
-            os.truncate(path, len(synced))  # what the system did not get to the disk is gone after a power cut
-        raise OSError(errno.EIO, "Input/output error")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "fdatasync", fail)
-        for one in records[2:4]:
-            with pytest.raises(OSError, match="Input/output"):
-                log.write([one])
-            assert log.waits
-            found += tail.read().records
-    log.write(records[4:5])
-    assert not log.waits
-    found += tail.read().records
-    log.write(records[5:])
-    assert found + tail.read().records == records
-    assert RecordTail(tmp_path / DRIVER, "map").read().records == records
-    assert [entry.seq for entry in load_journal(tmp_path / DRIVER).entries] == [1, 2, 3, 4, 5, 6]
-    log.close()
-
-
 def refuse(code):
     def call(*_):
         raise OSError(code, os.strerror(code))
@@ -324,34 +262,70 @@ def refuse(code):
     return call
 
 
-def test_a_disk_that_becomes_read_only_after_a_sync_that_failed_loses_no_record(tmp_path, monkeypatch):
-    records, log = published(6), RecordLog(tmp_path / DRIVER, "map")
-    log.write(records[:1])
+class Disk:
+    """The disk of one file, which refuses what its fault says.
+
+    ``full`` takes nothing, ``half`` half of a line; a sync fails by ``sync``, and by ``dropped`` what was not
+    synced before is gone, as after a power cut; ``read-only`` takes nothing, and does not even shorten the file.
+    """
+
+    def __init__(self, patch, path):
+        self.fault, self._path, self._synced = "", path, 0
+        self._write, self._sync, self._cut = os.write, os.fdatasync, os.ftruncate
+        for name, call in (("write", self.write), ("fdatasync", self.sync), ("ftruncate", self.cut)):
+            patch.setattr(os, name, call)
+
+    def write(self, descriptor, data):
+        if self.fault == "half":
+            self._write(descriptor, bytes(data)[: len(data) // 2])
+        if self.fault in ("full", "half", "read-only"):
+            refuse(errno.ENOSPC)()
+        return self._write(descriptor, data)
+
+    def sync(self, descriptor):
+        if self.fault == "dropped":
+            os.truncate(self._path, self._synced)
+        if self.fault:
+            refuse(errno.EIO)()
+        self._sync(descriptor)
+        self._synced = self._path.stat().st_size
+
+    def cut(self, descriptor, size):
+        if self.fault == "read-only":
+            refuse(errno.EROFS)()
+        self._cut(descriptor, size)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.sampled_from(["", "full", "half", "sync", "dropped", "read-only"]), max_size=10))
+@example(["sync", "read-only", "read-only", "dropped", "half", ""])
+def test_records_that_the_disk_refuses_are_written_later_once_and_in_order(faults):
+    records = published(len(faults) + 2)
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        log, tail = RecordLog(Path(folder), "map"), RecordTail(Path(folder), "map")
+        disk, found = Disk(patch, Path(folder) / ENTRIES), []
+        for record, disk.fault in zip(records, ["", *faults, ""], strict=True):
+            try:
+                log.write([record])
+            except OSError:
+                assert disk.fault
+            assert log.waits == bool(disk.fault)
+            found += tail.read().records
+        assert found == RecordTail(Path(folder), "map").read().records == records
+        assert [entry.seq for entry in load_journal(Path(folder)).entries] == list(range(1, len(records) + 1))
+        log.close()
+
+
+def test_a_log_that_is_closed_writes_what_waits(tmp_path, monkeypatch, caplog):
+    records, log = published(3), RecordLog(tmp_path, "map")
     with monkeypatch.context() as patch:
-        patch.setattr(os, "fdatasync", refuse(errno.EIO))
-        with pytest.raises(OSError, match="Input/output"):
-            log.write(records[1:2])
-        for name in ("write", "ftruncate", "fdatasync"):
-            patch.setattr(os, name, refuse(errno.EROFS))
-        for one in records[2:5]:
-            with pytest.raises(OSError, match="Read-only"):
-                log.write([one])
-    log.write(records[5:])
+        patch.setattr(os, "write", refuse(errno.ENOSPC))
+        with pytest.raises(OSError, match="No space"):
+            log.write(records)
     log.close()
-    assert RecordTail(tmp_path / DRIVER, "map").read().records == records
-
-
-def test_a_log_that_is_closed_writes_what_waits(tmp_path, disk, caplog):
-    records = published(3)
-    log = RecordLog(tmp_path / DRIVER, "map")
-    disk.append("full")
-    with pytest.raises(OSError, match="No space"):
-        log.write(records)
-    disk.clear()
-    log.close()
-    assert RecordTail(tmp_path / DRIVER, "map").read().records == records
-    log = RecordLog(tmp_path / DRIVER, "map")
-    disk.append("full")
+    assert RecordTail(tmp_path, "map").read().records == records
+    log = RecordLog(tmp_path, "map")
+    monkeypatch.setattr(os, "write", refuse(errno.ENOSPC))
     with pytest.raises(OSError, match="No space"):
         log.write(published(1, seed=2))
     log.close()

@@ -11,8 +11,6 @@ import yaml
 import zstandard
 from bags import MODEL, NOTES, PRESSURE, START_NS, Sample, number_message, text_message, write_foreign
 from click.testing import CliRunner
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
@@ -254,9 +252,6 @@ def test_files_that_people_have_unpacked_and_those_of_an_apple_are_no_fault(tmp_
         assert len(list(reader.messages())) == 12
 
 
-SAME_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60)
-
-
 def scanned(path):
     scan = McapScan(path)
     return [(m.topic.name, m.log_ns, m.data) for m in scan.messages()], scan
@@ -302,22 +297,8 @@ def test_a_cut_at_any_byte_costs_only_the_chunk_it_hits(bag, tmp_path):
     assert not scan.damaged
 
 
-@pytest.mark.slow
-@SAME_FOLDER
-@given(data=st.data())
-def test_a_damaged_byte_costs_at_most_its_chunk_and_gives_no_wrong_message(bag, tmp_path, data):
-    whole = bytearray(bag.path.read_bytes())
-    place = data.draw(st.integers(0, len(whole) - 1))
-    whole[place] ^= data.draw(st.integers(1, 255))
-    path = tmp_path / "damaged_0.mcap"
-    path.write_bytes(whole)
-    found, _ = scanned(path)
-    assert set(found) <= set(bag.messages)
-    assert len(found) >= len(bag.messages) - 3
-
-
 def heads(data):
-    """Places of the bytes outside of chunks that say what follows, and of those in the heads of chunks."""
+    """Places of the bytes outside of chunks that say what follows, and of those at the begin of chunks."""
     at = 8
     while at + 9 <= len(data) - 8:
         opcode, length = struct.unpack_from("<BQ", data, at)
@@ -327,7 +308,7 @@ def heads(data):
 
 
 @pytest.mark.slow
-def test_a_flipped_bit_outside_of_chunks_invents_nothing_and_costs_one_chunk(tmp_path):
+def test_a_flipped_bit_invents_nothing_and_costs_one_chunk(tmp_path):
     # Unlike in small bags, a wrong length leads to a place within the file, and numbers of channels to channels.
     sample, random_ = Sample(tmp_path / "large"), random.Random(1)
     writer = BagWriter(sample.folder)
@@ -342,9 +323,9 @@ def test_a_flipped_bit_outside_of_chunks_invents_nothing_and_costs_one_chunk(tmp
     whole = sample.path.read_bytes()
     path = tmp_path / "damaged_0.mcap"
     places = list(heads(whole))
-    for _ in range(300):
+    for number in range(400):
         damaged = bytearray(whole)
-        place = random_.choice(places)
+        place = random_.choice(places if number % 4 else range(len(whole)))
         damaged[place] ^= 1 << random_.randrange(8)
         path.write_bytes(damaged)
         found, scan = scanned(path)

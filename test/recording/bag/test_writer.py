@@ -2,19 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 import errno
 import os
-import subprocess
-import sys
-import textwrap
 from pathlib import Path
 
-import pytest
 from bags import MODEL, NOTES, PRESSURE, START_NS, Sample, text_message
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
-from soilmoist_ros.recording import BagWriter, recover_bag
-from soilmoist_ros.recording.bag.scan import McapScan
+from soilmoist_ros.recording import BagWriter
 
 HERE = str(Path(__file__).parents[1])
 
@@ -101,35 +96,3 @@ def test_a_full_disk_loses_nothing_once_it_has_space(tmp_path, monkeypatch):
     writer.close()
     with AnyReader([sample.folder]) as reader:
         assert [(c.topic, t, bytes(d)) for c, t, d in reader.messages()] == sample.messages
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("count", [1, 111])
-def test_what_was_flushed_survives_a_kill_at_any_moment(tmp_path, count):
-    code = """
-        import sys
-        from pathlib import Path
-        sys.path.insert(0, sys.argv[2])
-        from bags import NOTES, START_NS, text_message
-        from soilmoist_ros.recording.bag.writer import BagWriter
-        writer = BagWriter(Path(sys.argv[1]))
-        number = 0
-        while True:
-            writer.write(NOTES, START_NS + number, START_NS, text_message(f"{number}" * 30))
-            writer.flush()
-            print(number, flush=True)
-            number += 1
-    """
-    folder = tmp_path / "killed"
-    command = [sys.executable, "-c", textwrap.dedent(code), folder, HERE]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-        for _ in range(count):
-            process.stdout.readline()
-        process.kill()
-        flushed = count + len(process.stdout.read().splitlines())
-    found = [message.log_ns for message in McapScan(folder / "killed_0.mcap").messages()]
-    assert found == [START_NS + number for number in range(len(found))]
-    assert len(found) >= flushed
-    recover_bag(folder, tmp_path / "recovered")
-    with AnyReader([tmp_path / "recovered"]) as reader:
-        assert reader.message_count == len(found)
