@@ -121,6 +121,7 @@ def yaw_rotation(yaw_rad: float) -> Quaternion:
 
 Place = tuple[float, float]
 
+LIMIT_M = 2.0  # distance between TF and fix of a robot that stands that still agrees [m]
 PAIRS = 15  # number of latest pairs that decide
 MIN_PAIRS = 5
 MIN_GAP_S = 0.5  # minimum time between two pairs; a receiver of 10 Hz would fill the memory with one moment [s]
@@ -138,9 +139,6 @@ class FrameVerdict(NamedTuple):
 
     agrees: bool | None  # ``None`` if that is not known
     message: str  # the result in words, with the remedy
-    offset_m: Place = (math.nan, math.nan)  # median of TF minus fix, east and north [m]; NaN if unknown
-    limit_m: float = math.nan  # largest distance that agrees, with the allowance for motion [m]
-    pairs: int = 0  # number of pairs compared
 
 
 class _Pair(NamedTuple):
@@ -155,13 +153,11 @@ class FrameCheck:
 
     Medians over some pairs decide, so a bad fix has no effect. A moving robot may be ahead of its fix.
 
-    :param limit_m: distance between TF and fix that still agrees, for a robot that stands [m]
     :param move: plane of the field to the frame of the navigation
     """
 
-    def __init__(self, frame: LocalFrame, limit_m: float, move: PlaneMove | None = None) -> None:
+    def __init__(self, frame: LocalFrame, move: PlaneMove | None = None) -> None:
         self._frame = frame
-        self._limit_m = limit_m
         self.move = move or PlaneMove()
         self._pairs: deque[_Pair] = deque(maxlen=PAIRS)
         self._apart: deque[_Pair] = deque(maxlen=MAX_FITTED)
@@ -191,7 +187,7 @@ class FrameCheck:
         found = np.array([back.place(pair.tf_m) for pair in pairs]) - [pair.fix_m for pair in pairs]
         east_m, north_m = np.median(found, axis=0).tolist()
         delay_s = max(LATENCY_S, median(pair.delay_s for pair in pairs))
-        limit_m = self._limit_m + delay_s * _speed_mps(pairs)
+        limit_m = LIMIT_M + delay_s * _speed_mps(pairs)
         away_m = math.hypot(east_m, north_m)
         message = f"TF and fix agree within {away_m:.1f} m (limit {limit_m:.1f} m)"
         if away_m > limit_m:
@@ -199,7 +195,7 @@ class FrameCheck:
                 f"TF places the robot {away_m:.1f} m from its fix ({east_m:.1f} m east, {north_m:.1f} m north; "
                 f"limit {limit_m:.1f} m): {self._remedy(found, (east_m, north_m))}"
             )
-        return FrameVerdict(away_m <= limit_m, message, (east_m, north_m), limit_m, len(pairs))
+        return FrameVerdict(away_m <= limit_m, message)
 
     def fitted(self, reach_m: float = 0.0) -> PlaneMove | None:
         """Move from the field's plane to the navigation's frame that explains the pairs.
@@ -218,13 +214,13 @@ class FrameCheck:
         good = errors_m <= 3 * np.median(errors_m) + 1e-3
         move, error_m = fit_move(fix[good], tf[good])
         extent_m = max(np.ptp(tf[good], axis=0))
-        fits = error_m * max(reach_m / extent_m, 1.0) <= max(self._limit_m, LATENCY_S)
+        fits = error_m * max(reach_m / extent_m, 1.0) <= max(LIMIT_M, LATENCY_S)
         return move if fits and extent_m >= BASE_M else None
 
     def _remedy(self, found: NDArray[np.float64], offset_m: Place) -> str:
         move = self.fitted()
         spread_m = float(np.median(np.hypot(*(found - np.median(found, axis=0)).T)))
-        if move is None and spread_m > max(self._limit_m, 0.1 * math.hypot(*offset_m)):
+        if move is None and spread_m > max(LIMIT_M, 0.1 * math.hypot(*offset_m)):
             return "the distance varies, so check the localisation and the GNSS receiver"
         if move is None:
             x, y = PlaneMove(self.move.yaw_rad).place(offset_m)
@@ -292,7 +288,6 @@ class FrameSettings:
     navigation_frame: str = "map"  # frame of the goals and the map of the navigation
     base_frame: str = "base_link"  # frame of the robot's base
     datum: str = FIELD
-    limit_m: float = 2.0  # distance between TF and fix that still agrees [m]
     antenna_m: Place = (0.0, 0.0)  # place of the antenna in the frame of the base: forward, to the left [m]
 
 
@@ -322,7 +317,7 @@ class RobotFrames:
         elif settings.datum not in (MAP, ROBOT):
             self.move = parse_datum(settings.datum, field.frame, self._centre_m)
         self._tree = TransformTree()
-        self._check = FrameCheck(field.frame, settings.limit_m, self.move)
+        self._check = FrameCheck(field.frame, self.move)
         self._track = Track(max_positions=_KEPT_FIXES)
         self._datum = "unknown" if self.move is None else datum_text(field.frame, self.move)
         self._map_fault = self._unchecked = self._disagreed = ""
@@ -404,7 +399,7 @@ class RobotFrames:
             return
         place, known = move.place(self._centre_m), self.move.place(self._centre_m)
         away_m = math.dist(place, known)
-        if away_m <= self._settings.limit_m:
+        if away_m <= LIMIT_M:
             return
         text = f"the datum {datum_text(self._frame, move)} of the navigation's map"
         if self._settings.datum == MAP:
@@ -428,14 +423,7 @@ class RobotFrames:
             "frame": self._settings.frame,
             "frame of the navigation": self._settings.navigation_frame,
             "datum of the navigation": self._datum,
-            "pairs of TF and fix": str(verdict.pairs),
         }
-        if verdict.pairs:
-            values |= {
-                "TF minus fix, east [m]": f"{verdict.offset_m[0]:.2f}",
-                "TF minus fix, north [m]": f"{verdict.offset_m[1]:.2f}",
-                "limit [m]": f"{verdict.limit_m:.2f}",
-            }
         message = verdict.message
         if self._map_fault:
             level, message = Level.ERROR, self._map_fault
