@@ -89,7 +89,7 @@ class FieldAccess:
             self.stops = tuple(stop for stop, within in zip(self._named, inside, strict=True) if within)
         else:
             fence = Fence(field, rules.robot_radius_m, rules.beyond_m)
-            self._fenced = FencedGraph(graph, fence, rules.outside, home, place, max(rules.beyond_m, 1.0))
+            self._fenced = FencedGraph(graph, fence, rules.outside, home, place)
             self.fence, self.warning = self._fenced.fence, self._fenced.warning
             enters = partial(self.fence.may_enter, entry_m=rules.entry_m)
             self.travel = (LaneTravel if rules.lanes else GraphTravel)(self._fenced.graph, motion, enters)

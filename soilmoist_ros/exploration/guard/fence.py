@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ROBOT_RADIUS_M = 0.75  # half the width of Thorvald [m]
+CORRIDOR_M = 1.0  # half width of the ways outside the field [m]
 _ROUNDING_M = 1e-3
 _STEP_M = 0.5  # step along a route at which its distance from the allowed area is measured [m]
 _ENTRIES = 20  # as many of the nearest places are judged for a robot that stands outside
@@ -38,17 +39,11 @@ class Fence:
     :param beyond_m: the border lies this far outside the field's outline, and keeps no margin [m], >= 0. The
         margin of no-go areas stays. For nodes that the farm has surveyed close to the border
     :param corridors: straight lines outside the field that may be driven, shape (k, 2, 2) [m]
-    :param corridor_m: half width of these corridors [m], > 0
     :raises InputError: if no place is left
     """
 
     def __init__(
-        self,
-        field: Field,
-        margin_m: float = 0.0,
-        beyond_m: float = 0.0,
-        corridors: ArrayLike = (),
-        corridor_m: float = 1.0,
+        self, field: Field, margin_m: float = 0.0, beyond_m: float = 0.0, corridors: ArrayLike = ()
     ) -> None:
         import shapely
 
@@ -67,7 +62,7 @@ class Fence:
                 "check the field's corners and no-go areas, or set a smaller robot_radius_m",
             )
         if len(self.corridors):
-            lines = shapely.union_all(shapely.linestrings(self.corridors)).buffer(corridor_m)
+            lines = shapely.union_all(shapely.linestrings(self.corridors)).buffer(CORRIDOR_M)
             driven = lines.difference(self._closed)
             self.area, self._border = self.area.joined(driven), self._border.joined(driven)
 

@@ -50,7 +50,6 @@ class FencedGraph:
         ways between the field and home or robot, or all of them. None is measured at
     :param place: where the robot is [m]. Its part of the map is used; without a place that of the home, or the
         largest
-    :param corridor_m: half width of the ways outside the field [m]
     :raises InputError: if no node lies in the fence, or no allowed way leads from there to the robot or home
     """
 
@@ -61,7 +60,6 @@ class FencedGraph:
         outside: Outside = Outside.NEVER,
         home: str = "",
         place: tuple[float, float] | None = None,
-        corridor_m: float = 1.0,
     ) -> None:
         inside = fence.contains(whole.xy)
         if not inside.any() or _in_degrees(whole, fence):
@@ -90,7 +88,7 @@ class FencedGraph:
         self.stops = tuple(stop for stop, kept in zip(whole.stops, main & inside, strict=True) if kept)
         if beyond.any():
             corridors = np.stack([start, end], axis=1)[beyond]
-            self.fence = Fence(fence.field, fence.margin_m, fence.beyond_m, corridors, corridor_m)
+            self.fence = Fence(fence.field, fence.margin_m, fence.beyond_m, corridors)
         self._forbidden = ~(within | used)
         self._known: dict[int, tuple[Array, Array]] = {}
         beyond_text = f"the home {home} lies {self._beyond}: the robot drives there and back outside"
