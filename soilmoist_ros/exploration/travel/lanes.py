@@ -152,8 +152,6 @@ class LaneTravel(GraphTravel):
 
     def __init__(self, graph: TravelGraph, *args: Any) -> None:
         super().__init__(graph, *args)
-        from scipy.sparse import csr_array
-
         self._anchor: tuple[float, float] | None = None
         self._heading: Array | None = None
         self._place: tuple[float, float] | None = None
@@ -170,12 +168,11 @@ class LaneTravel(GraphTravel):
             for after in leaving[end[edge]].tolist()
             if end[after] != begin[edge] or may_turn[end[edge]]
         ]
-        first, second = np.array(turns, np.int32).reshape(-1, 2).T  # SciPy 1.11 reads no indices of 64 bits
-        size = len(graph.edges)
-        # Lengths of 0 would be no edges of the matrix.
-        lengths = np.maximum(graph.length_m[second], 1e-6)
-        self._states = csr_array((lengths, (first, second)), shape=(size, size))
-        self._from_edge: dict[int, tuple[Array, Indices, Array, Indices]] = {}
+        steps = np.array(turns, np.intp).reshape(-1, 2)
+        names = tuple(map(str, range(len(graph.edges))))
+        # The places of this graph are edges that have just been driven.
+        self._driven = TravelGraph(names, graph.xy[end], steps, graph.length_m[steps[:, 1]])
+        self._from_edge: dict[int, tuple[Array, Indices]] = {}
 
     def moved(self, place: tuple[float, float]) -> None:
         """See :class:`TravelModel`."""
@@ -208,7 +205,7 @@ class LaneTravel(GraphTravel):
             if edge < 0:
                 found[node] = min(found[node], lead_m)
             else:
-                found = np.minimum(found, lead_m + self._lengths_from(edge)[2])
+                found = np.minimum(found, lead_m + self._lengths_from(edge)[0])
         return np.asarray(found[nodes])
 
     def _slower_to_m(self, start: Array, stops: Sequence[Stop]) -> Array:
@@ -247,31 +244,25 @@ class LaneTravel(GraphTravel):
         best: tuple[float, int, Array] = (math.inf, -1, place)
         for lead_m, edge, end, entry in self._entries(place):
             if edge >= 0:
-                lead_m += float(self._lengths_from(edge)[2][node])
+                lead_m += float(self._lengths_from(edge)[0][node])
             elif end != node:
                 continue
             if lead_m < best[0]:
                 best = lead_m, edge, entry
         return best
 
-    def _lengths_from(self, edge: int) -> tuple[Array, Indices, Array, Indices]:
-        """Routes on from the end of an edge: to each edge's end and the edge before; to each node and its edge."""
+    def _lengths_from(self, edge: int) -> tuple[Array, Indices]:
+        """Lengths of the routes on from the end of an edge to each node, and the last edge of each."""
         if edge not in self._from_edge:
-            from scipy.sparse.csgraph import dijkstra
-
-            lengths, before = dijkstra(self._states, indices=edge, return_predecessors=True)
-            end = self.graph.edges[:, 1]
+            lengths, end = self._driven.routes_to_all(edge)[0], self.graph.edges[:, 1]
             order = np.lexsort([lengths, end])
             nodes, first = np.unique(end[order], return_index=True)
             to_node, last = np.full(len(self.graph.names), np.inf), np.full(len(self.graph.names), -1, np.intp)
             to_node[nodes], last[nodes] = lengths[order][first], order[first]
-            self._from_edge[edge] = lengths, before, to_node, last
+            self._from_edge[edge] = to_node, last
         return self._from_edge[edge]
 
     def _edges_to(self, edge: int, node: int) -> list[int]:
         """Edges of the shortest route to a node that begins with an edge, both included."""
-        _, before, _, last = self._lengths_from(edge)
-        way = [int(last[node])]
-        while way[-1] != edge:
-            way.append(int(before[way[-1]]))
-        return way[::-1]
+        last = self._lengths_from(edge)[1][node]
+        return [int(name) for name in self._driven.path(str(edge), str(last))]

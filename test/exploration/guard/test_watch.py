@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration import FAILSAFES, Alarm, Cause, Response, Watch, WatchLimits
+from soilmoist_ros.exploration import Alarm, Cause, Response, Watch, WatchLimits
 from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, RobotSurroundings
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.foundation.errors import Level
@@ -63,11 +63,6 @@ def test_nothing_is_wrong_while_all_is_there():
     assert health.values["charge"].startswith("not watched")
 
 
-def test_each_cause_has_a_text_and_a_remedy():
-    assert set(FAILSAFES) == set(Cause)
-    assert all(row.about and row.remedy for row in FAILSAFES.values())
-
-
 @pytest.mark.parametrize("away_m", [16.0, 30.0, 60.0, 2000.0])
 def test_fixes_that_agree_on_another_place(away_m):
     observed = Observed().run(20)
@@ -87,12 +82,6 @@ def test_a_wrong_place_does_not_end_a_mission_for_want_of_time():
     observed.doing = replace(observed.doing, way_home_s=2000.0)
     observed.run(20)
     assert observed.on() == {Cause.OUTSIDE}
-
-
-def test_an_ignored_cause_is_no_alarm():
-    observed = Observed(responses={Cause.OUTSIDE: Response.IGNORE}).run(1)
-    observed.watch.report(Cause.OUTSIDE, "wrong")
-    assert observed.run(20).events == []
 
 
 def around(observed, times=2, sd_m=0.02, **where):

@@ -63,6 +63,9 @@ def test_lines_of_a_file_join_where_one_ends_near_another(lanes, tmp_path):
 
 def test_a_car_does_not_turn_around_on_a_lane(lanes):
     travel, anywhere = LaneTravel(lanes, MOTION), GraphTravel(lanes, MOTION)
+    west, north = at(lanes, 0, 0), at(lanes, 100, 60)
+    whole_m = lanes.distance_m(west.name, north.name)
+    assert travel.lengths_m(np.array(west.xy), [north])[0] == pytest.approx(whole_m)
     behind, ahead, here = at(lanes, 20, 0), at(lanes, 80, 0), (50.0, 0.5)
     back_m, on_m = here[0] - behind.x_m + 0.5, ahead.x_m - here[0] + 0.5
     assert travel.lengths_m(np.array(here), [behind, ahead]) == pytest.approx([back_m, on_m], abs=0.1)

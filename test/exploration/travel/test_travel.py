@@ -146,10 +146,10 @@ def test_only_a_leg_that_ends_at_its_stop_counts():
     learned.set_off(10.0, way)
     learned.give_up()
     assert not learned.arrive(90.0)
-    learned.set_off(100.0, way)
+    learned.set_off(100.0, way, slower_m=3.0)
     assert learned.arrive(250.0)
     assert not learned.arrive(300.0), "counting again after a pause is no arrival"
-    assert list(learned.legs) == [Leg(40.0, 150.0)]
+    assert list(learned.legs) == [Leg(43.0, 150.0)]
     assert "learned from 1 legs" in str(learned)
 
 
