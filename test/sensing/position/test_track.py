@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing import Fix, FixStatus, LoggerRecord, Position, Site
-from soilmoist_ros.sensing.position.track import CheckedTrack, Course, Track
+from soilmoist_ros.sensing.position.track import CheckedTrack, Course, Track, base_from_antenna
 from soilmoist_ros.sensing.survey.survey import Survey
 
 
@@ -57,6 +57,12 @@ SITE = Site(corrections={"pressure": None, "humidity": None})
 def position(x_m, y_m, sd_m=0.02):
     latitude, longitude = FRAME.to_geographic([(x_m, y_m)])[0].tolist()
     return Position(latitude, longitude, 30.0, sd_m)
+
+
+@given(st.floats(-math.pi, math.pi), st.complex_numbers(max_magnitude=9))
+def test_the_base_is_the_turned_offset_away_from_the_antenna(heading, antenna):
+    east_m, north_m = base_from_antenna((antenna.real, antenna.imag), heading)
+    assert complex(east_m, north_m) == pytest.approx(-antenna * np.exp(1j * heading), abs=1e-9)
 
 
 def test_the_heading_is_kept_while_the_robot_stands_in_the_noise_of_its_fixes():
