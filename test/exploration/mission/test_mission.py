@@ -60,32 +60,12 @@ def test_a_mission_from_start_to_end():
     assert driver.last(Finish).reason == (
         "nothing is left that is worth measuring or can be reached: all is known well; the robot is back home"
     )
+    assert driver.last(Finish).code is MissionEnd.NOTHING_LEFT
     status = driver.mission.status
     assert (status.phase, status.samples, status.counting_s, status.distance_m) == (Phase.FINISHED, 1, 60.0, 60.0)
     assert status.estimated_end_s is None
     used_s = status.time_used_s
     assert driver.send(Tick, after=500.0).mission.status.time_used_s == used_s == 110.0
-
-
-def test_a_mission_can_be_started_again_and_ids_go_on():
-    driver = Driver().counting().record().command("skip").plan(None)
-    assert driver.phase is Phase.FINISHED
-    driver.command("start")
-    assert driver.phase is Phase.PLANNING
-    status = driver.mission.status
-    assert (status.time_used_s, status.samples, status.counting_s, status.blacklisted) == (0.0, 0, 0.0, ())
-    assert driver.last(RequestPlan).plan_id == 3
-    assert driver.plan().last(GoTo).goal_id == 2
-
-
-def test_a_stop_has_its_own_dwell_rule_and_the_next_the_missions():
-    driver = Driver(dwell=parse_dwell("optimal"), warm_up_stops=0).start().plan(dwell="fmi:20").reach()
-    assert driver.mission.status.planned_dwell_s == 20.0
-    driver.record().record()
-    assert driver.mission.status.samples == 1
-    assert driver.last(VisitDone).visit.outcome.endswith("in 20 of 20 s")
-    driver.plan(NORTH).reach(after=60.0)
-    assert driver.mission.status.planned_dwell_s == Optimal().interval_s
 
 
 def test_the_dwell_of_a_stop_survives_a_restart():
@@ -169,15 +149,6 @@ def test_many_failures_in_a_row_ask_the_operator():
 # Planning
 
 
-def test_stale_plans_are_ignored():
-    driver = Driver().start()
-    assert driver.send(Planned, 99, Choice(EAST, "")).kinds() == []
-    assert driver.send(PlanFailed, 99, "").kinds() == []
-    driver.plan(NORTH)
-    assert driver.send(Planned, 1, Choice(EAST, "")).kinds() == [], "answered twice"
-    assert driver.mission.status.target == NORTH
-
-
 def test_no_plan_is_asked_for_when_the_time_is_too_short_for_a_stop():
     driver = Driver(budget_s=130.0).counting()
     for _ in range(6):
@@ -226,39 +197,6 @@ def test_there_is_no_way_home_for_a_robot_at_home():
 # Counting that does not go well
 
 
-def test_zero_is_a_count():
-    driver = Driver(dwell=parse_dwell("fmi:20")).counting()
-    for _ in range(2):
-        driver.record(raw_counts=0)
-    visit = driver.last(VisitDone).visit
-    assert (visit.raw_counts, visit.records, visit.exposure_s) == (0, 2, 20.0)
-    assert driver.last(RequestPlan).blacklisted == ()
-    assert driver.mission.state.failures == 0
-
-
-def nothing_left(driver):
-    return driver.record().command("skip").plan(None)
-
-
-@pytest.mark.parametrize(
-    ("end", "rules", "act"),
-    [
-        (MissionEnd.NOTHING_LEFT, {}, nothing_left),
-        (MissionEnd.TIME_UP, {"budget_s": 400.0}, lambda driver: driver.send(Tick, after=400.0)),
-        (MissionEnd.TIME_UP, {"budget_s": 100.0},
-         lambda driver: driver.record().record().record().command("skip")),
-        (MissionEnd.ABORTED, {}, lambda driver: driver.command("abort")),
-    ],
-)  # fmt: skip
-def test_a_mission_has_a_code_for_its_end(end, rules, act):
-    driver = Driver(**rules).counting()
-    assert driver.mission.status.ended is None
-    act(driver)
-    assert (driver.last(Finish).code, driver.mission.status.ended) == (end, end)
-    assert Mission.restore(driver.mission.rules, driver.mission.snapshot()).state.ended is end
-    assert driver.command("start").mission.status.ended is None
-
-
 @pytest.mark.parametrize(
     ("end", "rules", "act"),
     [
@@ -301,15 +239,6 @@ def test_pause_while_counting_keeps_what_was_counted():
         driver.record()
     visit = driver.last(VisitDone).visit
     assert (visit.raw_counts, visit.dwell_s) == (180, 20.0 + 44.0)
-
-
-def test_skip_keeps_what_was_counted_and_rules_the_stop_out():
-    driver = Driver().counting().record().command("skip")
-    assert driver.kinds() == [VisitDone, RequestPlan, Answer, Publish]
-    assert driver.last(RequestPlan).blacklisted == ("east",)
-    assert driver.last(VisitDone).visit.outcome == "east skipped by the operator"
-    nothing = Driver().counting().command("skip")
-    assert nothing.kinds() == [RequestPlan, Answer, Publish]
 
 
 def test_skip_on_the_way_and_in_a_pause():

@@ -10,7 +10,6 @@ from soilmoist_ros.exploration.mission.events import (
     EmergencyStop,
     Finish,
     GoTo,
-    Moved,
     PlanFailed,
     RequestPlan,
     Tick,
@@ -34,13 +33,9 @@ def test_the_visit_is_open_while_the_next_stop_is_chosen():
     request = driver.last(RequestPlan)
     assert (request.staying, request.kind) == ("east", PlanKind.EXPLORE)
     assert driver.mission.status.target == EAST
-
-
-def test_another_choice_closes_the_visit_with_all_that_was_counted():
-    driver = done().record().plan(NORTH)
+    driver.record().plan(NORTH)
     visit = driver.last(VisitDone).visit
-    assert (visit.records, visit.ended, visit.raw_counts) == (7, VisitEnd.ENOUGH, 210)
-    assert visit.dwell_s == 70.0
+    assert (visit.records, visit.ended, visit.raw_counts, visit.dwell_s) == (7, VisitEnd.ENOUGH, 210, 70.0)
     assert driver.last(GoTo).stop == NORTH
 
 
@@ -118,12 +113,6 @@ def test_the_reserve_for_the_way_home_is_kept_where_the_real_way_is_long(choice)
 def test_a_stop_is_not_driven_to_if_the_real_way_home_from_it_is_too_long():
     driver = done(home=HOME, budget_s=500.0).plan(NORTH, home_s=300.0)
     assert (driver.phase, driver.mission.status.target) == (Phase.COUNTING, EAST)
-
-
-def test_a_robot_pushed_away_counts_nothing_at_the_stop():
-    driver = done()
-    driver.send(Moved, 50.0, 0.0).record(place=(50.0, 0.0)).plan(NORTH)
-    assert driver.last(VisitDone).visit.records == 6
 
 
 def test_a_stop_without_a_count_is_a_visit_and_may_be_stayed_at():
