@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration import Choice, FieldAccess, PendingMeasurement, RobotMotion, Stop, parse_dwell
+from soilmoist_ros.exploration import Choice, FieldAccess, RobotMotion, Stop, parse_dwell
 from soilmoist_ros.exploration.control.explorer import ExplorerSettings
 from soilmoist_ros.exploration.control.planning_queue import (
     OWN,
@@ -147,18 +147,6 @@ def test_a_strategy_that_returns_something_else_is_told_what_it_must_return(expl
     failed = answer(lambda: explorer, PlanJob(request(), PLACE, (FOLLOWED,)), "greedy")
     said = f"strategy SimpleNamespace: choose must return a Choice or None; it returned {what} -> return Choice("
     assert failed.reason.startswith(said)
-
-
-def test_what_other_robots_are_about_is_held_until_they_tell_of_something_else(explorer):
-    queue = PlanningQueue(20.0)
-    queue.take_other("/robot_1", PendingMeasurement(3.0, 3.0, 60.0))
-    queue.take_other("/robot_2", PendingMeasurement(9.0, 3.0, 60.0))
-    queue.take_other("/robot_2", PendingMeasurement(5.0, 3.0, 60.0))
-    queue.take_other("/robot_3", PendingMeasurement(7.0, 7.0, 60.0))
-    queue.take_other("/robot_3", None)
-    queue.ask(request(), 0.0)
-    job = queue.due(0.0, PLACE)
-    assert set(job.others) == {PendingMeasurement(3.0, 3.0, 60.0), PendingMeasurement(5.0, 3.0, 60.0)}
 
 
 def held(queue, kind=PlanKind.EXPLORE, now_s=101.0):
