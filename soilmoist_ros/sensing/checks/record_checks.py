@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.sensing.checks.tails import binomial_tails, chi_square_tail, poisson_tails
 from soilmoist_ros.sensing.checks.tubes import BadTube, TubeChecks, alarm_probability, tube_shares
 from soilmoist_ros.sensing.corrections.factors import SEA_LEVEL_HPA as STANDARD_HPA
 from soilmoist_ros.sensing.corrections.factors import standard_pressure_hpa
@@ -156,18 +157,14 @@ class Dispersion:
     @property
     def is_high(self) -> bool:
         """True if the scatter is higher than counting statistics, clearly and significantly."""
-        from scipy.special import chdtrc
-
         enough = self.pairs >= MIN_PAIRS and self.index > HIGH_DISPERSION
-        return enough and bool(chdtrc(self.pairs, self._sum) < SIGNIFICANCE)
+        return enough and chi_square_tail(self.pairs, self._sum) < SIGNIFICANCE
 
     @property
     def is_low(self) -> bool:
         """True if the scatter is lower than counting statistics, clearly and significantly."""
-        from scipy.special import chdtr
-
         enough = self.pairs >= MIN_PAIRS and self.index < LOW_DISPERSION
-        return enough and bool(chdtr(self.pairs, self._sum) < SIGNIFICANCE)
+        return enough and 1 - chi_square_tail(self.pairs, self._sum) < SIGNIFICANCE
 
     def add(self, record: CountRecord) -> None:
         """Add a record in order of time."""
@@ -244,21 +241,19 @@ class TotalChecks:
 
     def _chance(self, counted: _Counted, near: list[_Counted], change: tuple[float, float]) -> tuple[float, float]:
         """Expected rate [counts/s], and the probability of a count so far from it if the rate is possible."""
-        from scipy.special import bdtr, bdtrc, pdtr, pdtrc
-
         fall, rise = change
         if not near:
             mean = self.typical_cps * counted.exposure_s
             if math.isnan(mean):
                 return math.nan, 1.0
-            above = pdtrc(counted.counts - 1, rise * mean) if counted.counts else 1.0
-            return self.typical_cps, float(min(above, pdtr(counted.counts, mean / fall)))
+            above = poisson_tails(counted.counts, rise * mean)[1]
+            return self.typical_cps, min(above, poisson_tails(counted.counts, mean / fall)[0])
         counts, exposure_s = sum(one.counts for one in near), math.fsum(one.exposure_s for one in near)
         total, ratio = counts + counted.counts, counted.exposure_s / exposure_s
         largest, smallest = ratio * rise / (ratio * rise + 1), ratio / fall / (ratio / fall + 1)
-        above = bdtrc(counted.counts - 1, total, largest) if counted.counts else 1.0
-        below = bdtr(counted.counts, total, smallest)
-        return counts / exposure_s, float(min(above, below))
+        above = binomial_tails(counted.counts, total, largest)[1]
+        below = binomial_tails(counted.counts, total, smallest)[0]
+        return counts / exposure_s, min(above, below)
 
     @property
     def findings(self) -> list[Finding]:
@@ -289,9 +284,7 @@ def _same_place(one: CountRecord, other: CountRecord) -> bool:
 
 def _are_above(counts: int, mean: float, level: float) -> bool:
     """True if so many counts have a probability below a level, which is below 1/2."""
-    from scipy.special import pdtrc
-
-    return counts > mean and bool(pdtrc(counts - 1, mean) < level)
+    return counts > mean and poisson_tails(counts, mean)[1] < level
 
 
 # Weather that the air cannot have, pressures that jump, and units that a whole log makes doubtful ---------------

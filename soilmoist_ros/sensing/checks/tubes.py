@@ -22,12 +22,14 @@ import math
 from collections import deque
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import DAY_S
+from soilmoist_ros.sensing.checks.tails import binomial_tails
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord
 
@@ -249,19 +251,16 @@ class TubeChecks:
 
     def _p_values(self, counts: Array, weights: Array, tubes: Tubes, level: float) -> Array:
         """Two-sided binomial p-values of some tubes given their total."""
-        from scipy.special import betainc, ndtri  # slow to import, and not needed by all who import this
-
         total, share = counts[tubes].sum(), weights[tubes] / weights[tubes].sum()
         behind = self._seen[tubes] + self._prior_counts
         sd = np.sqrt(1 / behind + 1 / (behind.sum() - behind))
         unsure = level / (20 * len(tubes))  # probability that a share is outside of its limits
-        margin = TOLERANCE * np.exp(-ndtri(unsure) * sd)
+        margin = TOLERANCE * np.exp(-NormalDist().inv_cdf(unsure) * sd)
         odds = share / (1 - share)
         high, low = odds * margin, odds / margin
-        number = counts[tubes]
-        above = np.where(number > 0, betainc(np.maximum(number, 1), total - number + 1, high / (1 + high)), 1.0)
-        rest = np.maximum(total - number, 1)
-        below = np.where(number < total, betainc(rest, number + 1, 1 / (1 + low)), 1.0)
+        numbers = [int(one) for one in counts[tubes]]
+        above = [binomial_tails(one, int(total), p)[1] for one, p in zip(numbers, high / (1 + high), strict=True)]
+        below = [binomial_tails(one, int(total), p)[0] for one, p in zip(numbers, low / (1 + low), strict=True)]
         return np.asarray(np.minimum(2 * np.minimum(above, below) + 2 * unsure, 1.0))
 
     # Cumulative sums -----------------------------------------------------------------------------------------
