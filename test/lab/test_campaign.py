@@ -155,6 +155,7 @@ def test_tables(campaign, whole):
     assert np.isnan(mine.loc[0, "mse"])
     final = pd.read_csv(folder / "missions.csv").set_index("key")
     assert final.loc[mission.key, "mse"] == pytest.approx(one.columns["mse"][-1], rel=1e-6)
+    assert final.loc[mission.key, "mse_quarter"] == pytest.approx(mine.loc[900, "mse"], rel=1e-6)
     assert final.loc[mission.key, "experiments"] == "first second"
 
 

@@ -42,7 +42,7 @@ def test_what_is_told():
 def test_several_robots_have_a_line_each():
     live = LiveMission("", namespaces=("robot_1", "robot_2"))
     assert live.facts == {"robot 1": "waiting for the planner", "robot 2": "waiting for the planner"}
-    live.robots[1].status = {**STATUS, "samples": "4", "time_used_s": "3540.0"}
+    live.robots[1].status = {**STATUS, "samples": "4", "time_used_s": "3540.0", "time_left_s": "60.0"}
     live.robots[0].status = {**STATUS, "target": "", "target_x_m": "nan", "state": "planning", "reason": "next"}
     assert live.facts == {
         "robot 1": "planning: next",

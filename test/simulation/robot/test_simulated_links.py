@@ -90,6 +90,13 @@ def test_outages_close_the_link_lose_messages_or_delay_them(kind, turns, arrival
     assert read(found) == (numbers, {Kind.GAP} if numbers != ALL else set())
 
 
+def test_what_a_stall_holds_back_is_lost_by_a_cut():
+    found = outputs(
+        outages=[{"kind": kind, "at_s": at_s, "for_s": 20} for kind, at_s in (("stall", 15), ("cut", 25))]
+    )
+    assert read(found)[0] == [1, *ALL[4:]]
+
+
 span = st.fixed_dictionaries({"at_s": st.integers(0, 120), "for_s": st.integers(1, 60)})
 outage = st.tuples(span, st.sampled_from(["cut", "silence", "stall"])).map(lambda o: {**o[0], "kind": o[1]})
 damage = st.fixed_dictionaries({"nth": st.integers(1, 10), "kind": st.sampled_from([row[0] for row in DAMAGES])})
