@@ -9,9 +9,7 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.lab.campaign import RUNS as RUNS, CampaignInterrupted as CampaignInterrupted, run_campaign as run_campaign
-    from soilmoist_ros.lab.campaign_data import CampaignData as CampaignData
     from soilmoist_ros.lab.campaign_file import Campaign as Campaign, load_campaign as load_campaign, missions as missions
-    from soilmoist_ros.lab.mission_store import MissionStore as MissionStore
     from soilmoist_ros.lab.report import write_campaign_report as write_campaign_report
     # fmt: on
 
@@ -19,9 +17,7 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "campaign": "CampaignInterrupted RUNS run_campaign",
-        "campaign_data": "CampaignData",
         "campaign_file": "Campaign load_campaign missions",
-        "mission_store": "MissionStore",
         "report": "write_campaign_report",
     },
 )

@@ -12,7 +12,7 @@ from pathlib import Path
 from soilmoist_ros.foundation import InputError, cores, optional_module
 from soilmoist_ros.lab.campaign_file import Campaign, CampaignMission, missions
 from soilmoist_ros.lab.computing import Failure, Simulate, in_processes, in_this_process
-from soilmoist_ros.lab.mission_store import CampaignRun, DamagedMissionError, MissionStore, StaleMissionError
+from soilmoist_ros.lab.mission_store import CampaignRun, MissionStore, UnusableMissionError
 from soilmoist_ros.lab.table import write_tables
 from soilmoist_ros.mapping import require_covariates
 from soilmoist_ros.simulation import surrogate_field
@@ -91,7 +91,7 @@ def run_campaign(
                     if isinstance(content, bytes):
                         try:
                             runs[mission.key] = store.write(mission, content)
-                        except DamagedMissionError as error:
+                        except UnusableMissionError as error:
                             content = Failure(mission, f"its result {error}")
                     if isinstance(content, Failure):
                         failures[mission.key] = content
@@ -113,18 +113,12 @@ def run_campaign(
 def _already_done(wanted: list[CampaignMission], store: MissionStore) -> tuple[dict[str, CampaignRun], list[str]]:
     """Finished missions by key, and remarks on files that cannot be used."""
     runs: dict[str, CampaignRun] = {}
-    remarks, stale = [], 0
+    unusable: list[str] = []
     for mission in wanted:
         try:
-            stored = store.read(mission)
-        except StaleMissionError:
-            stale += 1
-            continue
-        except DamagedMissionError as error:
-            remarks.append(f"{error}: computed again")
-            continue
-        if stored is not None:
-            runs[mission.key] = stored
-    if stale:
-        remarks.append(f"{stale} stored missions were computed by another version of the code: computed again")
-    return runs, remarks
+            if (stored := store.read(mission)) is not None:
+                runs[mission.key] = stored
+        except UnusableMissionError as error:
+            unusable.append(str(error))
+    remark = f"{len(unusable)} stored missions are computed again: {unusable[0]}" if unusable else ""
+    return runs, [remark] * bool(unusable)

@@ -28,12 +28,8 @@ SUFFIX = ".npz"
 COMPUTING = ("sensing", "mapping", "exploration", "simulation")  # sub-packages whose code determines a mission
 
 
-class DamagedMissionError(SoilmoistError):
-    """A stored mission that cannot be read, or whose content does not match its name."""
-
-
-class StaleMissionError(DamagedMissionError):
-    """A stored mission from another version of the code."""
+class UnusableMissionError(SoilmoistError):
+    """A stored mission that cannot be read, does not match its name, or is of another version of the code."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,20 +72,18 @@ def pack(result: MissionResult, key: str) -> bytes:
 
 
 def unpack(content: bytes) -> CampaignRun:
-    """Read a mission from the bytes of its file; ``DamagedMissionError`` if the file is damaged or incomplete."""
+    """Read a mission from the bytes of its file; ``UnusableMissionError`` if the file is damaged or incomplete."""
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             about, series = json.loads(str(archive["about"])), archive["series"].astype(float)
         if about["schema"] != SCHEMA:
-            raise StaleMissionError(f"has format {about['schema']}, not {SCHEMA}")
+            raise ValueError(f"format {about['schema']}, not {SCHEMA}")
         return CampaignRun(
             about["key"], about["version"], about["field_title"], about["ended"],
             dict(zip(about["columns"], series, strict=True)),
         )  # fmt: skip
-    except StaleMissionError:
-        raise
     except Exception as error:  # numpy, zipfile and tokenize have many errors for damaged bytes
-        raise DamagedMissionError(f"cannot be read ({type(error).__name__}: {error})") from None
+        raise UnusableMissionError(f"cannot be read ({type(error).__name__}: {error})") from None
 
 
 class MissionStore:
@@ -129,8 +123,8 @@ class MissionStore:
     def read(self, mission: CampaignMission) -> CampaignRun | None:
         """A finished mission, ``None`` if there is none.
 
-        :raises DamagedMissionError: if its file is damaged or contains another mission
-        :raises StaleMissionError: if another version of the code computed it
+        :raises UnusableMissionError: if its file is damaged, contains another mission, or another version of the
+            code computed it
         """
         path = self.path(mission.key)
         try:
@@ -138,16 +132,16 @@ class MissionStore:
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise DamagedMissionError(f"{path.name} cannot be read ({error.strerror})") from None
+            raise UnusableMissionError(f"{path.name} cannot be read ({error.strerror})") from None
         try:
             return check(unpack(content), mission)
-        except DamagedMissionError as error:
-            raise type(error)(f"{path.name} {error}") from None
+        except UnusableMissionError as error:
+            raise UnusableMissionError(f"{path.name} {error}") from None
 
     def write(self, mission: CampaignMission, content: bytes) -> CampaignRun:
         """Store a mission atomically: an interruption never leaves an incomplete file.
 
-        :raises DamagedMissionError: if the content belongs to another mission or version of the code
+        :raises UnusableMissionError: if the content belongs to another mission or version of the code
         :raises InputError: if it cannot be written
         """
         stored = check(unpack(content), mission)
@@ -163,9 +157,9 @@ class MissionStore:
 
 
 def check(stored: CampaignRun, mission: CampaignMission) -> CampaignRun:
-    """The stored mission, if it is the expected one of this version of the code; else ``DamagedMissionError``."""
+    """The stored mission, if it is the expected one of this version of the code; else ``UnusableMissionError``."""
     if stored.key != mission.key:
-        raise DamagedMissionError("contains another mission than its name states")
+        raise UnusableMissionError("contains another mission than its name states")
     if stored.version != code_version():
-        raise StaleMissionError(f"was computed by version {stored.version}, this is {code_version()}")
+        raise UnusableMissionError(f"was computed by version {stored.version}, this is {code_version()}")
     return stored

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -19,7 +20,7 @@ import pytest
 from soilmoist_ros.foundation import InputError, resource, resource_names
 from soilmoist_ros.lab import CampaignInterrupted, mission_store, run_campaign
 from soilmoist_ros.lab.campaign_file import load_campaign, mission_key, missions
-from soilmoist_ros.lab.mission_store import pack, unpack
+from soilmoist_ros.lab.mission_store import UnusableMissionError, pack, unpack
 from soilmoist_ros.lab.table import METRICS
 from soilmoist_ros.simulation import SETTINGS, MissionSettings, simulate_mission
 
@@ -202,9 +203,10 @@ def test_damaged_files_are_computed_again(computed, tmp_path, fake):
     again = Counted(fake)
     outcome = run_campaign(computed, tmp_path, again, workers=0)
     assert (outcome.computed, outcome.reused) == (4, 6)
-    assert len(outcome.remarks) == 4
-    assert all("computed again" in remark for remark in outcome.remarks)
-    assert "another mission" in outcome.remarks[2]
+    (remark,) = outcome.remarks
+    assert remark.startswith(f"4 stored missions are computed again: {keys[0]}.npz cannot be read")
+    with pytest.raises(UnusableMissionError, match="another mission"):
+        mission_store.check(unpack(paths[3].read_bytes()), missions(computed)[2])
     assert paths[0].read_bytes() == whole
 
 
@@ -217,7 +219,10 @@ def test_changed_settings_and_code_do_not_mix(computed, tmp_path, fake, monkeypa
     monkeypatch.setattr(mission_store, "code_version", lambda: "9.9")
     outcome = run_campaign(computed, tmp_path, changed, workers=0)
     assert outcome.computed == 10
-    assert outcome.remarks == ("10 stored missions were computed by another version of the code: computed again",)
+    (remark,) = outcome.remarks
+    assert re.match(
+        r"10 stored missions are computed again: \w+\.npz was computed by version .*, this is 9\.9", remark
+    )
 
 
 @pytest.mark.slow
