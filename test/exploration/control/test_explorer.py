@@ -3,13 +3,13 @@
 """From maps, factors, field and graph to a choice: what the strategy is shown, and what a mission needs."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
+from stand_in import graph, square_setup
 
 from soilmoist_ros.exploration import Property, RequestPlan, Stop, make_strategy, parse_dwell, stops_xy
 from soilmoist_ros.exploration.control.explorer import Explorer, ExplorerSettings, first_forecast, nominal_rate_cps
@@ -18,9 +18,7 @@ from soilmoist_ros.exploration.control.planning_queue import make_explorer
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.planning_model import MAX_STOPS
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping import Field, FieldGrid, FieldMap, estimate_variogram
+from soilmoist_ros.mapping import FieldGrid, FieldMap, estimate_variogram
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
@@ -75,22 +73,12 @@ def test_before_the_first_map_the_dwell_follows_the_nominal_rate():
 
 # From field and graph to what a mission needs -------------------------------------------------------------------
 
-SQUARE = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
-
-
-def field(cell_m=2.0):
-    return Field("square", LocalFrame(53.0, 0.0), SQUARE, (), cell_m)
-
-
-def graph(*places):
-    stops = [Stop(name, x, y) for name, x, y in places]
-    names = [stop.name for stop in stops]
-    return TravelGraph.from_edges(stops, [*pairwise(names), *pairwise(names[::-1])])
+SQUARE = square_setup(20, 2.0).field
 
 
 def test_only_nodes_in_the_field_are_measured_at_but_others_are_home_and_way():
     access = FieldAccess(
-        field(), RobotMotion(), graph(("shed", -9.0, 0.0), ("edge", -1.0, 5.0), ("in", 5.0, 5.0)),
+        SQUARE, RobotMotion(), graph({"shed": (-9, 0), "edge": (-1, 5), "in": (5, 5)}, "shed edge in"),
         AccessRules(beyond_m=2.0), home="shed",
     )  # fmt: skip
     assert [stop.name for stop in access.stops] == ["edge", "in"]
@@ -101,7 +89,7 @@ def test_only_nodes_in_the_field_are_measured_at_but_others_are_home_and_way():
 @pytest.mark.slow
 @given(st.floats(60, 400), st.sampled_from(["random", "gcb"]))
 def test_no_stop_is_offered_that_the_mission_finds_too_late_for(left_s, strategy):
-    access = FieldAccess(field(), RobotMotion(), None)
+    access = FieldAccess(SQUARE, RobotMotion(), None)
     rules = MissionRules(budget_s=3600.0, dwell=parse_dwell("ami:0.03"), home=access.stop("r0c0"))
     settings = ExplorerSettings(strategy=strategy, preset="paper", seed=1, motion=RobotMotion())
     request = RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s)
@@ -117,7 +105,7 @@ def test_no_stop_is_offered_that_the_mission_finds_too_late_for(left_s, strategy
 def test_the_reserve_is_kept_on_top_of_the_real_way_home():
     """Around a ditch the way is several times the straight distance."""
     ditch = (np.array([(9, -1), (11, -1), (11, 18), (9, 18)], float),)
-    divided = Field("divided", LocalFrame(53.0, 0.0), SQUARE, ditch, 1.0)
+    divided = square_setup(20, 1.0, no_go=ditch).field
     access = FieldAccess(divided, RobotMotion(0.6, 12.0), None, home="r0c6")
     rules = MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"), home=access.home, return_margin_s=60.0)
     settings = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion())
@@ -140,7 +128,7 @@ def test_before_the_start_the_forecast_is_that_of_a_field_that_varies_as_expecte
     curve = CalibrationCurve(n0_cps=7.0, bulk_density_gcm3=1.4)
     rate = ExplorerSettings(strategy="greedy", preset="paper", seed=1, motion=RobotMotion())
     moist = replace(rate, curve=curve, calibration=curve)
-    grid = field().grid()
+    grid = SQUARE.grid()
     hour, two = (first_forecast(grid, rate, budget_s) for budget_s in (3600.0, 7200.0))
     assert hour.is_guess
     assert hour.times_s[-1] == 3600.0
@@ -151,7 +139,7 @@ def test_before_the_start_the_forecast_is_that_of_a_field_that_varies_as_expecte
 
 
 def test_a_robot_that_turns_out_slow_is_offered_nearer_stops_only():
-    access = FieldAccess(field(), RobotMotion(), None)
+    access = FieldAccess(SQUARE, RobotMotion(), None)
     rules = MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"), home=access.stop("r0c0"))
     settings = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion())
     explorer = make_explorer(access, settings, rules)

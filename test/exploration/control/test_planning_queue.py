@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from stand_in import square_setup
 
 from soilmoist_ros.exploration import Choice, FieldAccess, RobotMotion, Stop, parse_dwell
 from soilmoist_ros.exploration.control.explorer import ExplorerSettings
@@ -23,8 +24,7 @@ from soilmoist_ros.exploration.control.planning_queue import (
 )
 from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping import Change, Changing, Drift, Field, TimedSamples, estimate_variogram
+from soilmoist_ros.mapping import Change, Changing, Drift, TimedSamples, estimate_variogram
 from soilmoist_ros.mapping.samples import as_samples
 
 SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])
@@ -41,8 +41,7 @@ def request(plan_id=1, kind=PlanKind.EXPLORE, blacklisted=(), left_s=3600.0):
 
 
 def access():
-    square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
-    return FieldAccess(Field("square", LocalFrame(53.0, 0.0), square, (), 2.0), RobotMotion(), None)
+    return FieldAccess(square_setup(20, 2.0).field, RobotMotion(), None)
 
 
 @pytest.fixture
