@@ -196,16 +196,6 @@ def test_covariates_start_at_the_field_file(tmp_path):
 SQUARE_GRID = [[0, 0], [10, 0], [10, 10], [0, 10]]
 
 
-def test_a_rectangle_is_full():
-    grid = FieldGrid.from_polygon([[0, 0], [60, 0], [60, 50], [0, 50]], 1.0)
-    assert grid.shape == (50, 60)
-    assert grid.mask.all()
-    np.testing.assert_allclose(grid.x_m, np.arange(60) + 0.5)
-    np.testing.assert_allclose(grid.y_m, np.arange(50) + 0.5)
-    assert grid.area_m2 == 3000
-    assert grid.polygon.shape == (4, 2)
-
-
 def test_cells_outside_and_in_holes_are_left_out():
     grid = FieldGrid.from_polygon([[0, 0], [10, 0], [0, 10]], 1.0, holes=[[[1, 1], [3, 1], [3, 3], [1, 3]]])
     row, column = np.indices(grid.shape)

@@ -79,26 +79,6 @@ def test_trouble_is_what_hits_most_of_the_last_records():
     assert the_map.trouble is Skip.UNREADABLE
 
 
-def test_the_map_is_that_of_the_samples_at_once():
-    rng = np.random.default_rng(2)
-    the_map = field_map(merge_radius_m=0.0)
-    places = rng.uniform((0, 0), (60, 50), (12, 2))
-    for x_m, y_m in places.tolist():
-        the_map.add(record(x_m, y_m, raw_counts=int(rng.poisson(30 + x_m / 4))))
-    samples = the_map.state.samples
-    fit = estimate_variogram(
-        samples.xy, samples.counts, samples.exposure_s, extent_m=GRID.extent_m, local_noise=True
-    )
-    found = the_map.compute(the_map.state)
-    assert found.variogram.range_m == pytest.approx(fit.variogram.range_m, rel=1e-4)  # two ways to one peak
-    expected = make_soil_map(samples, GRID, found.fit, CURVE)
-    np.testing.assert_array_equal(samples.xy, places)
-    for band, wanted in zip(found.bands, expected.bands, strict=True):
-        np.testing.assert_allclose(band, wanted, rtol=1e-9)
-    np.testing.assert_allclose(found.evaluate(GRID.cells).rate, found.rate[GRID.mask], rtol=1e-9)
-    assert found.fit.n_samples == 12
-
-
 @pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.lists(records, min_size=1, max_size=25), st.data())
@@ -227,13 +207,6 @@ def test_samples_and_variogram_from_elsewhere_give_the_same_map():
     np.testing.assert_array_equal(given.rate, own.rate)
     np.testing.assert_array_equal(given.variance, own.variance)
     assert given.soil_map.fit is soil_map.fit
-
-
-def test_a_bad_sample_changes_nothing():
-    field_map = FieldMap(GRID, PLANNING)
-    with pytest.raises(ValueError, match="exposure_s must be > 0"):
-        field_map.add_sample((10.0, 20.0), 400, 0.0)
-    assert not len(field_map.samples)
 
 
 def test_a_whole_survey_is_mapped_as_by_kriging_to_the_last_digits():

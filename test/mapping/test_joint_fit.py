@@ -12,14 +12,7 @@ from soilmoist_ros.mapping import joint_fit as pattern
 from soilmoist_ros.mapping.covariates import Covariates
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.joint_fit import (
-    LOADINGS,
-    JointModel,
-    PatternFeatures,
-    PatternState,
-    effect_variances,
-    log_marginal,
-)
+from soilmoist_ros.mapping.joint_fit import LOADINGS, JointModel, PatternFeatures, PatternState
 from soilmoist_ros.mapping.knowledge import EarlierSurvey, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples import Samples, Surveys
@@ -339,25 +332,6 @@ def test_a_planner_with_the_variogram_of_the_mapper_has_the_same_map():
     np.testing.assert_array_equal(of_planner.rate, of_mapper.rate)
     np.testing.assert_array_equal(of_planner.variance, of_mapper.variance)
     assert of_planner.fit.prior.relations == of_mapper.fit.prior.relations
-
-
-def test_the_marginal_likelihood_is_that_of_a_regression():
-    rng = np.random.default_rng(0)
-    design, noise = rng.standard_normal((12, 3)), rng.uniform(0.5, 2.0, 12)
-    data, variances = rng.standard_normal(12), np.array([0.3, 0.0, 1.0])
-    information, score = (design.T / noise) @ design, (design.T / noise) @ data
-    expected = []
-    for covariance in (np.diag(noise), np.diag(noise) + design * variances @ design.T):
-        fit = data @ np.linalg.solve(covariance, data)
-        expected.append(-0.5 * (fit + np.linalg.slogdet(covariance)[1]))
-    assert log_marginal(information, score, variances) == pytest.approx(expected[1] - expected[0])
-
-
-def test_clear_effects_stay_and_others_vanish():
-    information = np.diag([200.0, 200.0, 200.0])
-    clear, none, faint = effect_variances(information, information @ [0.6, 0.0, 0.05])
-    assert clear > 0.2
-    assert none == faint == 0
 
 
 @pytest.mark.slow

@@ -120,15 +120,6 @@ def test_no_band_shows_what_the_soil_cannot_hold(rates, sd, density, n0, shares)
     assert all(np.isnan(band[-1]) for band in bands if band is not bands.rate_sd)
 
 
-@settings(max_examples=60)
-@given(st.lists(st.floats(-5, 100), min_size=2, max_size=10), st.floats(0.3, 2.75))
-def test_possible_moisture_is_possible_and_falls_with_the_rate(rates, density):
-    curve = CalibrationCurve(4.0, density)
-    moisture = possible_moisture(curve, np.array(sorted(rates)))
-    assert ((moisture >= 0) & (moisture <= soil_limits(density).saturation)).all()
-    assert (np.diff(moisture) <= 1e-12).all()
-
-
 @given(st.floats(2.3, 6.0), st.floats(2.3, 6.0), st.floats(0.01, 0.3), st.floats(-0.9, 0.95))
 @settings(max_examples=25)
 def test_terms_of_the_moisture_are_its_mean_and_covariances(one, other, sd, correlation):

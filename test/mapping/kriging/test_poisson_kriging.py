@@ -4,18 +4,15 @@
 
 import json
 import logging
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.distance import cdist
 
 from soilmoist_ros.foundation.errors import IllConditionedError
-from soilmoist_ros.mapping import PoissonKriging, Variogram, sample_correlation
+from soilmoist_ros.mapping import PoissonKriging, Variogram
 from soilmoist_ros.mapping.kriging.poisson_kriging import clip_negative
-from soilmoist_ros.mapping.kriging.system import Points
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 
 MODEL = Variogram("matern32", 0.02, 40.0, 0.3)
@@ -294,65 +291,3 @@ def test_rate_and_covariance_together_are_those_of_a_prediction(keep_nugget):
     np.testing.assert_allclose(
         np.diag(covariance)[:20], kriging.predict(places)[1][:20] - 0.1 * keep_nugget, rtol=1e-9
     )
-
-
-RNG = np.random.default_rng(5)
-TURNED = Variogram("matern32", 0.03, 9.0, 0.4, 2.0, 30.0)
-XY = np.concatenate([RNG.uniform(0, (40, 30), (38, 2)), [[5.5, 7.5], [20.5, 12.5]]])
-EXPOSURE_S = RNG.uniform(20, 120, len(XY))
-COUNTS = RNG.poisson(4 * EXPOSURE_S).astype(float)
-AXES = np.arange(0.5, 40, 1.25), np.arange(0.5, 30, 1.0)
-CELLS = np.stack(np.meshgrid(*AXES), -1).reshape(-1, 2)
-MODELS = {"matern32": TURNED, "gaussian": replace(TURNED, model="gaussian", range_m=7.0)}
-
-
-def dense(variogram, targets, keep_nugget, noise):
-    """Rate and variance from the ordinary kriging system with its Lagrange multiplier."""
-
-    def covariance(a, b):
-        smooth = variogram.structured_sill * variogram.correlation_of_square(
-            cdist(variogram.scaled(a), variogram.scaled(b), "sqeuclidean")
-        )
-        nugget = variogram.nugget * (cdist(a, b) == 0)
-        return smooth, nugget
-
-    n = len(XY)
-    system = np.ones((n + 1, n + 1))
-    system[-1, -1] = 0
-    system[:n, :n] = sum(covariance(XY, XY)) + np.diag(noise)
-    smooth, nugget = covariance(XY, targets)
-    right = np.ones((n + 1, len(targets)))
-    right[:n] = smooth + nugget * keep_nugget
-    weights = np.linalg.solve(system, right)
-    own = variogram.sill if keep_nugget else variogram.structured_sill
-    rate = weights[:n].T @ (COUNTS / EXPOSURE_S)
-    return rate, own - np.einsum("ij,ij->j", weights, right), weights
-
-
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("keep_nugget", [True, False])
-def test_every_way_to_a_map_equals_the_dense_solution(model, keep_nugget):
-    variogram = MODELS[model]
-    kriging = PoissonKriging(variogram, keep_nugget, 4.0).fit(XY, COUNTS, EXPOSURE_S)
-    rate, variance, weights = dense(variogram, CELLS, keep_nugget, 4.0 / EXPOSURE_S)
-    for found in (kriging.predict(CELLS), kriging.predict_grid(*AXES)):
-        np.testing.assert_allclose(np.ravel(found[0]), rate, atol=1e-8)
-        np.testing.assert_allclose(np.ravel(found[1]), variance, atol=1e-8)
-    of_places, lagrange = kriging.weights(CELLS)
-    np.testing.assert_allclose(of_places, weights[:-1], atol=1e-7)
-    np.testing.assert_allclose(lagrange, weights[-1], atol=1e-7)
-    np.testing.assert_allclose(of_places.sum(axis=0), 1.0)
-
-
-RANDOM = np.random.default_rng(8)
-PLACES = RANDOM.uniform(0, 50, (9, 2))
-SPREAD = np.where(np.arange(9)[:, None] % 2, [9.0, 2.0, 4.0], 0.0)
-
-
-def test_correlations_of_samples_are_those_with_the_points_of_their_supports():
-    variogram = Variogram("matern32", 0.0, 20.0, 0.4, 2.0, 33.0)
-    found = sample_correlation(variogram, PLACES, SPREAD)
-    points = Points(variogram, PLACES, PLACES, SPREAD).correlation(slice(0, 9))
-    is_point = ~SPREAD.any(axis=1)
-    np.testing.assert_allclose(found, found.T, atol=1e-12)
-    np.testing.assert_allclose(found[:, is_point], points[is_point].T, atol=1e-12)

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 from soilmoist_ros.mapping.kriging import raster as raster_module
-from soilmoist_ros.mapping.kriging.raster import _TileShape, find_skeleton, find_tiles
 from soilmoist_ros.mapping.kriging.system import KrigingSystem
 
 SMOOTH = ("exponential", "gaussian", "matern32", "matern52")
@@ -19,37 +18,6 @@ OF_SILL = 1e-8
 """Stated error of correlations and variances, relative to the sill."""
 OF_SD = 1e-6
 """Error of the rate, relative to the root of the sill."""
-
-
-@pytest.mark.parametrize("model", SMOOTH)
-@pytest.mark.parametrize("shape", [(34, 34), (30, 40), (1, 1200)])
-@settings(max_examples=4, deadline=None)
-@given(st.floats(-2, 1), st.sampled_from([1.0, 4.0]), st.floats(0, 180), st.integers(0, 10**6))
-def test_smooth_functions_follow_from_the_skeleton(model, shape, log_ranges, anisotropy, angle_deg, seed):
-    """Covariances with places on and outside of the margin, also far beyond the sources."""
-    half_m = (shape[1] - 1) / 2, (shape[0] - 1) / 2
-    variogram = Variogram(model, 0.0, 17 / 10**log_ranges, 1.0, anisotropy, angle_deg)
-    tile = _TileShape.of(variogram, *half_m)
-    skeleton = find_skeleton(variogram, tile, shape)
-    rng = np.random.default_rng(seed)
-    side = np.maximum(half_m, 1e-6 * sum(half_m))
-    long, across = (variogram.scaled(np.diag(side)), variogram.scaled(np.diag(side))[::-1])
-    out = tile.margin * np.hypot(*across.T) / abs(np.linalg.det(long))
-    edge = np.where(rng.random(200) < 0.3, 1.0, 1 + 40 * rng.random(200) ** 4)
-    border = (1 + out[:, None] * edge) * [[1], [1]]
-    places = np.array([border[0], rng.uniform(-1, 1, 200) * border[1]])
-    places[:, ::2] = np.array([rng.uniform(-1, 1, 200) * border[0], border[1]])[:, ::2]
-    places = (places * rng.choice([-1, 1], 200)).T * side
-    y, x = (grid.ravel() for grid in np.mgrid[: shape[0], : shape[1]])
-    cells = np.column_stack([x - half_m[0], y - half_m[1]])
-    points = np.column_stack([skeleton.x * half_m[0], skeleton.y * half_m[1]])
-
-    def correlation(xy):
-        way = variogram.scaled(places[:, None] - xy)
-        return variogram.correlation_of_square((way**2).sum(axis=-1))
-
-    assert len(points) < 140
-    np.testing.assert_allclose(correlation(points) @ skeleton.to_cells, correlation(cells), rtol=0, atol=OF_SILL)
 
 
 @st.composite
@@ -94,20 +62,6 @@ def test_maps_are_those_of_the_cells(survey, keep_nugget, exposure_s):
     for raster, values, error in zip(rasters, expected, (OF_SD, OF_SILL), strict=True):
         assert np.isnan(raster[~mask]).all()
         np.testing.assert_allclose(raster[row, column], values, rtol=0, atol=error)
-
-
-def test_tiles_cover_the_wanted_cells_and_are_equal():
-    variogram, mask = Variogram("exponential", 0.0, 40.0, 0.3), np.zeros((143, 187), bool)
-    mask[20:90, 100:] = True
-    tiles = find_tiles(variogram, np.arange(187.0), 0.5 * np.arange(143), mask)
-    covered = np.zeros(mask.shape, bool)
-    for top, left in zip(tiles.top, tiles.left, strict=True):
-        part = slice(top, top + tiles.shape[0]), slice(left, left + tiles.shape[1])
-        assert mask[part].shape == tiles.shape
-        assert mask[part].any()
-        covered[part] = True
-    assert covered[mask].all()
-    assert find_tiles(variogram, np.arange(187.0) ** 1.01, 0.5 * np.arange(143), mask) is None
 
 
 X_M, Y_M = 3.0 * np.arange(260), 2.0 * np.arange(200)
