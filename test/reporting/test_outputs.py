@@ -237,9 +237,6 @@ def forecasts(*times_s, planned_s=3600.0):
 def test_the_forecast_is_compared_with_what_was_reached(mission):
     known = dataclasses.replace(mission, forecasts=forecasts(0.0, 500.0, 1000.0, 1900.0, 2800.0, 3600.0))
     part = mission_part(mission_run(known, NOW))
-    assert [chart.key for chart in part.charts][-1] == "course-sd"
-    names = [name for _, name in part.charts[-1].names]
-    assert names == ["forecast at the start", "forecast after a quarter", "forecast after half", "reached"]
     assert "±3.8 % of the rate reached; forecast at 25 % of the time: ±" in part.text
     about = mission_summary(known)["forecast"]
     assert [one["time_s"] for one in about["made"]] == [0.0, 1000.0, 1900.0, 2800.0]

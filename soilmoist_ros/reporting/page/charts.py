@@ -21,7 +21,6 @@ from soilmoist_ros.pipeline import EARLIEST_STAMP_S
 from soilmoist_ros.reporting.page.frame import duration, number, percent, round_step
 from soilmoist_ros.reporting.page.statistics import LeaveOneOut
 from soilmoist_ros.sensing import CountRecord
-from soilmoist_ros.simulation import TimedForecast, reported
 
 Array = NDArray[np.float64]
 ChartColour = Literal["ink", "soft", "line", "orange", "purple", "green"]
@@ -34,9 +33,6 @@ MAX_POINTS = 1500
 MAX_STEPS = 10
 """Longest step of a line, in usual ones; longer ones are gaps."""
 TIME_STEPS_S = (10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400)
-
-_COLOURS: tuple[ChartColour, ...] = ("soft", "orange", "purple")
-_HEADROOM = 4.0
 
 
 class Line(NamedTuple):
@@ -320,38 +316,3 @@ def time_axis(time_s: ArrayLike) -> tuple[Limits, list[tuple[float, str]], str]:
     if days:
         name = f"Day of {first:%Y}" if first.year == last.year else "Day"
     return (low, low + span), ticks, name
-
-
-# Chart of the map's standard deviation against mission time, as forecast and as reached -------------------------
-
-
-def forecast_chart(forecasts: Sequence[TimedForecast], planned_s: float) -> Chart | None:
-    """The chart; ``None`` with fewer than two maps.
-
-    :param planned_s: planned mission time [s]
-    """
-    known = [one for one in forecasts if not one.forecast.is_guess]
-    if len(known) < 2:
-        return None
-    hours = np.array([one.time_s for one in known]) / 3600
-    sd = 100 * np.array([one.forecast.sd for one in known])
-    top = min(float(sd.max()), _HEADROOM * float(sd[-1])) * 1.05
-    marks: list[Mark] = []
-    names = {0.0: "forecast at the start", 0.25: "forecast after a quarter", 0.5: "forecast after half"}
-    made = [(share, one) for share, one in reported(forecasts, planned_s) if share in names]
-    for (share, one), colour in zip(made, _COLOURS, strict=False):
-        x = (one.time_s + np.array([0.0, *one.forecast.times_s])) / 3600
-        y = 100 * np.array([one.forecast.sd, *one.forecast.sds])
-        factor = np.array([1.0, *one.forecast.factors])
-        if share:
-            marks.append(Area(x, y / factor, np.minimum(y * factor, top), colour))
-        marks.append(Line(x, np.where(y <= top, y, np.nan), colour, names[share], dashed=True))
-    marks.append(Line(hours, np.where(sd <= top, sd, np.nan), name="reached"))
-    end_h = max(float(hours[-1]), planned_s / 3600)
-    what = "moisture [% by volume]" if known[-1].forecast.moisture else "rate [% of the mean]"
-    return Chart(
-        "course-sd", "Standard deviation of the map", "Standard deviation of the map against mission time, as "
-        "forecast and as reached", marks, (0.0, end_h), (0.0, top), "Mission time [h]",
-        f"Standard deviation of the {what}",
-        "Root of the mean variance of the map. In four of five missions it ends within the band of a forecast.",
-    )  # fmt: skip

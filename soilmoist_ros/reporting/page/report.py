@@ -19,14 +19,7 @@ from soilmoist_ros.reporting.certainty import has_no_level
 from soilmoist_ros.reporting.certified import certificate_text
 from soilmoist_ros.reporting.one_place import at_one_place
 from soilmoist_ros.reporting.page import wording
-from soilmoist_ros.reporting.page.charts import (
-    Chart,
-    Line,
-    cross_validation_chart,
-    factor_chart,
-    forecast_chart,
-    rate_chart,
-)
+from soilmoist_ros.reporting.page.charts import Chart, Line, cross_validation_chart, factor_chart, rate_chart
 from soilmoist_ros.reporting.page.decision import decision
 from soilmoist_ros.reporting.page.frame import (
     duration,
@@ -294,10 +287,10 @@ def mission_part(run: MapRun) -> Part | None:
     mission = run.mission
     if mission is None:
         return None
-    forecasts, visits = forecast_chart(mission.forecasts, 3600 * mission.settings.hours), mission.visits
+    visits = mission.visits
     return Part(
         text=". ".join(mission_sentences(mission)) + ".",
-        charts=[*course_charts(mission), *([forecasts] if forecasts else [])],
+        charts=list(course_charts(mission)),
         visits=visits[:MAX_VISITS], stops=len(visits), several=len(mission.tracks) > 1,
         log=mission.log[:MAX_LINES],
     )  # fmt: skip
