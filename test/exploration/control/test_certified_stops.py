@@ -73,7 +73,7 @@ def test_a_certificate_that_leaves_no_time_for_the_map_is_refused(count, hours, 
 @pytest.mark.parametrize(
     "choice",
     [{"strategy": "gcb"}, {"strategy": "lattice", "dwell": "fmi:10"}, {"strategy": "random", "travel": "graph"},
-     {"strategy": "greedy", "until_gain": 99.0}, {"strategy": "gcb", "person": "usual"}],
+     {"strategy": "greedy", "until_gain": 99.0}, {"strategy": "gcb", "person": "obedient"}],
 )  # fmt: skip
 def test_every_strategy_counts_at_all_places_in_time(choice):
     settings = MissionSettings(**SMALL, **choice)
