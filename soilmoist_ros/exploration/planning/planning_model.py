@@ -243,37 +243,22 @@ class Prospect:
     counting: Counting  # when the robot counts
     min_dwell_s: float = 0.0  # shortest dwell [s]
 
-    @property
-    def overhead_s(self) -> float:
-        """Time of each trip in which the robot already counts at the stop [s]."""
-        return self.travel.motion.stop_overhead_s if self.counting.on_way else 0.0
-
-    def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
-        """Nodes on the route from a place to a stop, by its row, and the exposure at each [s]."""
-        drive_s = travel_s - self.travel.motion.stop_overhead_s
-        count = min(math.ceil(drive_s / self.counting.cadence_s - _ROUNDING), MAX_PLACES)
-        if count <= 0:
-            return np.empty(0, np.intp), np.empty(0)
-        shares = (np.arange(count) + 0.5) / count
-        places = self.travel.along(place, (self.stops[row],), shares[None])[0]
-        return self.model.nearest_nodes(places), np.full(count, drive_s / count)
-
     def counted_on_tour(self, rows: Indices, dwell_s: float, legs_s: Array) -> tuple[Indices, Array]:
-        """Nodes at which a tour counts, and the exposure at each [s]."""
+        """Nodes at which a tour counts, and the exposure at each [s].
+
+        On the way the robot counts at places along its route, and after each leg while it stops at the stop.
+        """
+        overhead_s, on_way = self.travel.motion.stop_overhead_s, self.counting.on_way
         nodes = [self.model.stop_nodes[self.numbers[rows]]]
-        seconds = [np.full(len(rows), dwell_s + self.overhead_s)]
-        if self.counting.on_way:
-            place = self.position
-            for row, leg_s in zip(rows.tolist(), legs_s.tolist(), strict=True):
-                way, each = self.way(place, row, leg_s)
-                nodes.append(way)
-                seconds.append(each)
-                place = self.stops[row].xy
+        seconds = [np.full(len(rows), dwell_s + (overhead_s if on_way else 0.0))]
+        place = self.position
+        for row, leg_s in zip(rows.tolist(), legs_s.tolist(), strict=True) if on_way else ():
+            stop, drive_s = self.stops[row], leg_s - overhead_s
+            count = min(math.ceil(drive_s / self.counting.cadence_s - _ROUNDING), MAX_PLACES)
+            if count > 0:
+                shares = (np.arange(count) + 0.5) / count
+                nodes.append(self.model.nearest_nodes(self.travel.along(place, (stop,), shares[None])[0]))
+                seconds.append(np.full(count, drive_s / count))
+            place = stop.xy
         node, which = np.unique(np.concatenate(nodes), return_inverse=True)  # counts at one place add up
         return node, np.bincount(which, np.concatenate(seconds)).astype(float)
-
-    def tour_cost_s(self, legs_s: Array) -> float:
-        """Time that an operator adds to that of a tour in comparisons [s]."""
-        motion = self.travel.motion
-        driven_m = motion.speed_mps * float(np.maximum(legs_s - motion.stop_overhead_s, 0.0).sum())
-        return motion.metre_cost_s * driven_m

@@ -163,8 +163,9 @@ class Ground:
         assert prospect is not None, "only a map tells what a tour leaves"
         model = prospect.model
         left = model.integrated_variance - model.fall(*prospect.counted_on_tour(rows, dwell_s, legs_s))
-        cost_s = prospect.tour_cost_s(legs_s)
-        if cost_s > 0:
+        motion = prospect.travel.motion
+        driven_m = motion.speed_mps * float(np.maximum(legs_s - motion.stop_overhead_s, 0.0).sum())
+        if (cost_s := motion.metre_cost_s * driven_m) > 0:
             longer = model.integrated_variance - model.fall(
                 *prospect.counted_on_tour(rows, dwell_s + self.cadence_s, legs_s)
             )
