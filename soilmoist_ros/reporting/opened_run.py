@@ -94,13 +94,6 @@ class OpenedRun:
         """The map of a property by the names of its bands, of shape (rows, columns), north up, NaN outside."""
         return self.raster(name)[0]
 
-    def __repr__(self) -> str:
-        about = self.summary
-        mission = about.get("mission") or {}
-        field = about.get("field") or mission.get("field") or "unnamed field"
-        visits = f", {mission['stops']} visits" if "stops" in mission else ""
-        return f"<OpenedRun {self.folder.name}: {field}, {about.get('n_samples', 0)} samples{visits}>"
-
     def _file(self, kind: str, name: str, ending: str) -> Path:
         path = self.folder / f"{kind}{f'_{name}' if name else ''}.{ending}"
         if not path.is_file():

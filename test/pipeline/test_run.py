@@ -16,7 +16,7 @@ from soilmoist_ros.pipeline.results import curve_of, read_features, read_summary
 from soilmoist_ros.pipeline.run import FailedRun, InputFile, LossRow, Trouble
 from soilmoist_ros.recording.stored_records import read_records
 from soilmoist_ros.reporting.outputs import write_failed
-from soilmoist_ros.reporting.page.report import failed_facts, render_failed
+from soilmoist_ros.reporting.page.report import render_failed
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
 from soilmoist_ros.simulation import MissionResult, MissionSettings
@@ -34,16 +34,6 @@ FAILED = FailedRun(
     losses=[LossRow("outside the field", 1, "at x = 5 m", "lost", "check the field file")],
     troubles=[Trouble("sensor_driver: logger", "records have a wrong checksum", 12, error=True)],
 )  # fmt: skip
-
-
-def test_what_was_counted():
-    facts = {fact.meaning: f"{fact.value} {fact.unit}".strip() for fact in failed_facts(FAILED)}
-    assert facts == {
-        "records": "2", "records quarantined": "1", "records with a place": "1", "counts in 20 s": "70",
-        "mean raw rate": "3.50 counts/s", "travelled": "0 m",
-    }  # fmt: skip
-    nothing = [(fact.value, fact.meaning) for fact in failed_facts(replace(FAILED, track=()))]
-    assert nothing == [("0", "records")]
 
 
 def test_the_folder_has_the_report_the_summary_and_the_records(tmp_path):
@@ -73,6 +63,8 @@ def test_the_page_says_why_first_and_escapes_names():
     assert places[2:] == sorted(places[2:])
     assert "<1>" not in html
     assert "2 February 2026" in html
+    assert "70 counts in 2 records, of which 1 has a place; further records in quarantine: 1." in html
+    assert "0 counts in 0 records, of which 0 have a place." in render_failed(replace(FAILED, track=()))
     assert "The mission" not in html
     visit = Visit("s17", 1.0, 2.0, 60.0, 30.0, 90, "lowers the variance most", outcome="no record came")
     settings = MissionSettings(field="smooth")

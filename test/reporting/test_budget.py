@@ -170,16 +170,15 @@ def test_no_default_of_a_texture_class_is_called_given(make_run, the_map, soil, 
     assert [part.origin for part in found.parts if part.name in ("bulk density", WATER)] == origins
 
 
-def test_every_part_has_a_remedy():
-    assert set(NAMES) <= set(REMEDIES)
-
-
-def test_parts_beyond_the_total_are_scaled(make_run, the_map):
+@pytest.mark.parametrize(("total", "shares"), [(0.01, [0.008, 0.006]), (0.05002, [0.04, 0.03])])
+def test_parts_beyond_the_total_are_scaled_and_its_rounding_is_no_part(make_run, the_map, total, shares):
     """A combined calibration is surer than its prior, whose parts keep their proportions."""
-    curve = CalibrationCurve(7.0, 1.4, n0_sd_cps=0.07)
+    curve = CalibrationCurve(7.0, 1.4, n0_sd_cps=7 * total)
     found = make_budget(general(make_run, the_map, curve, part("general N0", 0.04), part("intensity", 0.03)))
-    level = [one.level_rate_cps / found.rate_cps for one in found.parts if one.level]
-    assert level == pytest.approx([0.008, 0.006])
+    level = {one.name: one.level_rate_cps / found.rate_cps for one in found.parts if one.level}
+    assert list(level) == ["general N0", "intensity"]
+    assert list(level.values()) == pytest.approx(shares, rel=1e-3)
+    assert squares(found.parts, "level") == pytest.approx(found.level_sd)
 
 
 def test_calibration_without_parts_has_one_row(make_run):
@@ -191,32 +190,21 @@ def test_calibration_without_parts_has_one_row(make_run):
     assert make_budget(make_run(simulated=True)).text.startswith("In this simulation, the level")
 
 
-def test_level_of_a_guess_is_not_known(make_run, the_map):
+def test_a_level_that_is_a_guess_or_impossible_is_not_known(make_run, the_map):
+    """The limits of the soil cut the interval of an impossible one: it would look sure."""
     guess = make_run(calibration=info(the_map.curve, illustrative=True, method="cores"))
-    found = make_budget(guess)
-    assert math.isnan(found.level_sd)
-    assert "N0 is a guess" in found.text
-    assert found.largest == N0
-    assert "soil cores" in found.remedy
+    dry = CalibrationCurve(2.5, 1.4, n0_sd_cps=0.2)
+    for run, why in (
+        (guess, "N0 is a guess"),
+        (general(make_run, the_map, dry, part("general N0", 0.08)), "impossible moisture"),
+    ):
+        found = make_budget(run)
+        assert math.isnan(found.level_sd)
+        assert why in found.text
+        assert found.largest == N0
+        assert "soil cores" in found.remedy
+        assert all(one.level == 0 for one in found.parts)
     assert '<td class="n">unknown</td>' in render_report(guess)
-    assert all(one.level == 0 for one in found.parts)
-
-
-def test_level_beyond_the_soil_is_not_known(make_run, the_map):
-    """The limits of the soil cut the interval there: it would look sure."""
-    curve = CalibrationCurve(2.5, 1.4, n0_sd_cps=0.2)
-    found = make_budget(general(make_run, the_map, curve, part("general N0", 0.08)))
-    assert found.vwc == 0
-    assert math.isnan(found.level_sd)
-    assert "impossible moisture" in found.text
-    assert found.largest == N0
-
-
-def test_rounding_of_the_total_is_no_part(make_run, the_map):
-    curve = CalibrationCurve(7.0, 1.4, n0_sd_cps=7 * 0.05002)
-    found = make_budget(general(make_run, the_map, curve, part("general N0", 0.04), part("intensity", 0.03)))
-    assert [one.name for one in found.parts if one.level] == ["general N0", "intensity"]
-    assert squares(found.parts, "level") == pytest.approx(found.level_sd)
 
 
 def test_rate_map_has_a_budget_of_the_rate(make_run, uncalibrated):
@@ -247,6 +235,7 @@ def test_what_is_not_in_the_sum_is_named(make_run, the_map):
     assert "intensity" not in {one.name for one in inside.beyond}
     assert not any("cancels" in one.remark for one in inside.beyond)
     assert all(source.open > source.corrected > 0 for source in SOURCES)
+    assert set(NAMES) <= set(REMEDIES), "every part has a remedy"
 
 
 def test_more_counting_lowers_a_place_at_least_as_promised(map_of):

@@ -38,7 +38,7 @@ from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.statistics import covariate_importance, leave_one_out, truth_score
 from soilmoist_ros.reporting.page.variogram_chart import sample_variogram, variogram_chart
 from soilmoist_ros.reporting.page.viewer import pictures, viewer_data
-from soilmoist_ros.reporting.page.wording import Fact, notes
+from soilmoist_ros.reporting.page.wording import notes
 from soilmoist_ros.simulation import MissionResult, forecast_texts, series_columns
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
@@ -163,31 +163,10 @@ def render_failed(failed: FailedRun) -> str:
     return render_page(
         "failed.html.j2", title=failed.title, version=__version__, place=failed.field_name,
         when=wording.survey_time(failed), where=wording.place(failed), simulated=failed.simulated, failed=failed,
-        facts=failed_facts(failed), visits=mission.visits[:MAX_VISITS] if mission else (),
+        placed=len(track_xy(failed.good)), visits=mission.visits[:MAX_VISITS] if mission else (),
         stops=len(mission.visits) if mission else 0, log=mission.log[:MAX_LINES] if mission else (),
         rate=rate_chart(good) if len({record.stamp_s for record in good}) > 1 else None,
     )  # fmt: skip
-
-
-def failed_facts(failed: FailedRun) -> list[Fact]:
-    """Facts about a run without a map: records, counts, stops, time and distance."""
-    good, placed = failed.good, len(track_xy(failed.good))
-    counts, seconds = sum(record.raw_counts for record in good), sum(record.exposure_s for record in good)
-    found = [Fact(str(len(good)), "", "records" if len(good) != 1 else "record")]
-    if failed.quarantined:
-        found.append(Fact(str(failed.quarantined.total()), "", "records quarantined"))
-    if good:
-        found += [
-            Fact(str(placed), "", "records with a place"), Fact(str(counts), "", f"counts in {duration(seconds)}"),
-            Fact(number(counts / seconds) if seconds > 0 else "–", "counts/s", "mean raw rate"),
-        ]  # fmt: skip
-    if failed.mission is not None:
-        found.append(Fact(str(len(failed.mission.visits)), "", "stops finished"))
-        if failed.mission.series:
-            found.append(Fact(duration(failed.mission.series[-1].time_s), "", "of mission time"))
-    if placed or failed.mission is not None:
-        found.append(Fact(*length(failed.travelled_m), "travelled"))
-    return found
 
 
 # Sections of a report on earlier surveys and on the mission -----------------------------------------------------
