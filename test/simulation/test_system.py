@@ -115,9 +115,7 @@ def test_a_receiver_can_be_wrong_without_a_word():
 
 @pytest.mark.slow
 def test_several_robots_count_like_those_of_a_mission_without_ros():
-    settings = replace(
-        SETTINGS, robots=3, dwell="fmi:90", hours=0.3, strategy="random", properties=("rough",), weather=True
-    )
+    settings = replace(SETTINGS, robots=3, dwell="fmi:90", hours=0.3, strategy="random", weather=True)
     mission = simulate_mission(settings)
     system = VirtualSystem(settings, START_S)
     outputs = [[] for _ in system.robots]
@@ -136,9 +134,6 @@ def test_several_robots_count_like_those_of_a_mission_without_ros():
     assert found[0] != found[1]
     counts = [record.raw_counts for record in mission.records if record.stamp_s <= end_s]
     assert sorted(count for its in found for count in its) == sorted(counts)
-    rough = [output.record for its in outputs for output in its if isinstance(output, PropertyCounted)]
-    counts = [record.raw_counts for record in mission.properties[1].records if record.stamp_s <= end_s]
-    assert sorted(record.raw_counts for record in rough) == sorted(counts)
 
 
 def test_time_can_stop_when_a_record_is_sent_or_a_goal_ends():
