@@ -17,7 +17,7 @@ from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import make_soil_map
 from soilmoist_ros.recording import read_records
-from soilmoist_ros.reporting import mission_run, notes, outputs, write_mission, write_outputs
+from soilmoist_ros.reporting import mission_run, notes, write_mission, write_outputs
 from soilmoist_ros.reporting.page.frame import percent
 from soilmoist_ros.reporting.page.report import mission_part, render_report
 from soilmoist_ros.reporting.page.wording import facts
@@ -42,20 +42,6 @@ def test_all_files_and_nothing_else(make_run, tmp_path):
         assert raster.tags()["SOILMOIST_SURVEY_START_UTC"] == "2023-11-14T22:07:37Z"
         assert raster.tags()["SOILMOIST_SURVEY_END_UTC"] == "2026-02-02T02:40:00Z"
     assert [record.stamp_s for record in read_records(paths[4])] == [record.stamp_s for record in make_run().track]
-
-
-def test_a_failure_leaves_the_old_files(make_run, tmp_path, monkeypatch):
-    for name in NAMES:
-        (tmp_path / name).write_text("old")
-
-    def fail(*_):
-        raise RuntimeError("no space left")
-
-    monkeypatch.setattr(outputs, "render_report", fail)
-    with pytest.raises(RuntimeError, match="no space"):
-        write_outputs(tmp_path, make_run())
-    assert {path.read_text() for path in tmp_path.iterdir()} == {"old"}
-    assert len(list(tmp_path.iterdir())) == len(NAMES)
 
 
 # Outputs of a mission -------------------------------------------------------------------------------------------
@@ -147,20 +133,12 @@ def test_several_robots_are_told_apart(mission, tmp_path):
 
 
 @pytest.mark.slow
-def test_tables(mission, tmp_path):
+def test_columns_of_the_series_stay(mission, tmp_path):
     write_mission(tmp_path, mission)
     with (tmp_path / "series.csv").open(newline="") as stream:
-        series = list(csv.reader(stream))
-    names = ["time_s", "distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_s"]
-    assert series[0] == names
-    assert series[1] == ["0", "0", "0", "", "", "", "", "0"]
-    assert [float(value) for value in series[-1]] == pytest.approx(
-        [column[-1] for column in mission.columns.values()]
-    )
-    with (tmp_path / "visits.csv").open(newline="") as stream:
-        visits = list(csv.DictReader(stream))
-    assert [row["raw_counts"] for row in visits] == [str(visit.raw_counts) for visit in mission.visits]
-    assert visits[-1]["reason"].startswith("highest kriging variance ")
+        head, first, *_ = csv.reader(stream)
+    assert head == ["time_s", "distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_s"]
+    assert first == ["0", "0", "0", "", "", "", "", "0"]
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -13,11 +12,10 @@ import pytest
 import rasterio
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.image import imread
 
 from soilmoist_ros.reporting import RATE, UNCERTAIN
 from soilmoist_ros.reporting.certainty import CERTAIN, calibration_state, certainty, class_probability
-from soilmoist_ros.reporting.colours import DARKEST, DIFFERENCE, PALEST, WATER, colour_ramp, coloured_png, hex_ramp
+from soilmoist_ros.reporting.colours import DARKEST, DIFFERENCE, PALEST, WATER, colour_ramp, hex_ramp
 from soilmoist_ros.reporting.outputs import MISSION_NAMES, NAMES, mission_run, write_mission
 from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.reporting.text_files import write_json
@@ -87,17 +85,6 @@ def test_colours_are_those_of_matplotlib(name, count):
     wanted = 255 * matplotlib.colormaps[name].resampled(4096)(np.linspace(PALEST, DARKEST, count))[:, :3]
     assert abs(colour_ramp(name, count) - wanted).max() < 0.7
     assert hex_ramp(name, count)[-1] == "#{:02x}{:02x}{:02x}".format(*colour_ramp(name, count)[-1])
-
-
-def test_png_has_a_pixel_for_each_cell():
-    shares = np.array([[0.0, 0.5, 1.0], [-3.0, np.nan, 7.0]])
-    colours = colour_ramp(RATE, 255)
-    pixels = np.round(255 * imread(io.BytesIO(coloured_png(shares, colours)), format="png"))
-    low, middle, high = colours[[0, 127, 254]]
-    assert pixels.shape == (2, 3, 4)
-    np.testing.assert_array_equal(pixels[0, :, :3], [low, middle, high])
-    np.testing.assert_array_equal(pixels[1, [0, 2], :3], [low, high])
-    np.testing.assert_array_equal(pixels[..., 3], [[255, 255, 255], [255, 0, 255]])
 
 
 # Certainty -----------------------------------------------------------------------------------------------------
