@@ -87,7 +87,7 @@ def test_doubtful_surveys_and_covariates_that_are_left_out_are_named(runs, tmp_p
     (copy / "summary.json").write_text(json.dumps({**about, "covariates": [{"name": "relief"}]}))
     season = make_season([copy, runs / "earlier"], SeasonSettings())
     low, covariates = season.notes
-    assert low.startswith("The survey tenth has 0.09")
+    assert low.startswith("The survey tenth has 0.087 times")
     assert "times the count rate of the others, more than soil moisture can change" in low
     assert covariates.startswith("Covariates inform the maps of tenth, but not those of the season")
     assert summary(season, ())["warnings"] == [low, covariates]
