@@ -45,7 +45,7 @@ def test_one_place_gives_a_mean_and_says_so(run, capsys) -> None:
     assert len(run.track) == 263
     assert not run.quarantined
     # Tube 2 twice has half as many counts again as tube 1 expects.
-    assert [note.code for note in notes(run)] == [NoteCode.BAD_TUBES, NoteCode.ONE_PLACE]
+    assert [note.code for note in notes(run)] == [NoteCode.BAD_TUBES, NoteCode.OVERDISPERSED, NoteCode.ONE_PLACE]
     mean = moisture_of_all(run.track, run.soil_map.curve)
     assert mean.vwc_p05 < mean.vwc < mean.vwc_p95
     print_summary(run)
