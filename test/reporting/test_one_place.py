@@ -59,7 +59,7 @@ def test_one_place_gives_a_mean_and_says_so(run, capsys) -> None:
     page = render_report(run).replace("\u00a0", " ")
     assert "Moisture at one place" in page
     assert "the moisture is known to ±" in page.lower()
-    for text in ("The map</h2>", "measure at more places"):
+    for text in ("The map</h2>", "measure at more places", 'id="zones"'):
         assert text not in page
 
 
