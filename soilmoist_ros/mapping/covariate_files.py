@@ -193,7 +193,7 @@ def opened_raster(path: Path, remedy: str = "give a GeoTIFF") -> Iterator[Datase
                 if source.transform.is_degenerate:
                     raise InputError("has pixels without an area", remedy, path)
                 yield source
-    except (errors.RasterioError, errors.CRSError, ProjError, UnicodeDecodeError) as error:
+    except (errors.RasterioError, errors.RasterioIOError, errors.CRSError, ProjError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read as a raster: {error!s:.200}", remedy, path) from None
 
 
