@@ -58,8 +58,9 @@ def test_a_workflow_names_what_is_there_and_asks_for_no_rights(path):
 def test_a_job_for_each_release_of_ros_that_has_wheels():
     """Both releases build the types with the same packages, each in versions of its own."""
     jobs = read(".github/workflows/test.yml")["jobs"]
-    ran = {name: [step.get("run") for step in jobs[name]["steps"]] for name in ("wheels", "kilted")}
-    assert (".ci/run" in ran["wheels"], "scripts/test --ros kilted" in ran["kilted"]) == (True, True)
+    ran = {name: [step.get("run") for step in jobs[name]["steps"]] for name in ("wheels", "kilted", "noble")}
+    assert ".ci/run" in ran["wheels"]
+    assert all(f"scripts/test --ros {name}" in ran[name] for name in ("kilted", "noble"))
     files = [f"requirements-{what}{release}.txt" for release in ("", "-kilted") for what in ("ros", "interfaces")]
     pins = [
         re.findall(r"^(ros[\w-]+).*==", (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE) for name in files
@@ -68,7 +69,7 @@ def test_a_job_for_each_release_of_ros_that_has_wheels():
     assert set(pins[2]) == {"ros-kilted-rclpy", "ros-kilted-common-interfaces"}
     assert set(pins[1]) ^ set(pins[3]) == {"ros-domain-coordinator", "ros-ament-cmake-ros-core"}
     unknown = subprocess.run([ROOT / "scripts/test", "--ros", "humble"], capture_output=True, text=True)
-    assert (unknown.returncode, "--ros takes: kilted" in unknown.stderr) == (2, True)
+    assert (unknown.returncode, "--ros takes: kilted, noble" in unknown.stderr) == (2, True)
 
 
 @pytest.mark.slow
