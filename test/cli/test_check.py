@@ -72,7 +72,7 @@ def test_the_command_says_of_a_map_what_the_planner_says(tmp_path):
         "divide the field into 2 parts that cannot be reached from each other by a robot that keeps 0.75",
         "1 of 3 nodes are stops in plot; datum of the map: its own; frame of its places: not named",
         "1 edge across the border or a no-go area (a - b); 1 of them only for robot_radius_m, 0.75 m",
-        "the planner does not drive: the datum 53.2680500,-0.5245000 of the navigation's map lies 5.6 m north",
+        "the planner does not drive: the datum 53.2680500,-0.5245000 of the navigation's map lies 5.6 m from",
         "4 of 4 edges have an action that is not known (hop)",
     ):
         assert said in narrow
