@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.simulation import MappedProperty, MissionResult, MissionSettings
 
 TRAVEL = ("speed_mps", "stop_overhead_s")
+GONE_TRAVEL = {"turn_s_per_rad": None, "overhead_counted": None}  # readers of earlier versions look for them
 """Motion of a robot as the planner has learned it."""
 SCHEMA = 1
 """Version of the keys; rises when one is renamed or removed."""
@@ -263,10 +264,10 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
         "settings": settings_summary(mission.settings), "field": mission.field_title, "ended": mission.ended,
         "stops": len(mission.visits), "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
         "travel": [
-            {name: getattr(learned.motion, name) for name in TRAVEL} | {"legs": len(learned.legs)}
+            {name: getattr(learned.motion, name) for name in TRAVEL} | {"legs": len(learned.legs), **GONE_TRAVEL}
             for learned in mission.motion
         ],
-        "forecast": _forecast(mission),
+        "forecast": _forecast(mission), "efficiency": None,  # a key stays for its readers, without a value
         "final": {name: column[-1].item() for name, column in mission.columns.items()} if mission.series else None,
         "properties": further, "also": further[0] if len(further) == 1 else None,
     }  # fmt: skip

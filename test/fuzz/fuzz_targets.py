@@ -51,7 +51,7 @@ from soilmoist_ros.exploration import MissionRules, parse_dwell, parse_topologic
 from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, is_under_way
 from soilmoist_ros.foundation import LocalFrame, SoilmoistError, read_json
 from soilmoist_ros.lab.campaign_file import load_campaign
-from soilmoist_ros.lab.mission_store import DamagedMissionError, unpack
+from soilmoist_ros.lab.mission_store import UnusableMissionError, unpack
 from soilmoist_ros.mapping import CovariateSource, FieldGrid, load_field, read_covariates
 from soilmoist_ros.pipeline import ReplaySettings, read_run, replay_bag
 from soilmoist_ros.recording import BagReader, bag_info, load_journal, read_records, recover_bag
@@ -287,7 +287,7 @@ TARGETS = {
     "samples": output("samples.geojson"),
     "visits": output("visits.csv"),
     "map": output("map.tif"),
-    "stored_mission": Target(unpack, lambda: [run_files()["mission.npz"]], refusals=(DamagedMissionError,)),
+    "stored_mission": Target(unpack, lambda: [run_files()["mission.npz"]], refusals=(UnusableMissionError,)),
     "records": Target(read_records, records, "records.csv"),
     "cores": Target(read_soil_cores, shipped("examples/*cores.csv"), "cores.csv"),
     "monitor": Target(
