@@ -428,6 +428,7 @@ def _files() -> dict[str, tuple[bytes, str]]:
             if own := languages.get(path.name):  # what a language lacks is English
                 merged = {part: languages["en.json"][part] | own[part] for part in ("texts", "sentences")}
                 content = json.dumps(merged, ensure_ascii=False).encode()
+                found[f"{path.stem}.rare.json"] = json.dumps(own.get("rare", {}), ensure_ascii=False).encode()
             found[path.name] = content
     packed = {name: gzip.compress(content, 9, mtime=0) for name, content in found.items()}
     return {name: (content, f'"{hashlib.sha256(content).hexdigest()[:16]}"') for name, content in packed.items()}

@@ -14,6 +14,7 @@ const RETRY_MS = 1000, SILENT_MS = 6000, COMMAND_MS = 9000, CHOICE_MS = 65000, S
 let socket = null, heardAt = null, triedAt = 0, failed = 0, offset = 0, fresh = false;
 
 export const listen = (call) => listeners.add(call);
+export const silence = (call) => listeners.delete(call);
 export const connected = () => socket !== null && socket.readyState === 1 && heardAt !== null;
 // Steady time of the robot's computer now [s], as far as it is known here.
 export const nowS = () => performance.now() / 1000 + offset;

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The survey: what the mission does, and what an operator may ask for.
 
-import { fixed, forPerson, language, languages, said, t } from "./texts.js";
-import { command, connect, connected, emergency, listen, lost, nowS, sections, takeControls, valuesAt } from "./link.js";
+import { fixed, forPerson, language, languages, loadRare, said, t } from "./texts.js";
+import { command, connect, connected, emergency, listen, lost, nowS, sections, silence, takeControls, valuesAt } from "./link.js";
 import { draft, draw, fit, insideOf, load, mark, onPlace, showLayer, shownLayer, showRobot, zoom } from "./map.js";
 import { addCorner, drawingBar, know, renderPlan, showChoices, startPlan } from "./plan.js";
 import { renderResults, reportSince, showRuns, startResults } from "./results.js";
@@ -456,5 +456,6 @@ startResults({ notice, maySteer, know: (names) => { know(names); showTab("plan")
 addEventListener("hashchange", () => showTab(location.hash.slice(1)));
 showTab(location.hash.slice(1));
 listen(render);
+listen(function first(names) { if (names.size) { silence(first); loadRare().then(render); } });
 setInterval(() => { const now = stale() || String(lost()); if (now === wasStale) renderLink(); else { wasStale = now; render(); } }, 1000);
 connect();

@@ -29,6 +29,7 @@ export function fillTexts() {
 }
 
 // Sentences that come from elsewhere: a language has their English forms, with {} for what varies, and its own words.
+// Rare ones come after the first view.
 const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
 const rulesOf = (sentences) => Object.entries(sentences).map(([form, words]) => {
   const [template, kind] = form.split("@");
@@ -37,8 +38,14 @@ const rulesOf = (sentences) => Object.entries(sentences).map(([form, words]) => 
   return { pattern: new RegExp(`^${template.split("{}").map(escaped).join(any)}$`), words, kind, length: form.length };
 }).sort((one, other) => other.length - one.length);
 const decimal = (1.5).toLocaleString(language)[1];
-const rules = rulesOf(own.sentences);
-let known = new Map();
+let rules = rulesOf(own.sentences), known = new Map(), later = null;
+
+export async function loadRare() {
+  later ??= fetch(`page/${language}.rare.json`).then((answer) => answer.json()).catch(() => null);
+  const rare = await later;
+  if (!rare) later = null;
+  else { rules = rulesOf({ ...own.sentences, ...rare }); forget(); }
+}
 
 // A sentence in the operator's language as far as it has words for it, part by part; the rest stays English.
 export function said(text) {
