@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 from soilmoist_ros.exploration import (
@@ -213,8 +214,8 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings) -> Mission
         stays=recommended, speed_mps=settings.motion.speed_mps, stop_overhead_s=settings.motion.stop_overhead_s,
         arrival_radius_m=number("arrival_radius_m"), return_margin_s=number("return_margin_s"),
         cancel_limit_s=CANCEL_LIMIT_S, silence_limit_s=number("records_old_s") or SILENCE_S,
-        until_sd=number("until_sd"),
-        until_gain=number("until_gain"), until=wanted(parameters),
+        until_sd=number("until_sd"), until_gain=number("until_gain"), until=wanted(parameters),
+        antenna_m=math.hypot(number("antenna_x_m"), number("antenna_y_m")),
     )  # fmt: skip
     return person_rules(rules) if parameters.text("navigator") == PERSON else rules
 

@@ -298,8 +298,8 @@ class _Step:
         if state.phase not in (Phase.COUNTING, Phase.PLANNING) or counting is None or counting.since_s is None:
             return
         away_m = math.dist((record.x_m, record.y_m), (counting.x_m, counting.y_m))
-        # not if its place is NaN
-        if began_s < counting.since_s or not away_m <= self.rules.reach_m(self.target.stop, self.noise_at_stop_m):
+        there_m = self.rules.reach_m(self.target.stop, self.noise_at_stop_m) + self.rules.antenna_m
+        if began_s < counting.since_s or not away_m <= there_m:  # not if its place is NaN
             return
         reason = self.counting_reason() if counting.silent else self.state.reason
         counting = replace(

@@ -124,6 +124,7 @@ class MissionRules:
         ends then. ``until_sd`` only ends the mission
     :param by_person: a person carries the sensor: who stands at another place than the target measures there, and
         who leaves a stop ends its visit; neither is a failure
+    :param antenna_m: distance from the robot's place to the antenna, where its records lie [m]
     :raises ValueError: if a value is out of its range
     """
 
@@ -155,6 +156,7 @@ class MissionRules:
     until_gain: float = 0.0
     until: Aim | None = None
     by_person: bool = False
+    antenna_m: float = 0.0
 
     def __post_init__(self) -> None:
         above_zero = {

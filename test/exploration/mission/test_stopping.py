@@ -172,6 +172,12 @@ def test_a_stop_with_near_neighbours_is_reached_by_driving(at_m, sd_m, there):
         assert driver.mission.state.counting.records == 1, "what was counted at the neighbour is none of this stop"
 
 
+def test_records_at_an_antenna_count_for_the_stop_at_which_the_base_stands():
+    for antenna_m, records in ((1.6, 1), (0.0, 0)):
+        driver = Driver(antenna_m=antenna_m).counting(NEAR).record(place=(31.6, 0.0))
+        assert driver.mission.state.counting.records == records
+
+
 # Waits after failures
 
 
