@@ -260,6 +260,10 @@ def test_the_page_speaks_german_and_remembers_when_it_is_to_speak_english(browse
     assert flawless(page)
     told = "Wächter: Sprung: die letzten 5 Positionen sind falsch: die neueste ist 7 m von dort, wo der Sensor"
     shows(page, "health", f"{told} sein kann (GNSS; off); unter freiem Himmel warten")
+    served.board.put(
+        "mission/r1", UNDER_WAY | {"reason": "the Route Server has gone away", "phase": "paused", "paused": True}
+    )
+    shows(page, "reason", "der Route Server ist verschwunden")  # of the file that comes later
     page.locator("#language").select_option("en")
     shows(page, "headline", "Paused")
     page.reload()
