@@ -119,8 +119,3 @@ def test_every_dependency_is_a_key_of_rosdep_or_can_be_left_out():
     assert asked - keys == set()
     by_pip = {name.lower() for name in pip_names()} - {"numpy", "pydantic", "shapely"}  # newer ones than Ubuntu's
     assert by_pip <= set(WITHOUT_A_KEY.split())
-
-
-def test_the_keys_of_optional_packages_do_not_break_rosdep():
-    """Packages below interfaces/ are no keys of rosdep, and rosdep does not search inside this package."""
-    assert rosdep_keys() & set(OPTIONAL) == set()

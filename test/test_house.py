@@ -44,6 +44,7 @@ def test_each_room_has_a_door(folder):
     assert module.__doc__
     for name in module.__all__:
         assert getattr(module, name) is not None
+    assert dir(module) == module.__all__
     source = Path(module.__file__).read_text()
     typed = [
         f"{node.module.removeprefix(folder + '.')} {alias.name}"

@@ -59,15 +59,17 @@ def test_one_of_several_days_is_chosen_and_none_is_averaged_in_silence(calibrate
 
 
 @pytest.mark.parametrize(
-    ("days", "named"),
+    ("name", "days", "named"),
     [
-        (("17.01.2014 12:00", "5.2.2014"), ["2014-01-17", "2014-02-05"]),
-        (("1/17/2014", "2/5/2014"), ["1/17/2014", "2/5/2014"]),
-        (("22-Oct", "23-Oct"), ["22-Oct", "23-Oct"]),
+        ("Datum", ("17.01.2014 12:00", "5.2.2014"), ["2014-01-17", "2014-02-05"]),
+        ("Datum", ("1/17/2014", "2/5/2014"), ["1/17/2014", "2/5/2014"]),
+        ("Datum", ("22-Oct", "23-Oct"), ["22-Oct", "23-Oct"]),
+        ("Zeitpunkt", ("04.07.15 9:30", "8.2.2016"), ["2015-07-04", "2016-02-08"]),
+        ("Sampling Date", ("2015-07-04", "2016-02-08"), ["2015-07-04", "2016-02-08"]),
     ],
 )
-def test_days_in_other_notations(calibrate, days, named):
-    (error,) = calibrate(two_days(days=days).replace("date,", "Datum,", 1))["errors"]
+def test_days_in_other_notations(calibrate, name, days, named):
+    (error,) = calibrate(two_days(days=days).replace("date,", f"{name},", 1))["errors"]
     assert all(f"{day} (12 cores)" in error["message"] for day in named)
     assert calibrate(two_days(days=days), "--date", days[1])["days"] == [named[1]]
 

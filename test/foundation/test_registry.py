@@ -104,37 +104,10 @@ def test_a_name_is_added_at_run_time_once(shapes: Registry[int], install: Instal
         shapes.add("triangle", 4)
 
 
-# Names of a package that are imported when they are first used --------------------------------------------------
+# Extras ----------------------------------------------------------------------------------------------------------
 
 ROOT = Path(__file__).resolve().parents[2]
 COMES_WITH = {"markupsafe": "jinja2"}
-
-INIT = """from typing import TYPE_CHECKING
-from soilmoist_ros.foundation.registry import open_door
-if TYPE_CHECKING:
-    from {name}.heavy import answer as answer
-__getattr__, __dir__, __all__ = open_door(__name__, {{"heavy": "answer"}})
-"""
-
-
-@pytest.fixture
-def package(tmp_path, monkeypatch):
-    name = "a_lazy_package"
-    (tmp_path / name).mkdir()
-    (tmp_path / name / "__init__.py").write_text(INIT.format(name=name))
-    (tmp_path / name / "heavy.py").write_text("answer = 42\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    yield name
-    for module in [module for module in sys.modules if module.startswith(name)]:
-        del sys.modules[module]
-
-
-def test_a_name_is_imported_when_it_is_used(package):
-    module = __import__(package)
-    assert f"{package}.heavy" not in sys.modules
-    assert module.answer == 42
-    assert f"{package}.heavy" in sys.modules
-    assert dir(module) == module.__all__ == ["answer"]
 
 
 def test_extras_are_those_of_the_package():

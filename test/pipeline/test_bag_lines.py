@@ -134,21 +134,3 @@ def test_topics_are_found_or_must_be_named(tmp_path):
     with BagReader(path) as bag, pytest.raises(InputError, match="several topics") as error:
         logger_topic(bag)
     assert "--logger-topic: /one, /two" in str(error.value)
-
-
-@pytest.mark.slow
-def test_which_of_two_receivers_must_be_named(survey, tmp_path):
-    fixes, _ = read_positions(survey / "survey.nmea")
-    path = write(
-        tmp_path / "two.bag",
-        [(f"/{name}/fix", fixes[0].stamp_s, position(fixes[0])) for name in ("front", "rear")],
-    )
-    with BagReader(path) as bag:
-        with pytest.raises(InputError, match="several topics with positions"):
-            fix_topic(bag)
-        (found,), problems = read_fixes(bag, fix_topic(bag, "/rear/fix"))
-        assert found.position.latitude_deg == pytest.approx(fixes[0].position.latitude_deg, abs=1e-12)
-        assert (found.stamp_s, found.status) == (fixes[0].stamp_s, fixes[0].status)
-        assert [str(one) for one in problems] == [
-            "the positions are those of /rear/fix; not used: /front/fix -> choose with --fix-topic"
-        ]

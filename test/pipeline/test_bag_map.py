@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rosbags.highlevel import AnyReader
+from copied_bags import STORE, copy_bag
+from earlier_folders import MAY_S, records, run_folder
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap
@@ -29,7 +29,6 @@ from soilmoist_ros.pipeline.properties import ReplayedProperty
 from soilmoist_ros.pipeline.run import FailedRun, NoMapError, NoteCode
 from soilmoist_ros.recording import CONFIGURATION, RECEIVED, BagReader, BagWriter, MapRecords, write_parameters
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.stored_records import write_records
 from soilmoist_ros.reporting.outputs import write_failed
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import CountRecord
@@ -41,8 +40,6 @@ CASES = {
     "two_robots": {"robot1": {"counts_topic": "/robot1/counts"}, "robot2": {"counts_topic": "/robot2/counts"}},
 }  # fmt: skip
 REPLAYS = [(case, name) for case, replays in CASES.items() for name in replays]
-STORE = get_typestore(Stores.ROS2_JAZZY)
-TEXT = "std_msgs/msg/String"
 
 
 @pytest.fixture(scope="session")
@@ -56,30 +53,6 @@ def makers():
 
 def bands(soil_map):
     return {name: getattr(soil_map, name) for name in ("rate", "rate_sd", "vwc", "vwc_sd")}
-
-
-def copy_bag(source, target, keep=lambda topic, number: True, rename=lambda topic: topic, texts=(), **options):
-    """Copy a bag message by message with another writer, in its storage.
-
-    :param keep: which messages, by topic and number within the topic
-    :param texts: further messages at the end, each the name of its topic and its text
-    """
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with AnyReader([source]) as reader, Writer(target, version=9, **options) as writer:
-        topics = {
-            c.id: writer.add_connection(rename(c.topic), c.msgtype, typestore=reader.typestore)
-            for c in reader.connections
-        }
-        seen = dict.fromkeys(topics, 0)
-        for connection, stamp_ns, data in reader.messages():
-            number = seen[connection.id]
-            seen[connection.id] += 1
-            if keep(connection.topic, number):
-                writer.write(topics[connection.id], stamp_ns, data)
-        further = {name: writer.add_connection(name, TEXT, typestore=STORE) for name in dict(texts)}
-        for name, text in texts:
-            writer.write(further[name], stamp_ns, STORE.serialize_cdr(STORE.types[TEXT](text), TEXT))
-    return target
 
 
 def with_files(case, **changes):
@@ -182,7 +155,7 @@ def test_doubts_about_the_place_give_the_map_of_the_mapper(tmp_path):
     ]  # fmt: skip
     bag = copy_bag(
         GOLDEN / "one_stop" / "bag", tmp_path / "bag", texts=[(topic, doubt.to_text()) for doubt in doubts],
-        storage_plugin=StoragePlugin.MCAP,
+        mcap=True,
     )  # fmt: skip
     replay = replay_bag(bag, with_files("one_stop"))
     live = MapRecords(FieldMap(FieldGrid.from_polygon([(-500, -500), (500, -500), (500, 500), (-500, 500)], 50.0)))
@@ -253,8 +226,8 @@ def test_other_corrections_need_the_raw_lines(edited_site):
 @pytest.mark.slow
 def test_topics_of_another_namespace_are_found_where_there_is_one_robot(tmp_path):
     """Records that were remapped into a separate namespace."""
-    rename = lambda topic: "/sensor/counts" if topic == "/counts" else topic  # noqa: E731
-    bag = copy_bag(GOLDEN / "one_stop" / "bag", tmp_path / "bag", rename=rename)
+    names = lambda topic: ["/sensor/counts" if topic == "/counts" else topic]  # noqa: E731
+    bag = copy_bag(GOLDEN / "one_stop" / "bag", tmp_path / "bag", names=names)
     assert replay_bag(bag, with_files("one_stop")).comparisons == replay_bag(GOLDEN / "one_stop").comparisons
 
 
@@ -262,7 +235,7 @@ def test_topics_of_another_namespace_are_found_where_there_is_one_robot(tmp_path
 def test_the_robot_s_own_records_are_meant_where_another_sensor_s_are_below(tmp_path):
     bag = copy_bag(
         GOLDEN / "two_robots" / "bag", tmp_path / "bag",
-        rename=lambda topic: topic.replace("/robot1/", "/").replace("/robot2/", "/compaction/"),
+        names=lambda topic: [topic.replace("/robot1/", "/").replace("/robot2/", "/compaction/")],
     )  # fmt: skip
     for given, meant in (("counts", "/robot1/counts"), ("/compaction/counts", "/robot2/counts")):
         own = replay_bag(bag, with_files("two_robots", counts_topic=given)).run.track
@@ -311,7 +284,7 @@ def silent(tmp_path_factory):
     run = tmp_path_factory.mktemp("silent")
     shutil.copytree(GOLDEN / "drive_and_stop" / "configuration", run / "configuration")
     bag = GOLDEN / "drive_and_stop" / "bag"
-    copy_bag(bag, run / "bag", lambda topic, _: topic != "/counts", storage_plugin=StoragePlugin.MCAP)
+    copy_bag(bag, run / "bag", lambda topic, _: topic != "/counts", mcap=True)
     return run
 
 
@@ -366,18 +339,7 @@ def test_faults_that_nodes_reported_are_counted_errors_first(tmp_path):
 @pytest.fixture
 def may(tmp_path):
     """The output folder of an earlier survey of a simulated field, which names its property."""
-    rng = np.random.default_rng(1)
-    xy = rng.uniform((0, 0), (60, 50), (20, 2)).tolist()
-    records = [
-        CountRecord(1.7e9 + 10 * i, x, y, 0.0, int(rng.poisson(40)), 10.0, 10.0) for i, (x, y) in enumerate(xy)
-    ]
-    folder = tmp_path / "may"
-    folder.mkdir()
-    datum = {"latitude_deg": 53.268, "longitude_deg": -0.5245}
-    about = {"datum": datum, "properties": [{"name": "smooth"}], "simulated": False}
-    (folder / "summary.json").write_text(json.dumps(about))
-    write_records(folder / "records.csv", records)
-    return folder
+    return run_folder(tmp_path / "may", records(1, MAY_S), properties=[{"name": "smooth"}])
 
 
 def test_a_replay_has_the_earlier_runs_of_the_robot_unless_it_is_given_others(tmp_path, may):

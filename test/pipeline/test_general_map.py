@@ -40,14 +40,6 @@ def test_a_site_with_n0_or_without_a_known_sensor_stays_as_it_is(logs):
         assert with_general_calibration(site, survey_air(logs, PLACE)) is site
 
 
-def test_a_known_sensor_gives_a_calibration_with_parts(logs):
-    site = with_general_calibration(without(STATION, sensor_sensitivity=0.83), survey_air(logs, PLACE))
-    assert site.calibration.method == "general"
-    assert site.soil.bulk_density_gcm3 == STATION.soil.bulk_density_gcm3
-    assert site.calibration.n0_cps == pytest.approx(STATION.calibration.n0_cps, rel=0.03)
-    assert {part.name for part in site.calibration.parts} >= {"general N0", "sensitivity", "intensity", "biomass"}
-
-
 def test_without_a_pressure_the_message_says_what_to_give(logs):
     records = tuple(replace(record, pressure_hpa=math.nan) for record in logs[0].records)
     nowhere = Site.model_validate({"sensor_sensitivity": 1, "corrections": {"pressure": None}})

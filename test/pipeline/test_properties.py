@@ -11,8 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import StoragePlugin, Writer
+from copied_bags import copy_bag
 
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping.field import load_field
@@ -29,28 +28,15 @@ TWICE = ("/counts", "/samples", "/soil_map")
 def run_with(tmp_path):
     """Make a run with these properties in its planner; its bag repeats the counts as counts of salt."""
 
-    def make(properties, mapper=True, mission=True):
+    def make(properties, mapper=True):
         run = tmp_path / "run"
         shutil.copytree(GOLDEN / CONFIGURATION, run / CONFIGURATION)
         had = {name: read_parameters(run / CONFIGURATION, name) for name in ("planner", "mapper")}
         write_parameters(run, "planner", {**had["planner"], "properties": properties})
         if mapper:
             write_parameters(run, "salt/mapper", {**had["mapper"], "fit": "soft_l1"})
-        with (
-            AnyReader([GOLDEN / "bag"]) as reader,
-            Writer(run / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer,
-        ):
-
-            def add(name, connection):
-                return writer.add_connection(name, connection.msgtype, typestore=reader.typestore)
-
-            connections = [one for one in reader.connections if mission or one.topic != "/mission"]
-            topics = {one.id: [add(one.topic, one)] for one in connections}
-            for one in connections:
-                topics[one.id] += [add(f"/salt{one.topic}", one)] if one.topic in TWICE else []
-            for connection, stamp_ns, data in reader.messages(connections):
-                for topic in topics[connection.id]:
-                    writer.write(topic, stamp_ns, data)
+        twice = lambda topic: [topic, f"/salt{topic}"] if topic in TWICE else [topic]  # noqa: E731
+        copy_bag(GOLDEN / "bag", run / "bag", names=twice, mcap=True)
         return run
 
     return make

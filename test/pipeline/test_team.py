@@ -10,14 +10,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import StoragePlugin, Writer
+from copied_bags import copy_bag
 
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters, write_parameters
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden" / "drive_and_stop"
 ROBOTS = ("robot_1", "robot_2")
+
+
+def names(topic):
+    if topic in ("/samples", "/soil_map"):
+        return [topic]
+    return [f"/{robot}{topic}" for robot in ROBOTS] if topic in ("/counts", "/mission") else []
+
+
+def every_second(name, number):
+    return not name.endswith("/counts") or name == f"/{ROBOTS[number % 2]}/counts"
 
 
 @pytest.fixture
@@ -32,28 +41,7 @@ def run_of(tmp_path):
         write_parameters(run, "mapper", {**had["mapper"], "others": others})
         for number, robot in enumerate(ROBOTS):
             write_parameters(run, f"{robot}/planner", {**had["planner"], "seed": number, "target": "vwc"})
-        with (
-            AnyReader([GOLDEN / "bag"]) as reader,
-            Writer(run / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer,
-        ):
-            kept = [
-                one for one in reader.connections if one.topic in ("/counts", "/mission", "/samples", "/soil_map")
-            ]
-            topics = {}
-            for one in kept:
-                shared = one.topic in ("/samples", "/soil_map")
-                names = [one.topic] if shared else [f"/{robot}{one.topic}" for robot in ROBOTS]
-                topics[one.id] = [
-                    writer.add_connection(name, one.msgtype, typestore=reader.typestore) for name in names
-                ]
-            records = 0
-            for connection, stamp_ns, data in reader.messages(kept):
-                targets = topics[connection.id]
-                if connection.topic == "/counts":
-                    targets = [targets[records % 2]]
-                    records += 1
-                for topic in targets:
-                    writer.write(topic, stamp_ns, data)
+        copy_bag(GOLDEN / "bag", run / "bag", every_second, names, mcap=True)
         return run
 
     return make
@@ -87,25 +75,8 @@ def test_a_replay_of_one_robot_has_the_records_of_another_that_its_mapper_heard(
     run = tmp_path / "run"
     shutil.copytree(GOLDEN / CONFIGURATION, run / CONFIGURATION)
     write_parameters(run, "mapper", {**read_parameters(run / CONFIGURATION, "mapper"), "others": list(ROBOTS)})
-    with (
-        AnyReader([GOLDEN / "bag"]) as reader,
-        Writer(run / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer,
-    ):
-        kept = {one.topic: one for one in reader.connections if one.topic in ("/counts", "/samples", "/soil_map")}
-        added = {
-            name: writer.add_connection(name, kept[of].msgtype, typestore=reader.typestore)
-            for name, of in (
-                ("/robot_1/counts", "/counts"), ("/robot_2/counts", "/counts"), ("/robot_1/samples", "/samples"),
-                ("/robot_1/soil_map", "/soil_map"),
-            )
-        }  # fmt: skip
-        found = list(reader.messages([kept["/counts"]]))
-        end_ns = found[-1][1]
-        for number, (_, stamp_ns, data) in enumerate(found):
-            writer.write(added[f"/{ROBOTS[number % 2]}/counts"], stamp_ns, data)
-        for topic in ("/samples", "/soil_map"):
-            *_, (_, stamp_ns, data) = reader.messages([kept[topic]])
-            writer.write(added[f"/robot_1{topic}"], max(stamp_ns, end_ns), data)
+    heard = lambda topic: names(topic) if topic == "/counts" else [f"/robot_1{one}" for one in names(topic)]  # noqa: E731
+    copy_bag(GOLDEN / "bag", run / "bag", every_second, heard, mcap=True)
     replay = replay_bag(run, ReplaySettings(counts_topic="/robot_1/counts"))
-    assert len(replay.run.track) == len(found)
+    assert len(replay.run.track) == len(replay_bag(GOLDEN).run.track)
     assert re.search("bit for bit|rounding", replay.comparisons[0]), replay.comparisons

@@ -16,11 +16,10 @@ from soilmoist_ros.sensing.moisture.combined import (
     GENERAL_SD,
     N0Source,
     combine_n0,
-    combined_calibration,
     difference_sd,
     earlier_source,
 )
-from soilmoist_ros.sensing.moisture.site import Calibration, N0Estimate, Site, UncertaintyPart
+from soilmoist_ros.sensing.moisture.site import Site, UncertaintyPart
 
 SDS = st.floats(0.002, 0.3)
 RATES = st.floats(0.2, 5.0)
@@ -63,28 +62,6 @@ def test_many_good_cores_are_the_result():
     assert difference_sd(cores, N0Source("", 1.0, 0.06)) == pytest.approx(1.585, abs=0.01)
 
 
-def test_parts_of_the_combined_calibration_add_up_to_its_error():
-    part = {"unit": "counts/s", "origin": "literature"}
-    prior = Calibration(
-        n0_cps=1.0, n0_sd_cps=0.05, method="general",
-        parts=[
-            UncertaintyPart(name="general N0", value=1.0, sd=0.04, share=0.04, **part),
-            UncertaintyPart(name="sensitivity", value=1.0, sd=0.03, share=0.03, **part),
-            UncertaintyPart(name="bulk density", value=1.3, sd=0.1, **part),
-        ],
-    )  # fmt: skip
-    cores = N0Estimate(1.1, 0.05, 0.03, 0.04)
-    sources = [N0Source("cores", 1.1, 0.05 / 1.1), N0Source("general", 1.0, 0.05), N0Source("earlier", 1.05, 0.08)]
-    alone = Calibration(n0_cps=1.1, n0_sd_cps=0.05, date="2026-05-01", note="3 soil cores")
-    result, both = combined_calibration(alone, cores, sources, prior, assumed=True)
-    shares = [one.share for one in result.parts if not math.isnan(one.share)]
-    assert math.hypot(*shares) == pytest.approx(both.sd)
-    assert result.n0_sd_cps == pytest.approx(both.sd * both.n0_cps, rel=1e-3)
-    assert (result.method, result.date) == ("combined", "2026-05-01")
-    origins = [one.source for one in result.parts if one.name == "cores"]
-    assert origins == ["measured, ± assumed", "given"]
-
-
 HERE = {"latitude_deg": 52.0, "longitude_deg": 13.0, "altitude_m": 50}
 FILE = Path("before.yaml")
 
@@ -93,16 +70,10 @@ def site(n0_cps=1.0, place=HERE, **calibration):
     return Site(location=place, calibration={"n0_cps": n0_cps, **calibration})
 
 
-def test_another_day_here_and_another_site():
-    again = earlier_source(site(n0_sd_cps=0.02, date="2025-04-01"), FILE, site(), ["2026-05-01"], None)
-    assert again == ("earlier day", 1.0, pytest.approx(math.hypot(0.02, DAY_SD)), 0.0)
-    far = site(n0_sd_cps=0.02, place={**HERE, "latitude_deg": 51.0})
-    there = earlier_source(far, FILE, site(), [], lambda: 1.2)
-    assert there.n0_cps == pytest.approx(1.2)
-    assert there.sd == pytest.approx(math.hypot(0.02, GENERAL_SD, GENERAL_SD))
+def test_of_a_combined_calibration_before_only_its_cores_count():
     cores = UncertaintyPart(name="cores", value=1.2, unit="counts/s", sd=0.06, origin="measured", share=0.03)
     both = earlier_source(site(n0_sd_cps=0.02, method="combined", parts=[cores]), FILE, site(), [], None)
-    assert (both.n0_cps, both.sd) == (1.2, pytest.approx(math.hypot(0.05, DAY_SD)))  # without its prior
+    assert (both.n0_cps, both.sd) == (1.2, pytest.approx(math.hypot(0.05, DAY_SD)))
 
 
 @pytest.mark.parametrize(

@@ -50,23 +50,6 @@ def test_gravimetric_cores_take_a_density_from_the_core_or_the_site(read):
         read(text)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("vwc,distance_m\n0.2,5\n0.2,\n", "only 1 of 2 cores have a distance"),
-        ("vwc,depth_cm\n0.2,5\n0.2,\n", "only 1 of 2 cores have a depth"),
-        ("vwc,profile,distance_m\n0.2,a,5\n0.2,a,50\n", "profile a have different distances"),
-        ("vwc,top_cm\n0.2,5\n", "needs one depth"),
-        ("vwc,top_cm,bottom_cm\n0.2,5,5\n", "not below the top"),
-        ("vwc,depth_cm,top_cm,bottom_cm\n0.2,2.5,,\n0.2,,0,5\n", "some cores have a thickness"),
-        ("vwc,distance_m\n0.2,900\n", "outside 0 to 600"),
-    ],
-)
-def test_cores_that_cannot_be_weighed_are_refused(read, text, message):
-    with pytest.raises(InputError, match=message):
-        read(text)
-
-
 def test_the_revised_mean_agrees_with_an_independent_implementation():
     rng = np.random.default_rng(3)
     distances_m, depths_cm = np.array([1.0, 8.0, 40.0, 90.0, 250.0]), np.array([2.5, 7.5, 15.0, 25.0])
@@ -107,14 +90,6 @@ def test_a_thick_core_weighs_as_its_slices_and_the_thickness_does_not_change_its
     assert mean_of_cores(layers).vwc == pytest.approx(mean_of_cores(slices).vwc, abs=1e-6)
 
 
-def test_a_shielded_probe_sees_the_near_cores():
-    cores = [SoilCore(0.30, 1.4, distance_m=5.0), SoilCore(0.10, 1.4, distance_m=60.0)]
-    bare = mean_of_cores(cores, "revised", Footprint(0.2)).vwc
-    shielded = mean_of_cores(cores, "revised", Footprint(0.2, shield_radius_m=10.0)).vwc
-    assert 0.295 < shielded < 0.30
-    assert shielded > bare + 0.01
-
-
 @settings(max_examples=15)
 @given(
     st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 300), st.floats(0, 60)), min_size=1, max_size=8),
@@ -132,6 +107,13 @@ def test_the_mean_lies_between_the_cores(rows, weighting, radius_m):
 @pytest.mark.parametrize(
     ("text", "where", "message"),
     [
+        ("vwc,distance_m\n0.2,5\n0.2,\n", (3, ""), "only 1 of 2 cores have a distance"),
+        ("vwc,depth_cm\n0.2,5\n0.2,\n", (3, ""), "only 1 of 2 cores have a depth"),
+        ("vwc,profile,distance_m\n0.2,a,5\n0.2,a,50\n", (0, ""), "profile a have different distances"),
+        ("vwc,top_cm\n0.2,5\n", (2, "top_cm"), "needs one depth"),
+        ("vwc,top_cm,bottom_cm\n0.2,5,5\n", (2, "bottom_cm"), "not below the top"),
+        ("vwc,depth_cm,top_cm,bottom_cm\n0.2,2.5,,\n0.2,,0,5\n", (0, ""), "some cores have a thickness"),
+        ("vwc,distance_m\n0.2,900\n", (2, "distance_m"), "outside 0 to 600"),
         ("vwc_percent\n0.28\n0.31\n", (0, "vwc_percent"), "more than 0.0031 m3/m3 of water -> .* column vwc"),
         ("gravimetric_percent,bulk_density_gcm3\n0.2,1.4\n", (0, "gravimetric_percent"), "gravimetric_water if"),
         ("vwc,bulk_density_kgm3\n0.2,1.4\n", (2, "bulk_density_kgm3"), "1.4 is 0.0014 in the unit of bulk_"),
@@ -140,7 +122,7 @@ def test_the_mean_lies_between_the_cores(rows, weighting, radius_m):
         ("profile,vwc,distance_m\na,0.2,5\nmean,0.2,\n", (3, ""), "leave out rows that are no cores"),
     ],
 )  # fmt: skip
-def test_values_in_another_unit_are_named_as_written(read, text, where, message):
+def test_cores_that_cannot_be_weighed_or_have_another_unit_are_named(read, text, where, message):
     with pytest.raises(InputError, match=message) as caught:
         read(text)
     assert [(mistake.line, mistake.column) for mistake in caught.value.mistakes] == [where]
@@ -162,19 +144,10 @@ def test_lines_of_a_spreadsheet_before_the_header_are_no_header(read):
         ("vwc,gravimetric_water,bulk_density_gcm3\n0.28,0.2,1.4\n0.10,0.19,1.4\n", NOT_USED.format(2)),
         ("vwc,vwc_note,soil_moisture\n0.2,x,21\n", "columns that are not used: vwc_note, soil_moisture"),
         ("vwc,gravimetric_water\n0.2,-99\n0.2,n/a\n", NOT_USED.format(1)),
+        ("vwc,organic_carbon\n0.2,1.5\n",
+         "columns that are not used: organic_carbon\n"
+         "lattice and organic water come from 'soil' in the site file, not from organic_carbon"),
     ],
 )  # fmt: skip
 def test_what_decides_the_moisture_is_said(table, text, note):
-    assert table(text, 1.4 if text.startswith("grav") else None).notes == (note,)
-
-
-@pytest.mark.parametrize(
-    ("name", "first", "second"),
-    [("Sampling Date", "2015-07-04", "2016-02-08"), ("Zeitpunkt", "04.07.15 9:30", "8.2.2016")],
-)
-def test_days_are_known_by_their_dates_whatever_the_column_is_called(table, name, first, second):
-    assert table("vwc,Datum\n0.2,2023-11-01\n").days == ("2023-11-01",)
-    with pytest.raises(InputError, match=r"of 2 days: 2015-07-04 \(1 cores\), 2016-02-08 \(1 cores\)"):
-        table(f"{name},vwc,id\n{first},0.2,1.5-2\n{second},0.4,3-4\n")
-    carbon = table("vwc,organic_carbon\n0.2,1.5\n").notes
-    assert "lattice and organic water come from 'soil' in the site file, not from organic_carbon" in carbon
+    assert table(text, 1.4 if text.startswith("grav") else None).notes == tuple(note.split("\n"))

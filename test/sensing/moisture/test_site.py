@@ -9,7 +9,7 @@ import pytest
 from crnpy import crnpy
 from pydantic import ValidationError
 
-from soilmoist_ros.foundation import InputError, config_folder, resource_names
+from soilmoist_ros.foundation import InputError, config_folder
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 from soilmoist_ros.sensing.moisture.site import (
     Calibration,
@@ -21,13 +21,6 @@ from soilmoist_ros.sensing.moisture.site import (
     write_calibration,
     write_site_values,
 )
-
-
-def test_every_shipped_site_is_valid():
-    names = resource_names("sites")
-    assert names
-    for name in names:
-        load_site(config_folder() / "sites" / f"{name}.yaml")
 
 
 def test_all_mistakes_are_named_at_once_with_line_key_and_suggestion(tmp_path):
