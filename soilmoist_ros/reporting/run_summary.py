@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.simulation import MappedProperty, MissionResult, MissionSettings
 
 TRAVEL = ("speed_mps", "stop_overhead_s")
-GONE_TRAVEL = {"turn_s_per_rad": None, "overhead_counted": None}  # readers of earlier versions look for them
 """Motion of a robot as the planner has learned it."""
+GONE_TRAVEL = {"turn_s_per_rad": None, "overhead_counted": None}  # readers of earlier versions look for them
 SCHEMA = 1
 """Version of the keys; rises when one is renamed or removed."""
 
