@@ -80,8 +80,9 @@ setup(
         "bags": [*BAGS],
         # Real ROS 2 Jazzy for laptops and CI (x86_64 only) with recordings; a robot has ROS from apt.
         "ros": [*BAGS, "ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
-        # Campaigns with tables and reports.
-        "campaign": ["pandas>=2.2", "jinja2>=3.1"],
+        # Campaigns with tables and reports; the routes of adaptive_sampling and lattice,
+        # by PyVRP, whose data classes change between versions.
+        "campaign": ["pandas>=2.2", "jinja2>=3.1", "pyvrp>=0.14,<0.15"],
         # The operator's page.
         "console": ["aiohttp>=3.9", "segno>=1.5"],
         # `colcon test` starts pytest for packages with an extra of this name.

@@ -81,7 +81,7 @@ def test_nothing_is_installed_in_vain():
     }
 
 
-WITHOUT_A_KEY = "pykrige pyogrio mcap rosbags lz4 zstandard pandas"
+WITHOUT_A_KEY = "pykrige pyvrp pyogrio mcap rosbags lz4 zstandard pandas"
 """Imports that rosdep cannot install: pip does on a robot, and the nodes but the recorder do without."""
 WITHOUT = f"""
 import importlib, sys

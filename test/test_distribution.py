@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.process]
 
 MAX_INSTALLED_BYTES = 250e6
 """Without what Python compiles later."""
-HEAVY = {"aiohttp", "jinja2", "matplotlib", "mcap", "pandas", "pyproj", "rasterio"}
+HEAVY = {"aiohttp", "jinja2", "matplotlib", "mcap", "pandas", "pyproj", "pyvrp", "rasterio"}
 REMEDY = "pip install 'soilmoist_ros[reports]'"
 
 
@@ -105,7 +105,12 @@ def test_a_survey_is_mapped_and_a_mission_simulated_from_installed_files_only(cl
 
 
 @pytest.mark.parametrize(
-    ("command", "extra"), [(["bag", "info", "bag"], "bags"), (["campaign", "paper", "--out", "out"], "campaign")]
+    ("command", "extra"),
+    [
+        (["bag", "info", "bag"], "bags"),
+        (["campaign", "paper", "--out", "out"], "campaign"),
+        (["simulate", "--field", "patches", "--strategy", "lattice", "--out", "out"], "campaign"),
+    ],
 )
 def test_what_needs_an_extra_says_so(clean, tmp_path, command, extra):
     done = run(clean[0] / "soilmoist", *command, cwd=tmp_path, code=2)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 EXTRAS = {
     **dict.fromkeys(("jinja2", "markupsafe", "matplotlib", "pyogrio", "pyproj", "rasterio"), "reports"),
     **dict.fromkeys(("lz4", "mcap", "rosbags", "zstandard"), "bags"),
-    "pandas": "campaign",
+    **dict.fromkeys(("pandas", "pyvrp"), "campaign"),
     **dict.fromkeys(("aiohttp", "segno"), "console"),
 }
 """Extra of this package that installs a module."""

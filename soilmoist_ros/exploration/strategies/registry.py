@@ -11,6 +11,7 @@ from typing import Any
 
 from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour
 from soilmoist_ros.exploration.strategies.lattice import Lattice
+from soilmoist_ros.exploration.strategies.route import require_solver
 from soilmoist_ros.exploration.strategies.strategy import (
     PRESETS,
     AdaptiveSampling,
@@ -40,6 +41,14 @@ class StrategyKind:
     is_baseline: bool = False  # whether others are compared with it: reports show its maps last
 
 
+def _with_solver(strategy: Callable[[Preset], Strategy]) -> Callable[[Preset], Strategy]:
+    def made(preset: Preset) -> Strategy:
+        require_solver()
+        return strategy(preset)
+
+    return made
+
+
 BUILT_IN = {
     "greedy": StrategyKind(
         Greedy, "Greedy", "Goes where the map is most uncertain, however far that is.", decides=False,
@@ -48,18 +57,19 @@ BUILT_IN = {
         MonteCarlo, "Monte Carlo", "Draws a place; uncertain ones come more often.", decides=False,
     ),
     "adaptive_sampling": StrategyKind(
-        AdaptiveSampling, "Adaptive sampling", "Drives tours through the most uncertain places.", decides=False,
+        _with_solver(AdaptiveSampling), "Adaptive sampling", "Drives tours through the most uncertain places.",
+        decides=False,
     ),
     "random": StrategyKind(
         Random, "Random", "Goes to any place; for comparisons.", needs_map=False, whole_map=False,
         warm_up_stops=0, is_baseline=True, decides=False,
     ),
     "lattice": StrategyKind(
-        lambda _: Lattice(), "Lattice", "Evenly spread stops, planned once for the whole time.",
+        _with_solver(lambda _: Lattice()), "Lattice", "Evenly spread stops, planned once for the whole time.",
         needs_map=False, whole_map=False, warm_up_stops=0, is_baseline=True, decides=False,
     ),
     "two_pass": StrategyKind(
-        lambda _: Lattice((0.25, 1.0)), "Two lattices",
+        _with_solver(lambda _: Lattice((0.25, 1.0))), "Two lattices",
         "Evenly spread stops, coarse in the first quarter of the time, then between them.",
         needs_map=False, whole_map=False, warm_up_stops=0, is_baseline=True, decides=False,
     ),
@@ -108,7 +118,7 @@ def make_strategy(
 
     :param given: one of :data:`STRATEGIES`, or as :func:`strategy_kind` takes it
     :param preset: one of :data:`PRESETS`, or constants of one's own
-    :raises InputError: for an unknown name
+    :raises InputError: for an unknown name, or if the strategy plans routes and PyVRP is not installed
 
     >>> make_strategy("gcb")
     CostBenefitTour(begun_s=None, ahead=())

@@ -4,21 +4,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import squared_distances
+from soilmoist_ros.foundation import InputError, install, is_installed, squared_distances
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 EXACT_UP_TO = 8  # maximum number of targets of which all orders are compared
-MAX_SEARCHED = 7500  # number of targets times iterations, to limit the time for hundreds of targets
 ITERATIONS = 50  # iterations of the search for more targets; a number, not a time, to make runs repeatable
 
 
@@ -42,8 +41,8 @@ def open_route(
     """Shortest route that starts at the robot, visits every target and does not return.
 
     Exact for up to :data:`EXACT_UP_TO` targets. For more, the nearest-neighbour route or the given order, which
-    may be that of an earlier tour, is :func:`shortened`, and a search improves it for a number of iterations. The
-    result is never worse than the nearest-neighbour route; equal seeds, equal routes.
+    may be that of an earlier tour, is :func:`shortened`, and PyVRP, if it is installed, improves it for a fixed
+    number of iterations. The result is never worse than the nearest-neighbour route; equal seeds, equal routes.
 
     Times [s] from the robot, shape (k,), and from row to column, shape (k, k), may be inf, and need not be
     symmetric. The service time at each target changes the arrivals, but not the shortest order.
@@ -63,8 +62,9 @@ def open_route(
         return float(_legs(order, cost[0], cost[1:]).sum())
 
     first = min(nearest, np.arange(count), key=length)
-    first = first[shortened(cost[0][first], cost[1:][np.ix_(first, first)])]
-    found = _search(length, cost, first, rng, iterations)
+    found = first = first[shortened(cost[0][first], cost[1:][np.ix_(first, first)])]
+    if is_installed("pyvrp"):  # without it, a mission that has begun goes on
+        found = _search(cost[0], cost[1:], first, int(rng.integers(2**31)), iterations)
     return timed_route(min(nearest, found, key=length), start, between, service_s)
 
 
@@ -137,6 +137,15 @@ def shortened(from_start_s: Array, between_s: Array) -> Indices:
     return path[1:-1] - 1
 
 
+def require_solver() -> None:
+    """Check that PyVRP is there, before a mission starts that needs it.
+
+    :raises InputError: if not
+    """
+    if not is_installed("pyvrp"):
+        raise InputError("planning a route of many stops needs PyVRP, which is not installed", install("campaign"))
+
+
 def _legs(order: Indices, from_start_s: Array, between_s: Array) -> Array:
     return np.concatenate([from_start_s[order[:1]], between_s[order[:-1], order[1:]]])
 
@@ -153,21 +162,29 @@ def _orders(count: int) -> Indices:
     return np.array(list(permutations(range(count))), np.intp)
 
 
-def _search(
-    length: Callable[[Indices], float], cost: Array, first: Indices, rng: np.random.Generator, iterations: int
-) -> Indices:
-    """Route by iterated local search: two neighbouring pieces change places, and the route is shortened again.
+def _search(start: Array, between: Array, first: Indices, seed: int, iterations: int) -> Indices:
+    """Route by PyVRP's iterated local search: one vehicle, and a way home that costs nothing."""
+    import pyvrp
+    from pyvrp.stop import MaxIterations
 
-    Martin, Otto and Felten (1991), Complex Systems 5:299-326. Up to 120 places spread in the plane, 50 iterations
-    led to routes as long, within 0.2 %, as those of PyVRP.
-    """
-    best, count = first, len(first)
-    for _ in range(min(iterations, MAX_SEARCHED // count)):
-        a, b, c = np.sort(rng.choice(count + 1, 3, replace=False))
-        order = np.concatenate([best[:a], best[b:c], best[a:b], best[c:]])
-        order = order[shortened(cost[0][order], cost[1:][np.ix_(order, order)])]
-        best = min(best, order, key=length)
-    return best
+    size = len(start) + 1
+    scale = 1e7 / max(float(start.max()), float(between.max()), 1e-9)
+    times: Any = np.zeros((size, size), np.int64)
+    times[0, 1:] = np.rint(start * scale)
+    times[1:, 1:] = np.rint(between * scale)
+    np.fill_diagonal(times, 0)
+    data = pyvrp.ProblemData(
+        [pyvrp.Location(0, 0) for _ in range(size)],
+        [pyvrp.Client(location=number) for number in range(1, size)],
+        [pyvrp.Depot(location=0)],
+        [pyvrp.VehicleType()],
+        [times],
+        [times * 0],
+    )
+    begin = pyvrp.Solution(data, [[int(index) for index in first]])
+    result = pyvrp.solve(data, MaxIterations(iterations), seed, False, False, initial_solution=begin)
+    route = result.best.routes()[0]
+    return np.array([activity.idx for activity in route if activity.is_client()], np.intp)
 
 
 # Stops spread over a field: k-means of its cells, each with a mass that attracts stops --------------------------
