@@ -26,6 +26,7 @@ KINDS = {
     ("services", "request"): "client",
 }
 ANY = "/*"
+OF_EACH_ROBOT = ("counts", "quarantined_counts", "place_doubts", "mission_state")
 FIELD = {"field": "smooth"}
 PLANNERS = (
     {"navigator": "goto_node"},
@@ -142,8 +143,10 @@ def test_robots_get_enclaves_of_their_own_and_see_each_others_mission(load_scrip
     assert "/r1/salt/mapper/save" in kinds["client"]
     assert not any(name.startswith("/r2") for name in kinds["publisher"] | kinds["service"] | kinds["client"])
     assert "/topological_map_2" in kinds["subscriber"], "the map of the navigation is outside the namespaces"
-    of_mapper = permitted(next(enclaves["/soilmoist/r1/mapper"].iter("profile")))["subscriber"]
-    assert {"/r1/counts", "/r2/counts", "/r2/quarantined_counts", "/r2/mission_state"} <= of_mapper
+    mapper = permitted(next(enclaves["/soilmoist/r1/mapper"].iter("profile")))
+    of_robots = {f"{robot}/{topic}" for robot in ("/r1", "/r2") for topic in OF_EACH_ROBOT}
+    assert mapper["subscriber"] == of_robots, "what the mapper of a team hears, and nothing else"
+    assert not any("held" in name or "missed" in name for name in mapper["publisher"])
     of_salt = permitted(next(enclaves["/soilmoist/r1/salt/mapper"].iter("profile")))["subscriber"]
     assert {"/r1/salt/counts", "/r1/mission_state"} <= of_salt
     assert "/r2/counts" not in of_salt
