@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records of counts for the tests of maps."""
 
+import numpy as np
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.records import NAN, CountRecord
@@ -21,4 +22,12 @@ def record(x_m=10.0, y_m=20.0, **changes):
 def drive(count, step_m=(6.0, 0.0), start=(5.0, 20.0)):
     return [
         record(start[0] + i * step_m[0], start[1] + i * step_m[1], stamp_s=100.0 + 10.0 * i) for i in range(count)
+    ]
+
+
+def scattered(n=8):
+    rng = np.random.default_rng(5)
+    places = rng.uniform((2, 2), (58, 48), (n, 2)).astype(np.float32).tolist()
+    return [
+        CountRecord(1.78e9 + i, x, y, 30.0, int(rng.poisson(400)), 100.0, 95.0) for i, (x, y) in enumerate(places)
     ]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from count_records import scattered
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, Skip, Variogram, make_soil_map
 from soilmoist_ros.pipeline.field_survey import _footprint, make_run, open_survey
@@ -16,14 +17,6 @@ from soilmoist_ros.recording.stored_records import read_earlier
 from soilmoist_ros.reporting import summary, write_outputs
 from soilmoist_ros.sensing import CalibrationCurve, CountRecord, Footprint, Site
 from soilmoist_ros.sensing.records import NAN
-
-
-def records(n=8):
-    rng = np.random.default_rng(5)
-    places = rng.uniform((2, 2), (58, 48), (n, 2)).astype(np.float32).tolist()
-    return [
-        CountRecord(1.78e9 + i, x, y, 30.0, int(rng.poisson(400)), 100.0, 95.0) for i, (x, y) in enumerate(places)
-    ]
 
 
 def filled(many, **options):
@@ -36,7 +29,7 @@ def filled(many, **options):
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
     folder = tmp_path_factory.mktemp("saved")
-    survey = filled([*records(), CountRecord(1.78e9, NAN, NAN, NAN, 400, 100.0, 95.0)], simulated=True)
+    survey = filled([*scattered(), CountRecord(1.78e9, NAN, NAN, NAN, 400, 100.0, 95.0)], simulated=True)
     survey.map.skip(Skip.UNREADABLE, "too short")
     return survey, folder, write_outputs(folder, survey.run(survey.map.snapshot()))
 
@@ -65,7 +58,7 @@ def test_a_map_that_starts_from_what_was_saved_is_the_same(saved):
 
 def test_without_a_site_there_is_a_rate_map():
     survey = open_survey("example")
-    for record in records():
+    for record in scattered():
         survey.map.add(record)
     run = survey.run(survey.map.snapshot())
     assert run.title == "Neutron count rate map"
@@ -111,7 +104,7 @@ def test_covariates_from_texts_inform_the_map_and_are_inputs(tmp_path):
     place = Affine(1, 0, -10, 0, -1, 60)
     with rasterio.open(tmp_path / "image.tif", "w", crs=frame.crs.to_wkt(), transform=place, **about) as file:
         file.write(np.random.default_rng(1).normal(size=(70, 80)) + np.arange(80.0), 1)
-    related = [replace(one, raw_counts=round(300 + 8 * one.x_m)) for one in records(40)]
+    related = [replace(one, raw_counts=round(300 + 8 * one.x_m)) for one in scattered(40)]
     survey = filled(related, covariates=[f"{tmp_path / 'image.tif'}:1"], cell_m=4.0)
     run = survey.run(survey.map.snapshot())
     assert [effect.name for effect in run.soil_map.fit.prior.effects] == ["image 1"]

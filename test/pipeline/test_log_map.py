@@ -31,12 +31,6 @@ def settings(survey, **changes):
     return MapSettings(**{**files, **changes})
 
 
-def test_a_file_of_positions_without_a_fix_is_refused(survey, tmp_path):
-    (tmp_path / "none.nmea").write_text("$GPGGA,120000.00,,,,,0,00,,,M,,M,,*4B\r\n" * 3)
-    with pytest.raises(InputError, match=r"none.nmea: has no position in 1 epochs: GGA quality 0: no fix \(1\)"):
-        map_logs([survey / "survey.log"], settings(survey, nmea=(tmp_path / "none.nmea",)))
-
-
 @pytest.mark.slow
 def test_bad_counts_are_listed_and_not_mapped(survey, tmp_path):
     wild = [{"tube": tube, "nth": 20, "counts": 100_000} for tube in range(1, 13)]

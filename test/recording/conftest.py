@@ -2,13 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures of the tests with bags."""
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from bags import Sample, fill
 
 from soilmoist_ros.recording.bag.writer import BagWriter

@@ -26,9 +26,10 @@ from soilmoist_ros.exploration import Command, Mission, MissionJournal, MissionR
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap
-from soilmoist_ros.recording import RECEIVED, TEAM_S, MapRecords, map_sources
+from soilmoist_ros.recording import RECEIVED, START, TEAM_S, MapRecords, map_sources
 from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
 from soilmoist_ros.recording.map_sources import DRIVER, SESSION, MapSources, RecordLog, RecordTail, open_session
+from soilmoist_ros.sensing.position.place_doubt import Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import CountRecord
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=10.0)
@@ -330,3 +331,37 @@ def test_a_log_that_is_closed_writes_what_waits(tmp_path, monkeypatch, caplog):
         log.write(published(1, seed=2))
     log.close()
     assert "1 records are lost" in caplog.text
+
+
+# Doubts about the places of several robots, and the records of logs, which do not say whose they are ------------
+
+
+def of_robot(robot, number):
+    return CountRecord(1.78e9 + 10 * number + 0.1 * robot, float(robot), float(number), 0.0, 40, 10.0, 10.0)
+
+
+@pytest.mark.parametrize("source", ["/records/robot_1", START])
+@pytest.mark.parametrize("doubt_first", [True, False])
+@pytest.mark.parametrize(
+    ("outcome", "doubted"),
+    [
+        (DoubtOutcome.OPEN, True),
+        (DoubtOutcome.LOST, True),
+        (DoubtOutcome.RETURNED, True),
+        (DoubtOutcome.CONFIRMED, False),
+    ],
+)
+def test_records_of_which_nobody_says_whose_they_are_are_doubted_with_any_robot(
+    source, doubt_first, outcome, doubted
+):
+    """As those of the log of another robot's driver, and those of its own when it starts again."""
+    records = MapRecords(FieldMap(GRID), TEAM_S)
+    there = (1.0, 15.0) if outcome is DoubtOutcome.CONFIRMED else (7.0, 7.0)
+    doubt = Doubt(1.78e9 + 100.0, 1.78e9 + 200.0, outcome, *there)
+    if doubt_first:
+        records.doubt(doubt, "/robot_2")
+    records.take(source, [of_robot(1, number) for number in (0, 15)])
+    records.doubt(doubt, "/robot_2")
+    found = records.map.track
+    assert [each.quarantine for each in found] == ["", "place_doubt" * doubted]
+    assert [each.x_m for each in found] == [1.0, 1.0], "the place of another robot is not known"

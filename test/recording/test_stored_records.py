@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from count_records import scattered
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording import COLUMNS, RECORDS, Journal, read_earlier, read_records, write_records
 from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, CountRecord
@@ -75,14 +76,6 @@ def test_a_damaged_table_is_refused_with_the_line(tmp_path, change, message):
         csv.field_size_limit(limit)
 
 
-def earlier(n=8):
-    rng = np.random.default_rng(5)
-    places = rng.uniform((2, 2), (58, 48), (n, 2)).astype(np.float32).tolist()
-    return [
-        CountRecord(1.78e9 + i, x, y, 30.0, int(rng.poisson(400)), 100.0, 95.0) for i, (x, y) in enumerate(places)
-    ]
-
-
 def write_bag(folder, many):
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         topic = writer.add_connection("/counts", CLOUD, typestore=STORE)
@@ -94,10 +87,10 @@ def write_bag(folder, many):
 
 
 def test_records_come_from_a_table_or_a_bag(tmp_path):
-    write_records(tmp_path / RECORDS, earlier())
-    write_bag(tmp_path / "bag", earlier())
+    write_records(tmp_path / RECORDS, scattered())
+    write_bag(tmp_path / "bag", scattered())
     for source in (tmp_path, tmp_path / "bag"):
-        assert read_earlier(source) == earlier()
+        assert read_earlier(source) == scattered()
     with pytest.raises(InputError, match=r"no topic '/salt/counts'.*/counts "):
         read_earlier(tmp_path / "bag", "salt")
 

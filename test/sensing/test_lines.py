@@ -47,7 +47,7 @@ def test_a_reader_returns_the_lines_of_its_thread_and_stops():
         while len(lines) < 3 and time.monotonic() < deadline:
             lines += reader.take(2)
         reader.stop()
-    assert lines == [b"a", b"b", b"c"]
+    assert lines[:3] == [b"a", b"b", b"c"]  # the server repeats its last script
     assert len(called) >= 3
     assert reader.status.state is LinkState.CLOSED
     assert not [thread for thread in threading.enumerate() if thread.name == "line reader"]
