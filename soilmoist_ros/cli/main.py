@@ -35,6 +35,7 @@ COMMANDS = {
 }
 """Subcommands with the first sentence of their help."""
 _PLAY = "play recordings with soilmoist bag play"
+_RAW = "soilmoist map corrects the lines in a bag anew, with these options but --source"
 RENAMED = {
     "--variogram": "use --model", "--also": "use --property FIELD[:WEIGHT]",
     "--also-weight": "use --property FIELD:WEIGHT", "--overhead": "use --stop-overhead",
@@ -44,7 +45,11 @@ RENAMED = {
     "--formats": "soilmoist list exports shows the formats", "--step": "a GIS draws contours from map.tif",
     **dict.fromkeys(("--learn-travel", "--no-learn-travel"), "the planner always learns from the legs driven"),
     **dict.fromkeys(("--survey-days", "--pattern-days"), "surveys are a week apart"),
-    "--real-speed": "use --speed",
+    "--real-speed": "use --speed", "--turn": "turns are part of the travel times that the planner learns",
+    "--stop-cost": "--min-dwell makes stops longer and fewer",
+    **dict.fromkeys(("--source", "--logger-topic", "--fix-topic", "--gnss-shift"), _RAW),
+    "--property": "replay maps all properties, or that of --counts-topic; watch shows the mission alone",
+    **dict.fromkeys(("--zones", "--root-depth"), "management zones are those of the report"),
     "--reference": "maps allow for a change during a survey by themselves",
     **dict.fromkeys(("--exact", "--workers"), "of more than 2000 samples, neighbours are pooled"),
     "--scheduler": "maps pool neighbours; for a campaign, docs/campaigns.md says how several computers share it",

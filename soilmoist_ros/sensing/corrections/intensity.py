@@ -206,10 +206,12 @@ def read_neutron_monitor(path: Path, station: str = "", max_gap_s: float = MAX_G
                 raise InputError(what, _EXPECTED, path)
             head[key] = value
             continue
-        if "start_date_time" in line:
-            head["DATA TYPE"] = head.get("DATA TYPE") or line.partition("start_date_time")[2].strip(" ;,")
         cells = [cell.strip() for cell in re.split("[;,]", line)]
         if line.startswith("#") or not cells[0][:1].isdigit():
+            if "start_date_time" in line or len(cells) == 2:  # a header names the station or the data type
+                name = (re.split(r'[;,\s"]+', line.rstrip(' ;,"\r\n')))[-1]
+                key = "STATION" if name.upper() in MONITORS else "DATA TYPE"
+                head[key] = head.get(key) or name
             continue
         if (stamp_s := _stamp(cells[0])) is None:
             remedy = "write times as 2018-05-01 14:00 (UTC), as in an export from nmdb.eu"

@@ -7,7 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from soilmoist_ros.foundation import Section, did_you_mean
 from soilmoist_ros.sensing.corrections.factors import (
@@ -74,7 +74,11 @@ class HumidityCorrection(Section):
     """Absolute humidity at which the factor is 1 [g/m^3]."""
 
 
-def _monitor_code(code: str) -> str:
+def _monitor_code(code: Any) -> str | None:
+    if code is None:
+        return None
+    if not isinstance(code, str):
+        raise ValueError("a monitor is given by its code in the database NMDB alone, such as JUNG")
     if code.upper() not in MONITORS:
         known = ", ".join(MONITORS)
         raise ValueError(f"there is no monitor {code!r} among {known}{did_you_mean(code.upper(), list(MONITORS))}")
@@ -90,7 +94,7 @@ class IntensityCorrection(Section):
     """One rate C for the whole survey, in the unit of the reference."""
     file: Path | None = None
     """Rates C in time, as exported from nmdb.eu; a relative path starts at the site file."""
-    monitor: Annotated[str, AfterValidator(_monitor_code)] | None = None
+    monitor: Annotated[str | None, BeforeValidator(_monitor_code)] = None
     """Code of the neutron monitor in the database NMDB, such as JUNG."""
     scaling: Scaling = "none"
     """Conversion of a change at the monitor into one at the site: none, hawdon2014 or mcjannet2023."""
@@ -116,6 +120,13 @@ class BiomassCorrection(Section):
     destructive sampling, Springer); or give the dry biomass."""
     dry_kgm2: NotNegative | None = None
     """Dry biomass [kg/m^2]."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_fresh(cls, values: Any) -> Any:
+        if isinstance(values, dict) and "fresh_kgm2" in values:
+            raise ValueError("'fresh_kgm2' is gone: give water_equivalent_kgm2, fresh - 0.506 dry biomass, alone")
+        return values
 
     @model_validator(mode="after")
     def _consistent(self) -> BiomassCorrection:

@@ -452,7 +452,8 @@ def _no_sentence(lines: Sequence[bytes]) -> tuple[str, str]:
             return f"has no NMEA sentence, but {what}", remedy
     return (
         "has no NMEA sentence with a correct checksum",
-        "give the text that the GNSS receiver sent, with lines such as $GPGGA,...*hh",
+        "give the text that the GNSS receiver sent, with lines such as $GPGGA,...*hh, GPX, or a CSV file that "
+        "begins with time,lat,lon,alt",
     )
 
 

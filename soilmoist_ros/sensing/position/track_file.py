@@ -50,12 +50,13 @@ def read_positions(path: Path | str, log_s: tuple[float, float] | None = None) -
     if _RTKLIB.search(text):
         raise InputError("is a solution of RTKLIB, which is not read", _TABLE, path)
     first = next((line for line in text.splitlines() if line.strip() and not line.startswith("sep=")), "")
-    if (header := re.sub(r"\s", "", first.lower())) in _HEADERS:
+    if (header := re.sub(r'[\s"]', "", first.lower())) in _HEADERS:
         return _read_table(path, lines, len(header.split(",")))
-    names = [name.strip() for name in re.split("[;\t,]", first)]
+    names = [name.strip(' "') for name in re.split("[;\t,]", first)]
     named = all(re.fullmatch(r"[^<>{}$*\d][^<>{}$*]{0,60}", name) for name in names if name)
     if "$" not in text and named and len(names) > 1:
-        raise InputError(f"is a table with the columns {', '.join(names)[:200]}", _TABLE, path)
+        apart = "" if "," in first else ", which no commas separate"
+        raise InputError(f"is a table with the columns {', '.join(names)[:200]}{apart}", _TABLE, path)
     return parse_nmea(lines, path, log_s)
 
 

@@ -21,7 +21,7 @@ from soilmoist_ros.sensing.corrections.factors import (
     f_road,
 )
 from soilmoist_ros.sensing.corrections.intensity import cutoff_rigidity_gv
-from soilmoist_ros.sensing.corrections.settings import BiomassCorrection
+from soilmoist_ros.sensing.corrections.settings import BiomassCorrection, IntensityCorrection
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.survey.correction import correct_record
 
@@ -93,6 +93,10 @@ def test_biomass_agrees_with_an_independent_implementation():
     found = BiomassCorrection(water_equivalent_kgm2=water)
     assert f_biomass(*found.used) == pytest.approx(crnpy.correction_bwe(1.0, water, r2_N0=6.4 / 1210), rel=1e-14)
     assert f_biomass(*BiomassCorrection(dry_kgm2=2.0).used) == pytest.approx(1 / (1 - 0.018))
+    with pytest.raises(ValueError, match=r"fresh - 0\.506 dry"):  # water of the table above: 6 - 0.506 * 1.5
+        BiomassCorrection.model_validate({"dry_kgm2": 1.5, "fresh_kgm2": 6.0})
+    with pytest.raises(ValueError, match=r"by its code .* such as JUNG"):
+        IntensityCorrection.model_validate({"reference": 150.0, "constant": 150.0, "monitor": {"name": "JUNG"}})
 
 
 @pytest.mark.parametrize("distance_m", [0.0, 2.0, 12.0])

@@ -122,6 +122,8 @@ def test_a_plain_table_of_time_and_rate(tmp_path) -> None:
     assert list(read_neutron_monitor(write(tmp_path, "time,rate\n2018-05-01,150\n")).rate) == [150.0]
     with pytest.raises(InputError, match="is of the station JUNG, not of OULU"):
         read_neutron_monitor(write(tmp_path, HEAD + ROWS), "OULU")
+    with pytest.raises(InputError, match="is of the station JUNG, not of OULU"):
+        read_neutron_monitor(write(tmp_path, '"time","JUNG"\n2018-05-01,150\n'), "OULU")
 
 
 def test_gaps_are_bridged_up_to_their_limit() -> None:
@@ -150,6 +152,7 @@ def test_gaps_are_bridged_up_to_their_limit() -> None:
         ("2018-05-01 12:00;150,25\n", "1: the row has 3 fields, not time and rate: .* export one station"),
         (HEAD + ROWS + HEAD.replace("JUNG", "OULU") + ROWS, "has the stations JUNG and OULU"),
         ("start_date_time   RUNCORR\n2018-05-01 12:00:00;130.0\n", "the data type RUNCORR -> export the rates"),
+        ("time,UNCORR\n2018-05-01 12:00,130\n", "the data type UNCORR -> export the rates"),
         (HEAD.replace("RCORR_E\n", "JUNG  OULU\n") + "2018-05-01 12:00:00;150.0;100.0\n", "has 3 fields"),
         (HEAD + "2018-05-01 12:00:00; -1.007\n", "-1.007' is not a positive number"),
     ],

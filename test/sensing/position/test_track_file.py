@@ -15,6 +15,7 @@ FILES = {
     'lat="53.268" lon="-0.5245"><ele>31.5</ele><time>2026-05-14T09:00:00Z</time></trkpt></trkseg></trk></gpx>',
     "csv": "sep=,\ntime,lat,lon,alt\n2026-05-14T09:00:00Z,53.268,-0.5245,31.5\n",
     "another zone": "Time, Lat, Lon, Alt\n2026-05-14T11:00:00+02:00, 53.268, -0.5245, 31.5\n",
+    "quotes": '"time","lat","lon","alt"\n"2026-05-14T09:00:00Z","53.268","-0.5245",31.5\n',
     "0 to 360": "time,lat,lon,alt\n1778749200,53.268,359.4755,31.5\n",
     "nanoseconds": "time,lat,lon,alt\n1778749200000000000,53.268,-0.5245,31.5\n",
 }
@@ -57,6 +58,8 @@ def test_times_without_a_zone_are_said_once_and_rows_without_a_place_are_no_fix(
         ("<gpx></gpx>", "without points"),
         ("<gpx><trk>", "damaged GPX"),
         ("<kml></kml>", "KML"),
+        ("by me\ntime,lat,lon\n1778749200,53.2,-0.5\n", "no NMEA .* CSV file that begins with time,lat"),
+        ("time;lat;lon\n1778749200;53.2;-0.5\n", "columns time, lat, lon, which no commas separate"),
         ("<TrainingCenterDatabase></TrainingCenterDatabase>", "TCX"),
         *(
             (text, "is a table with the columns .* -> give NMEA or GPX, or a CSV file with the columns")
