@@ -33,18 +33,18 @@ def work():
     wrote([Path("map.tif")])
 
 
-def test_people_read_lines_and_progress_goes_to_standard_error():
-    result = run(work)
-    assert result.stdout == "rate       3.2\nwarning    dry\nwrote map.tif\n"
-    assert result.stderr == "... working\n"
-
-
 def test_progress_without_a_terminal_is_a_line_per_tenth(capsys):
     with progress_bar() as progress:
         for done in range(101):
             progress("100 missions", done / 100)
     tenths = [f"... 100 missions: {done} %" for done in range(10, 100, 10)]
     assert capsys.readouterr().err.splitlines() == ["... 100 missions", *tenths]
+
+
+def test_people_read_lines_and_progress_goes_to_standard_error_and_quiet_leaves_warnings():
+    result, quiet = run(work), run(work, "--quiet")
+    assert (result.stdout, result.stderr) == ("rate       3.2\nwarning    dry\nwrote map.tif\n", "... working\n")
+    assert (quiet.stdout, quiet.stderr) == ("", "warning    dry\n")
 
 
 def test_programs_read_one_json_object_and_nothing_else_on_standard_output():
@@ -54,11 +54,6 @@ def test_programs_read_one_json_object_and_nothing_else_on_standard_output():
         "written": ["map.tif"],
     }  # fmt: skip
     assert result.stderr == "... working\nrate       3.2\nwarning    dry\nwrote map.tif\n"
-
-
-def test_quiet_leaves_warnings_and_errors():
-    result = run(work, "--quiet")
-    assert (result.stdout, result.stderr) == ("", "warning    dry\n")
 
 
 @pytest.mark.parametrize(

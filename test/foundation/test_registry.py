@@ -7,6 +7,7 @@ from __future__ import annotations
 import logging
 import re
 import sys
+import threading
 from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
@@ -16,6 +17,7 @@ from typing import Any
 import pytest
 import setuptools  # noqa: F401 - before distutils, which Python 3.12 no longer has
 
+from soilmoist_ros.foundation import Batches
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.registry import EXTRAS, Registry, is_installed, optional_module
 
@@ -130,3 +132,69 @@ def test_a_module_of_no_extra_is_a_fault_of_the_installation():
     assert find_spec("soilmoist_absent") is None
     with pytest.raises(ModuleNotFoundError, match="soilmoist_absent"):
         optional_module("soilmoist_absent")
+
+
+# A thread that handles what arrives in batches (workers.py) ------------------------------------------------------
+
+
+LIMIT_S = 30.0
+
+
+def test_items_that_wait_are_one_batch_in_the_order_of_arrival():
+    begun, go_on, batches = threading.Event(), threading.Event(), []
+
+    def handle(batch):
+        batches.append(list(batch))
+        begun.set()
+        go_on.wait(LIMIT_S)
+
+    thread = Batches(handle, "test", max_items=3)
+    thread.put(1)
+    assert begun.wait(LIMIT_S)
+    for item in range(2, 7):
+        thread.put(item)
+    go_on.set()
+    thread.close()
+    assert batches == [[1], [2, 3, 4]]
+    assert thread.lost == 2
+    thread.close()
+
+
+def test_a_batch_that_fails_does_not_end_the_thread():
+    handled = []
+
+    def handle(batch):
+        if batch == ["bad"]:
+            failed.set()
+            raise RuntimeError("bad item")
+        handled.extend(batch)
+        done.set()
+
+    failed, done = threading.Event(), threading.Event()
+    thread = Batches(handle, "test")
+    thread.put("bad")
+    assert failed.wait(LIMIT_S)
+    thread.put("good")
+    assert done.wait(LIMIT_S)
+    thread.close()
+    assert handled == ["good"]
+
+
+def test_a_flush_waits_until_everything_is_handled():
+    begun, go_on, handled = threading.Event(), threading.Event(), []
+
+    def handle(batch):
+        begun.set()
+        go_on.wait(LIMIT_S)
+        handled.extend(batch)
+
+    thread = Batches(handle, "test")
+    assert thread.flush(0.0)
+    thread.put(1)
+    assert begun.wait(LIMIT_S)
+    thread.put(2)
+    assert not thread.flush(0.01)
+    go_on.set()
+    assert thread.flush(LIMIT_S)
+    assert handled == [1, 2]
+    thread.close()

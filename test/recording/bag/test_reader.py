@@ -2,20 +2,60 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags of all recorders are read: reader.py, storage.py and messages.py."""
 
+import errno
+import json
+import os
 import random
 import sqlite3
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import CLOUD, COUNTS, MODEL, NOTES, START_NS, STORE, cloud, make_topic, text_message, write_foreign
+from bags import (
+    CLOUD,
+    COUNTS,
+    MODEL,
+    NOTES,
+    PRESSURE,
+    START_NS,
+    STORE,
+    Sample,
+    cloud,
+    make_topic,
+    text_message,
+    write_foreign,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
 from mcap.writer import IndexType
 from numpy.lib.recfunctions import append_fields
+from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import get_types_from_msg, get_typestore
+from rosbags.typesys.stores import Stores
+from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording import BagReader, BagWriter, bag_info, count_records, points
-from soilmoist_ros.recording.bag.metadata import Definition, Extent, Topic
+from soilmoist_ros.recording import (
+    BagReader,
+    BagWriter,
+    Qos,
+    bag_info,
+    count_records,
+    find_definition,
+    points,
+    request_for,
+)
+from soilmoist_ros.recording.bag.metadata import (
+    INFINITE_NS,
+    Definition,
+    Extent,
+    Topic,
+    qos_from_yaml,
+    search_prefixes,
+    to_yaml,
+)
 
 
 def counts(number=2):
@@ -182,3 +222,190 @@ def test_what_is_no_bag_is_reported(tmp_path, path):
     with pytest.raises(InputError) as caught:
         BagReader(Path(tmp_path / path))
     assert caught.value.mistakes[0].remedy
+
+
+# What is written (writer.py) -------------------------------------------------------------------------------------
+
+
+HERE = str(Path(__file__).parents[1])
+
+
+def test_mcap_reads_what_was_written(bag):
+    with bag.path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        found = [(channel.topic, message.log_time, message.data) for _, channel, message in reader.iter_messages()]
+        assert found == bag.messages
+        assert all(m.publish_time == m.log_time - 1000 for _, _, m in reader.iter_messages())
+        summary = reader.get_summary()
+        assert {(c.topic, c.message_encoding) for c in summary.channels.values()} == {
+            (topic.name, "cdr") for topic in (MODEL, NOTES, PRESSURE)
+        }
+        assert {s.encoding for s in summary.schemas.values()} == {"ros2msg"}
+        for channel in summary.channels.values():
+            assert channel.metadata["topic_type_hash"].startswith("RIHS01_")
+            assert YAML(typ="safe").load(channel.metadata["offered_qos_profiles"])[0]["depth"] > 0
+
+
+def test_rosbags_reads_the_folder(bag):
+    with AnyReader([bag.folder]) as reader:
+        found = [(c.topic, time_ns, bytes(data)) for c, time_ns, data in reader.messages()]
+        assert found == bag.messages
+        assert reader.message_count == len(bag.messages)
+        offered = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
+    assert offered["/robot/model"].durability.name == "TRANSIENT_LOCAL"
+    assert offered["/pressure"].reliability.name == "BEST_EFFORT"
+
+
+def test_metadata_say_what_rosbag2_expects(bag):
+    text = (bag.folder / "metadata.yaml").read_text()
+    content = YAML(typ="safe").load(text)["rosbag2_bagfile_information"]
+    assert "&" not in text
+    assert (content["version"], content["storage_identifier"]) == (9, "mcap")
+    assert content["relative_file_paths"] == [bag.path.name]
+    assert content["message_count"] == len(bag.messages)
+    assert content["starting_time"]["nanoseconds_since_epoch"] == START_NS
+    assert content["duration"]["nanoseconds"] == (len(bag.messages) - 1) * 1_000_000_000
+    assert {t["topic_metadata"]["name"]: t["message_count"] for t in content["topics_with_message_count"]} == {
+        "/robot/model": 8,
+        "/notes": 8,
+        "/pressure": 8,
+    }
+    qos = content["topics_with_message_count"][0]["topic_metadata"]["offered_qos_profiles"][0]
+    assert qos["durability"] == "transient_local"
+    assert qos["deadline"] == {"sec": 9223372036, "nsec": 854775807}
+    with bag.path.open("rb") as file:
+        [record] = make_reader(file).iter_metadata()
+    assert record.name == "rosbag2"
+    assert YAML(typ="safe").load(record.metadata["serialized_metadata"]) == content
+
+
+def test_a_bag_without_messages_is_a_bag(tmp_path):
+    BagWriter(tmp_path / "empty").close()
+    with AnyReader([tmp_path / "empty"]) as reader:
+        assert reader.message_count == 0
+
+
+def test_a_full_disk_loses_nothing_once_it_has_space(tmp_path, monkeypatch):
+    # Every other write takes only a part, then the disk is full; then it has space again.
+    sample = Sample(tmp_path / "run")
+    writer = BagWriter(sample.folder)
+    real, calls = os.write, []
+
+    def nearly_full(descriptor, data):
+        calls.append(len(data))
+        if len(calls) % 2:
+            return real(descriptor, bytes(data[: 1 + len(data) // 3]))
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("soilmoist_ros.recording.bag.writer.os.write", nearly_full)
+    failures = 0
+    for number in range(20):
+        writer.write(NOTES, START_NS + number, START_NS, text_message(f"{number}" * 50))
+        sample.messages.append((NOTES.name, START_NS + number, text_message(f"{number}" * 50)))
+        try:
+            writer.flush()
+        except OSError:
+            failures += 1
+    monkeypatch.undo()
+    assert failures > 5
+    writer.close()
+    with AnyReader([sample.folder]) as reader:
+        assert [(c.topic, t, bytes(d)) for c, t, d in reader.messages()] == sample.messages
+
+
+# Quality of service and definitions of types (metadata.py) -------------------------------------------------------
+
+
+QOS = st.builds(
+    Qos, st.sampled_from(["keep_last", "keep_all", "system_default", "unknown"]), st.integers(0, 1000),
+    st.sampled_from(["reliable", "best_effort", "system_default", "unknown"]),
+    st.sampled_from(["volatile", "transient_local", "system_default", "unknown"]), st.integers(0, INFINITE_NS),
+    st.integers(0, INFINITE_NS), st.sampled_from(["automatic", "manual_by_topic", "system_default", "unknown"]),
+    st.integers(0, INFINITE_NS),
+)  # fmt: skip
+
+
+@pytest.mark.slow
+@given(st.lists(QOS, max_size=3))
+def test_quality_of_service_comes_back_as_it_was(offered):
+    assert qos_from_yaml(to_yaml([qos.to_dict() for qos in offered])) == tuple(offered)
+
+
+@given(st.lists(QOS, min_size=1, max_size=4))
+def test_a_request_is_one_that_every_publisher_can_meet(offered):
+    request = request_for(offered)
+    assert request.reliable == all(qos.reliability == "reliable" for qos in offered)
+    assert request.latched == all(qos.durability == "transient_local" for qos in offered)
+    assert request.depth >= max(qos.depth for qos in offered)
+
+
+LINE = "=" * 80
+
+
+@pytest.fixture
+def prefix(tmp_path):
+    def install(name, text, **type_hash):
+        package, kind = name.split("/")
+        path = tmp_path / "share" / package / "msg" / f"{kind}.msg"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        if type_hash:
+            hashes = [{"type_name": f"{package}/msg/{kind}", "hash_string": type_hash["type_hash"]}]
+            path.with_suffix(".json").write_text(json.dumps({"type_hashes": hashes}))
+
+    install("far_msgs/Point", "float64 x\nfloat64 y")
+    install("near_msgs/Part", "far_msgs/Point place # not far_msgs/Missing here\nstring<=10 name")
+    install(
+        "near_msgs/Whole",
+        "# near_msgs/Comment\nint8 A=1\nstring TEXT='far_msgs/No x'\nPart[<=3] parts\nPart[] again\n"
+        "bool[2] flags\nfar_msgs/Point[4] corners\nuint8 b 7",
+        type_hash="RIHS01_abc",
+    )
+    install("near_msgs/Broken", "Missing x")
+    return tmp_path
+
+
+def test_types_within_a_type_come_after_it_once(prefix):
+    definition = find_definition("near_msgs/msg/Whole", [prefix])
+    first, *rest = definition.text.split(f"\n{LINE}\n")
+    assert first.startswith("# near_msgs/Comment")
+    assert [part.splitlines()[0] for part in rest] == ["MSG: near_msgs/Part", "MSG: far_msgs/Point"]
+    assert definition.type_hash == "RIHS01_abc"
+    assert definition.encoding == "ros2msg"
+    assert "near_msgs/msg/Part" in get_types_from_msg(definition.text, "near_msgs/msg/Whole")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("near_msgs/msg/Nothing", "near_msgs/msg/Nothing is not installed"),
+        ("near_msgs/msg/Broken", "near_msgs/msg/Missing is not installed"),
+        ("near_msgs/srv/Trigger", "not the name of a message type"),
+        ("../msg/x", "not the name of a message type"),
+        ("String", "not the name of a message type"),
+    ],
+)
+def test_a_type_that_is_not_there_is_named(prefix, name, message):
+    with pytest.raises(InputError, match=message):
+        find_definition(name, [prefix])
+
+
+def test_the_environment_says_where_to_look(prefix, monkeypatch):
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{prefix}")
+    assert search_prefixes()[:2] == [type(prefix)("/nowhere"), prefix]
+    assert find_definition("far_msgs/msg/Point").text == "float64 x\nfloat64 y"
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["sensor_msgs/msg/PointCloud2", "nav_msgs/msg/OccupancyGrid", "diagnostic_msgs/msg/DiagnosticArray",
+     "visualization_msgs/msg/MarkerArray", "action_msgs/msg/GoalStatusArray", "rcl_interfaces/msg/ParameterEvent"],
+)  # fmt: skip
+def test_installed_types_have_the_hash_of_their_definition(name):
+    # rosbags computes the hash from the definition; ROS stores it next to the definition.
+    pytest.importorskip(name.split("/")[0])
+    definition = find_definition(name)
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition.text, name))
+    assert store.hash_rihs01(name) == definition.type_hash == STORE.hash_rihs01(name)
