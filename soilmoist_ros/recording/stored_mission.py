@@ -88,6 +88,8 @@ class StoredMission:
             self.journal = Journal.open(folder)
             mark.write(ended=False)
             self._mark = mark
+        # entries are missing: nobody knows whether a goal is open
+        self.left_driving |= self.mission is None and not found.complete
         self.problems = found.problems
         waits = self.mission is not None and self.mission.state.waits_for_people
         trusted = found.complete and not waits

@@ -46,6 +46,18 @@ def test_after_a_crash_the_mission_goes_on_by_itself(tmp_path, resume):
     assert (again.resumes, again.starts) == (True, False)
 
 
+def test_a_damaged_snapshot_forgets_no_mission_but_the_first(tmp_path):
+    run(tmp_path, (*ABORTED, Moved(30.0, 0.0, 0.0), Moved(60.0, 0.0, 0.0), Command(61.0, Verb.START)))
+    (tmp_path / "snapshot.json").write_bytes(b"{")
+    again = start(tmp_path)
+    assert again.mission is not None
+    assert (again.resumes, again.starts) == (False, False), "entries are missing: people decide"
+    assert again.mission.state.goal is not None, "the robot may be driving"
+    (tmp_path / ENTRIES).write_bytes((tmp_path / ENTRIES).read_bytes().partition(b"\n")[0] + b"\n")
+    again = start(tmp_path)
+    assert (again.mission, again.left_driving) == (None, True), "it is stopped, whatever it does"
+
+
 @pytest.mark.parametrize("resume", ["ask", "auto"])
 def test_a_pause_that_a_full_disk_refused_is_kept_by_people_after_a_crash(tmp_path, monkeypatch, resume):
     def refuse(*_):

@@ -75,6 +75,8 @@ class MissionJournal:
             self._write(mission)
         if isinstance(event, Command) and event.verb is Verb.START and not mission.state.under_way:
             self._try(lambda journal: journal.turn_over(mission.snapshot()))  # a season's journal stays small
+            if (place := mission.state.position) is not None:  # without it, these entries alone start nothing
+                self._append(event_to_dict(Moved(event.now_s, *place, sd_m=mission.state.position_sd_m)))
         due_s = mission.next_deadline_s if isinstance(event, Tick) else event.now_s
         if due_s is not None and due_s <= event.now_s:
             self._append(event_to_dict(event))
