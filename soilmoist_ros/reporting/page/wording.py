@@ -350,8 +350,8 @@ def _on_model(run: MapRun) -> Iterator[Note]:
     if at_one_place(run):
         yield Note(
             NoteCode.ONE_PLACE,
-            "All records lie at one place: the value is their mean over the whole time, which --from and --to "
-            "choose, and no map of the surroundings.",
+            "All records lie at one place: the value is their mean over the whole time, and no map of the "
+            "surroundings. With soilmoist map, --from and --to choose a part of a log.",
         )
         return
     if run.blurred:
