@@ -230,6 +230,8 @@ def test_many_cores_outweigh_the_general_calibration_and_one_does_not(calibrate,
     assert sum(share**2 for share in shares) ** 0.5 == pytest.approx(saved.n0_sd_cps / saved.n0_cps, rel=1e-3)
     one = calibrate(cores_of(0.25, 1), site=site, counts=1800)
     assert any("assumption" in text for text in one["warnings"])
+    parts = {part.name: part.source for part in load_site(tmp_path / "site.yaml").calibration.parts}
+    assert parts["cores"] == "measured, ± assumed"
     assert one["weight_of_cores"] < both["weight_of_cores"]
     assert one["level_vwc_sd"] < one["level_vwc_sd_before"]
 
@@ -247,6 +249,8 @@ def test_an_earlier_day_at_this_site_sharpens_and_the_same_day_is_refused(calibr
     later = "date,vwc\n2026-05-02,0.24\n2026-05-02,0.27\n2026-05-02,0.26\n"
     alone, both = calibrate(later, counts=2500), calibrate(later, "--earlier", before, counts=2500)
     assert both["n0_cps"] == pytest.approx(alone["n0_cps"], rel=1e-4)
+    parts = load_site(tmp_path / "site.yaml").calibration.parts
+    assert [part.source for part in parts if part.name == "cores"] == ["measured", "given"]
     of_day = alone["n0_sd_cps"] / alone["n0_cps"]
     assert both["n0_sd_cps"] / both["n0_cps"] == pytest.approx((of_day**2 + DAY_SD**2) ** 0.5 / 2**0.5, rel=0.01)
     (error,) = calibrate(later.replace("2026", "2025"), "--earlier", before)["errors"]
