@@ -238,16 +238,6 @@ def test_what_is_not_in_the_sum_is_named(make_run, the_map):
     assert set(NAMES) <= set(REMEDIES), "every part has a remedy"
 
 
-def test_more_counting_lowers_a_place_at_least_as_promised(map_of):
-    soil = map_of()
-    found = soil.kriging.counting_variance(soil.grid.cells[:40])
-    twice = type(soil.kriging)(soil.variogram, mean_rate=soil.mean_rate).fit(
-        soil.samples.xy, 2 * soil.samples.counts, 2 * soil.samples.exposure_s
-    )
-    before, after = (one.predict(soil.grid.cells[:40])[1] for one in (soil.kriging, twice))
-    assert (before - after >= found / 2 - 1e-12).all()
-
-
 def test_one_place_has_counting_alone(make_run, map_of):
     found = make_budget(make_run(soil_map=map_of(n=1)))
     assert [one.name for one in found.parts] == [COUNTING, CORES]

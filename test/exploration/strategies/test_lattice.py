@@ -111,16 +111,6 @@ def test_nothing_in_reach_is_no_lattice(dwell):
     assert {choice.stop.name, *(stop.name for stop in choice.ahead)} <= {"p7", "p40"}
 
 
-def test_the_lattice_is_spread_evenly():
-    choice = Lattice().choose(situation(), rng())
-    xy = np.array([(stop.x_m, stop.y_m) for stop in (choice.stop, *choice.ahead)])
-    nearest = np.sort(np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)), axis=1)[:, 1]
-    assert nearest.min() >= 5
-    assert nearest.mean() > 9
-    farthest = np.hypot(*(PLACES[:, None] - xy).transpose(2, 0, 1)).min(axis=1).max()
-    assert farthest < 15
-
-
 @pytest.mark.parametrize("dwell", ["fmi:20", "optimal"])
 def test_two_passes_are_an_early_lattice_and_a_lattice_of_all_stops(dwell):
     size, rest_s, visits = mission(5400.0, dwell=dwell, ends=(0.25, 1.0))
