@@ -172,7 +172,7 @@ def test_without_the_action_it_still_drives_to_goal_poses(ros, field, tmp_path):
     simulated = field(speed=50.0)
     assert "topological_navigation_msgs is not installed" in simulated.process.output()
     publisher = ros.node.create_publisher(PoseStamped, "goal_pose", DEFAULT)
-    ros.wait_for(publisher.get_subscription_count)
+    ros.wait_for(lambda: publisher.get_subscription_count() and simulated.current)
     pose = PoseStamped()
     pose.header.frame_id = "map"
     pose.pose.position.x, pose.pose.position.y = 33.0, 21.0
