@@ -64,12 +64,12 @@ def open_source(uri: str, retry: Retry | None = None) -> LineSource:
         kinds = f"{', '.join(EXAMPLES)}{did_you_mean(kind, EXAMPLES)}"
         raise _bad(uri, f"must begin with one of: {kinds}" if kind else "has no kind before '://'")
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
-    known = "baud" if kind == "serial" else "none"
+    known = ["baud"] if kind == "serial" else []
     for name in options:
         if kind != "serial" and name in ("interface", "from"):
             _warn_of_option(uri, name)
-        elif name != known:
-            raise _bad(uri, f"has an unknown option {name!r}; there is: {known}", kind)
+        elif name not in known:
+            raise _bad(uri, f"has an unknown option {name!r}; there is: {', '.join(known) or 'none'}", kind)
     if kind in ("tcp", "udp"):
         if not parts.hostname or not port:
             raise _bad(uri, "lacks the host" if port else "lacks the port", kind)

@@ -32,6 +32,7 @@ from soilmoist_ros.sensing.survey.driver import link_health
         ("tcp://host:5000?baud=9600", "unknown option 'baud'; there is: none"),
         ("tcp://host:5000?=9600", "unknown option ''; there is: none"),
         ("udp://0.0.0.0:5000?form=10.0.0.1", "unknown option 'form'; there is: none"),
+        ("udp://0.0.0.0:5000?none=1", "unknown option 'none'; there is: none"),
         ("serial://ttyUSB0", "three slashes"),
         ("serial:///dev/ttyUSB0?baud=fast", "baud='fast' is not a number"),
         ("serial:///dev/ttyUSB0?baud=9", "at least 50"),
