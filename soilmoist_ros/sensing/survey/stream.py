@@ -51,7 +51,7 @@ class SensorStream:
     """Feeds lines to a survey, and collects statistics for diagnostics.
 
     :param fix_wait_s: maximum time that a record waits for a fix [s]
-    :raises InputError: if format, tube shares or neutron-monitor file are invalid
+    :raises InputError: if the format or the neutron-monitor file is invalid
     """
 
     def __init__(self, site: Site, frame: LocalFrame, logger: LoggerFormat | str, fix_wait_s: float = 2.0) -> None:
@@ -59,9 +59,7 @@ class SensorStream:
         form = load_logger_format(logger) if isinstance(logger, str) else logger
         form = form.on_clock(site.logger_clock)
         self.parser = RecordParser(form, site.longitude, self._on_problem)
-        self.survey = Survey(
-            site, frame, fix_wait_s=fix_wait_s, on_problem=self._on_problem,
-        )  # fmt: skip
+        self.survey = Survey(site, frame, fix_wait_s=fix_wait_s, on_problem=self._on_problem)
         self.last_record: LoggerRecord | None = None
         self.last_fix: Fix | None = None
         self.records_out = 0

@@ -74,7 +74,8 @@ class Survey:
     :param track: positions of a separate receiver, if known in advance
     :param fix_wait_s: maximum time that a record waits for a fix [s]
     :param keep_unplaced: whether a record without a position is returned with NaN coordinates, or dropped
-    :raises InputError: if the tube shares or the neutron-monitor file of the site cannot be used
+    :raises InputError: if the neutron-monitor file of the site cannot be used
+    :raises ValueError: if the records ahead have different numbers of tubes, or counted nothing
     """
 
     def __init__(
