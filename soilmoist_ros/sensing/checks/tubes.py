@@ -222,12 +222,6 @@ class TubeChecks:
         new[known] = (self._prior_counts + self._seen[known]) / (before + self._expected[known])
         self.shares = new / new.sum()
 
-    def _close(self, tube: int, kind: Kind, stamp_s: float) -> None:
-        """End the open period of a tube before a record."""
-        for span in self.spans:
-            if (span.tube, span.kind, span.end_s) == (tube, kind, math.inf):
-                span.end_s = float(np.nextafter(stamp_s, -math.inf))
-
     # Tube against tube in one record -------------------------------------------------------------------------
 
     def _inconsistent(self, counts: Array, live_s: Array, use: Mask, level: float) -> dict[int, Kind]:
@@ -283,7 +277,9 @@ class TubeChecks:
             against = ratios[FACTORS.index(2.0 if kind is Kind.NOISY_TUBE else 0.5), tube]
             self._recovery[tube] = max(self._recovery[tube] - against, 0.0)
             if self._recovery[tube] > RECOVERY:
-                self._close(tube, self._masked.pop(tube), self._recovered_s[tube])
+                del self._masked[tube]
+                last = next(span for span in reversed(self.spans) if span.tube == tube)
+                last.end_s = float(np.nextafter(self._recovered_s[tube], -math.inf))  # before that record
                 self._restart(tube)
         while good.sum() > 1 and (self._sums > limit).any():
             row, tube = (int(index) for index in np.unravel_index(self._sums.argmax(), self._sums.shape))
