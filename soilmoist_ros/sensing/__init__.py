@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.formats.log_layout import LogHeader as LogHeader
     from soilmoist_ros.sensing.formats.logger_format import LoggerFormat as LoggerFormat, load_logger_format as load_logger_format, logger_names as logger_names, logger_path as logger_path
     from soilmoist_ros.sensing.formats.logger_reader import LogFile as LogFile, detect_format as detect_format, format_of_lines as format_of_lines, parse_log as parse_log, read_log as read_log
-    from soilmoist_ros.sensing.formats.notation import UndecidedOrderError as UndecidedOrderError, matching_formats as matching_formats
+    from soilmoist_ros.sensing.formats.notation import UndecidedOrderError as UndecidedOrderError
     from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME as FORMAT_NAME, RECORDS_PER_HEADER as RECORDS_PER_HEADER, TUBES as TUBES, format_header as format_header, format_record as format_record
     from soilmoist_ros.sensing.gnss import FIX_TYPE as FIX_TYPE, UNKNOWN_COVARIANCE as UNKNOWN_COVARIANCE, Covariance as Covariance, CovarianceKind as CovarianceKind, Fix as Fix, FixStatus as FixStatus, Heard as Heard, clock_words as clock_words, fix_from_message as fix_from_message, stamp_of as stamp_of
     from soilmoist_ros.sensing.lines import log_files as log_files, split_lines as split_lines
@@ -67,7 +67,7 @@ __getattr__, __dir__, __all__ = open_door(
         "formats.log_layout": "LogHeader",
         "formats.logger_format": "LoggerFormat load_logger_format logger_names logger_path",
         "formats.logger_reader": "LogFile detect_format format_of_lines parse_log read_log",
-        "formats.notation": "UndecidedOrderError matching_formats",
+        "formats.notation": "UndecidedOrderError",
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of",
         "lines": "log_files split_lines",

@@ -209,7 +209,7 @@ def read_neutron_monitor(path: Path, station: str = "", max_gap_s: float = MAX_G
         cells = [cell.strip() for cell in re.split("[;,]", line)]
         if line.startswith("#") or not cells[0][:1].isdigit():
             if "start_date_time" in line or len(cells) == 2:  # a header names the station or the data type
-                name = (re.split(r'[;,\s"]+', line.rstrip(' ;,"\r\n')))[-1]
+                name = re.split(r'[;,\s"]+', line.rstrip(' ;,"\r\n'))[-1]
                 key = "STATION" if name.upper() in MONITORS else "DATA TYPE"
                 head[key] = head.get(key) or name
             continue

@@ -51,7 +51,6 @@ def test_a_growing_track_starts_again_when_the_receiver_corrects_its_clock() -> 
 # Heading ---------------------------------------------------------------------------------------------------------
 
 FRAME = LocalFrame(52.0, 13.0)
-SITE = Site(corrections={"pressure": None, "humidity": None})
 
 
 def position(x_m, y_m, sd_m=0.02):

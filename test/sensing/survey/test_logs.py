@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,7 +26,6 @@ from soilmoist_ros.sensing import (
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.logs import calibration_counts, log_doubts, process_logs
 
-NAN = math.nan
 T0 = datetime(2024, 5, 1, tzinfo=UTC).timestamp()
 NO_CORRECTIONS = Site(corrections={"pressure": None, "humidity": None})
 
