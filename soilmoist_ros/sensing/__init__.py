@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.position.phone import PHONE as PHONE, PhoneReceiver as PhoneReceiver
     from soilmoist_ros.sensing.position.place_doubt import DOUBTS as DOUBTS, Doubt as Doubt, Doubts as Doubts, none_since as none_since, placed_of_any as placed_of_any
     from soilmoist_ros.sensing.position.place_judge import REPEATED_M as REPEATED_M, Expected as Expected, PlaceAges as PlaceAges, PlaceFix as PlaceFix, PlaceJudge as PlaceJudge, PlaceLimits as PlaceLimits, Verdict as Verdict
-    from soilmoist_ros.sensing.position.track import CheckedTrack as CheckedTrack, Track as Track, base_from_antenna as base_from_antenna, distance_m as distance_m
+    from soilmoist_ros.sensing.position.track import CheckedTrack as CheckedTrack, Course as Course, Track as Track, base_from_antenna as base_from_antenna, distance_m as distance_m
     from soilmoist_ros.sensing.position.track_file import read_positions as read_positions
     from soilmoist_ros.sensing.problems import Consequence as Consequence, Kind as Kind, Problem as Problem, Severity as Severity, reason_text as reason_text
     from soilmoist_ros.sensing.records import FIRST_STAMP_S as FIRST_STAMP_S, LAST_STAMP_S as LAST_STAMP_S, CountRecord as CountRecord, LoggerRecord as LoggerRecord, Position as Position, utc_text as utc_text
@@ -81,7 +81,7 @@ __getattr__, __dir__, __all__ = open_door(
         "position.phone": "PHONE PhoneReceiver",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",
         "position.place_judge": "Expected PlaceAges PlaceFix PlaceJudge PlaceLimits REPEATED_M Verdict",
-        "position.track": "CheckedTrack Track base_from_antenna distance_m",
+        "position.track": "CheckedTrack Course Track base_from_antenna distance_m",
         "position.track_file": "read_positions",
         "problems": "Consequence Kind Problem Severity reason_text",
         "records": "CountRecord FIRST_STAMP_S LAST_STAMP_S LoggerRecord Position utc_text",

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, PlaneMove, fit_move, move_between
 from soilmoist_ros.mapping import Field
-from soilmoist_ros.sensing import UNKNOWN_COVARIANCE, Covariance, Fix, FixStatus, Track, base_from_antenna
+from soilmoist_ros.sensing import UNKNOWN_COVARIANCE, Course, Covariance, Fix, FixStatus, base_from_antenna
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -274,7 +274,7 @@ FIELD = "field"
 MAP = "map"
 ROBOT = "robot"  # as FIELD and MAP: sources of the datum of the navigation that are no datum themselves
 MAX_TF_AGE_S: Final = 5.0  # age from which TF no longer tells where the robot is [s]
-_KEPT_FIXES: Final = 100
+_KEPT_HEADINGS: Final = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -318,7 +318,7 @@ class RobotFrames:
             self.move = parse_datum(settings.datum, field.frame, self._centre_m)
         self._tree = TransformTree()
         self._check = FrameCheck(field.frame, self.move)
-        self._track = Track(max_positions=_KEPT_FIXES)
+        self._course = Course(_KEPT_HEADINGS)
         self._datum = "unknown" if self.move is None else datum_text(field.frame, self.move)
         self._map_fault = self._unchecked = self._disagreed = ""
         self._agreed = False
@@ -343,9 +343,9 @@ class RobotFrames:
         x, y = self._frame.to_local(fix.position.latitude_deg, fix.position.longitude_deg)[0].tolist()
         if not math.isfinite(x + y):
             return None
-        self._track.add(now_s, fix.position)
+        self._course.add(now_s, fix.position)
         tf = self._tf(now_s)
-        yaw_rad = self._track.course.at(now_s)
+        yaw_rad = self._course.at(now_s)
         if tf is not None and self.move is not None:
             yaw_rad = self.move.inverse.heading(tf.yaw_rad)
         east_m, north_m = base_from_antenna(self._settings.antenna_m, yaw_rad)

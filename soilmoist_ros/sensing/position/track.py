@@ -43,8 +43,6 @@ class Track:
         self._max_positions = max_positions
         self._stamps = array("d")
         self._values = array("d")  # four of each position; as objects they need six times the memory
-        self.course = Course(max_positions)
-        """Heading of the robot that carries the receiver."""
         self.reached_s = -math.inf
         """Time of the last epoch, with or without a fix [s since 1970 UTC]; minus infinity if there is none."""
         self.heard = Heard()
@@ -73,7 +71,6 @@ class Track:
         """
         if stamp_s < self.reached_s - CLOCK_CORRECTED_S:
             del self._stamps[:], self._values[:]
-            self.course.clear()
             self.reached_s = -math.inf
         if not stamp_s > self.reached_s:
             return
@@ -84,7 +81,6 @@ class Track:
         self._values.extend(
             (position.latitude_deg, position.longitude_deg, position.altitude_m, position.horizontal_sd_m)
         )
-        self.course.add(stamp_s, position)
         limit = self._max_positions
         if limit is not None and len(self._stamps) > 2 * limit:
             del self._stamps[:-limit], self._values[: -4 * limit]
@@ -154,15 +150,20 @@ class Course:
 
     def __init__(self, max_headings: int | None = None) -> None:
         self._max_headings = max_headings
-        self.clear()
+        self._clear()
 
-    def clear(self) -> None:
-        """Forget all positions."""
+    def _clear(self) -> None:
         self._stamps, self._headings = array("d"), array("d")
         self._anchor: Position | None = None
+        self._reached_s = -math.inf
 
     def add(self, stamp_s: float, position: Position) -> None:
-        """Add a position, in order of time."""
+        """Add a position; ignored if it is not later than the last. A large step back of the clock begins anew."""
+        if stamp_s < self._reached_s - CLOCK_CORRECTED_S:
+            self._clear()
+        if not stamp_s > self._reached_s:
+            return
+        self._reached_s = stamp_s
         anchor = self._anchor
         if anchor is None:
             self._anchor = position

@@ -75,6 +75,10 @@ def test_the_heading_is_kept_while_the_robot_stands_in_the_noise_of_its_fixes():
     assert course.at(499.0) == pytest.approx(math.pi / 2, abs=0.05)
     assert course.at(1.0) == pytest.approx(math.pi / 2, abs=1e-3)
     assert math.isnan(course.at(0.5))
+    course.add(490.0, position(-50.0, 9.9))  # too late
+    assert course.at(499.0) == pytest.approx(math.pi / 2, abs=0.05)
+    course.add(5.0, position(-50.0, 9.9))  # the clock was corrected
+    assert math.isnan(course.at(499.0))
 
 
 # Checked track ---------------------------------------------------------------------------------------------------
