@@ -125,7 +125,7 @@ class RobotHistory:
         self._board.put(f"place/{self._robot}", [*here, self._heading_deg, sd])
 
     def follow(self, status: MissionStatus) -> None:
-        """The mission says where it is."""
+        """Take the begin and the end of a mission from its status."""
         if self._trail and (status.phase in RESTING or status.time_used_s < BEGUN_S):
             self._start = list(self._trail[-1])
             self._board.put(f"start/{self._robot}", self._start)

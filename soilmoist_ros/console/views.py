@@ -128,7 +128,7 @@ def _forecast(one: Forecast | None) -> dict[str, Any] | None:
 
 
 def _aim(one: Forecast) -> dict[str, Any] | None:
-    """When the map is good enough, as far as the page says it; times in minutes."""
+    """Forecast of the aim of the mission as the page shows it, with times in minutes; ``None`` without an aim."""
     if (found := one.reaching) is None:
         return None
     kind, _, value = found.aim.partition("=")

@@ -63,10 +63,10 @@ UNUSED_COUNTS = 0.01
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
     """Write summary, ``map.tif``, ``samples.geojson``, ``report.html``, ``records.csv`` and ``soilmoist.qgs``.
 
-    A mission adds ``series.csv`` and ``visits.csv``. Each
-    property after the first adds ``map_NAME.tif``, ``samples_NAME.geojson`` and ``records_NAME.csv``. Earlier
-    surveys add ``change.tif``. Without the extra ``reports``, a warning names the GeoTIFFs, the report and the
-    project, which are left out. See :func:`replaced_together`.
+    A mission adds ``series.csv`` and ``visits.csv``. Each property after the first adds ``map_NAME.tif``,
+    ``samples_NAME.geojson`` and ``records_NAME.csv``. Earlier surveys add ``change.tif``. Without the extra
+    ``reports``, a warning names the GeoTIFFs, the report and the project, which are left out. See
+    :func:`replaced_together`.
 
     :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
     :raises InputError: if the folder cannot be written, or the field has no place in ``crs``

@@ -228,8 +228,8 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
     known = usable or not moist
     if not known:
         source.notes.append("the moisture is impossible on much of the area, see the report: no zone is certain")
-    as_told = moist and usable and (len(limits) > 0 or about.get("zone_limits_vwc") is None)
-    of_report = list(about.get("zones") or ()) if as_told else []
+    as_reported = moist and usable and (len(limits) > 0 or about.get("zone_limits_vwc") is None)
+    of_report = list(about.get("zones") or ()) if as_reported else []
     sure = _certainties(zones, of_report)
     source.notes.extend(_lost(zones, of_report if len(limits) else []))
     columns: dict[str, NDArray[Any]] = {
@@ -246,11 +246,11 @@ def zones_layer(source: RunSource, one: ExportedProperty, settings: ExportSettin
         columns["WATER_MM"] = np.round([(zone.mean / 100 + shift) * depth for zone in zones], 1)
         columns["ROOT_MM"] = np.full(len(zones), depth)
     if len(limits) and of_report:
-        told = [of_report[zone.number - 1] for zone in zones]
+        reported = [of_report[zone.number - 1] for zone in zones]
         if ground is not None:
             for name, end in (("MISS_MM", ""), ("MISS_P05", "_p05"), ("MISS_P95", "_p95")):
-                columns[name] = np.round(np.array([one.get(f"missing_mm{end}") for one in told], float), 1)
-        columns["NAME"] = texts([str(one["name"]) for one in told])
+                columns[name] = np.round(np.array([one.get(f"missing_mm{end}") for one in reported], float), 1)
+        columns["NAME"] = texts([str(one["name"]) for one in reported])
     columns |= origin(source, one, len(zones))
     return Layer(f"zones{one.suffix}", "Polygon", [zone.shape for zone in zones], columns)
 
@@ -264,8 +264,8 @@ def _certainties(zones: Sequence[Zone], of_report: Sequence[Mapping[str, Any]]) 
     """Certainty of each zone: that of its class in the report, or its own without one."""
     found = []
     for zone in zones:
-        told: Mapping[str, Any] = of_report[zone.number - 1] if of_report else {}
-        expected, sure = told.get("expected_share"), told.get("certain_share")
+        reported: Mapping[str, Any] = of_report[zone.number - 1] if of_report else {}
+        expected, sure = reported.get("expected_share"), reported.get("certain_share")
         found.append(zone.certainty if expected is None or sure is None else Certainty(expected, sure))
     return found
 

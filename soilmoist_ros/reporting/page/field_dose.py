@@ -177,7 +177,7 @@ def remedy_text(run: MapRun, one: Remedy) -> str:
 
 
 def _lacking(run: MapRun) -> NoDose | None:
-    """What a run lacks for a dose."""
+    """The first thing that a run lacks for a dose, with its remedy; ``None`` if it has all."""
     curve, places = run.soil_map.curve, 1 if at_one_place(run) else len(run.soil_map.samples)
     origin, limits = calibration_of(run), run.irrigation
     cores = "calibrate it with soil cores"
@@ -268,8 +268,8 @@ def _surveys(run: MapRun, curve: MoistureCurve) -> tuple[Array, Array]:
 
 
 def remedies(run: MapRun, settings: DoseSettings, dose: Dose) -> list[Remedy]:
-    """What would make the need of :data:`MIN_GAIN` more of the area certain, or more; the best first. Counting is
-    it unless something else could gain twice as much.
+    """Remedies that make the need of at least :data:`MIN_GAIN` more of the area certain, the best first. Counting
+    is the best unless another one could gain twice as much.
 
     The expected share after more counts is that of the variance that kriging would then have, averaged over what
     the counts may show. Errors are taken as normal in the rate at the limit where plants lack water.
@@ -292,7 +292,7 @@ def remedies(run: MapRun, settings: DoseSettings, dose: Dose) -> list[Remedy]:
 
 @dataclass(frozen=True, eq=False)
 class _Decision:
-    """Whether places lack water, as a comparison of normal rates with a limit; shape (n,) each."""
+    """Decision if places lack water: normal rates compared with a limit; shape (n,) each."""
 
     rate: Array
     variance: Array

@@ -132,7 +132,7 @@ class IrrigationAdvice:
 
     @property
     def machine(self) -> str:
-        """What the doses take of the machine, as a sentence; empty without a dose."""
+        """Settings of the machine that the doses assume, as a sentence; empty without a dose."""
         if not isinstance(self.dose, FieldDose):
             return ""
         one = self.dose.settings
@@ -273,7 +273,7 @@ def _water(run: MapRun) -> str:
 
 
 def _level(run: MapRun) -> str:
-    """What is wrong with the level of the moisture, or not known of it; empty if it is meant as it stands."""
+    """Doubt about the absolute moisture, in sentences; empty if percentages and millimetres are valid."""
     if not run.calibrated:
         return "Not calibrated: the map shows where it is drier and wetter, but not how much water there is."
     if calibration_of(run) == UNKNOWN_SENSOR:
@@ -454,7 +454,7 @@ def _on_dose(run: MapRun, found: FieldDose) -> Iterator[str]:
 
 
 def _surer(run: MapRun, found: FieldDose) -> str:
-    """What would make the dose surer, as the end of a sentence."""
+    """Best remedy for an uncertain dose, as the end of a sentence; empty without one."""
     if not found.remedies:
         return ""
     best = found.remedies[0]

@@ -245,7 +245,7 @@ def _decision(run: MapRun, found: DecisionMap) -> Iterator[dict[str, Any]]:
 
 
 def _dose(run: MapRun, found: FieldDose) -> dict[str, Any]:
-    """What the machine applies."""
+    """Layer of the dose that the machine applies."""
     mask = run.soil_map.grid.mask
     values, unsure = np.full(mask.shape, np.nan), np.zeros(mask.shape, bool)
     values[mask] = dose_at(found.zones, run.soil_map.grid.cells)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The report in words: headline, key figures, and notes on the limits of a map."""
+"""The report in words: key figures, support of the values, and notes on the limits of a map."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from soilmoist_ros.sensing import UNKNOWN_SENSOR, n0_in_other_time, reason_text,
 
 
 class Fact(NamedTuple):
-    """One figure of the headline: value, unit and a short explanation."""
+    """A key figure: value, unit and a short explanation."""
 
     value: str
     unit: str
@@ -71,7 +71,7 @@ def place(run: MapRun | FailedRun) -> str:
 
 
 def facts(run: MapRun) -> list[Fact]:
-    """The figures of the headline, the most important first."""
+    """Key figures, the most important first."""
     if at_one_place(run):
         return _facts_of_place(run)
     soil_map, moist = run.soil_map, run.calibrated
