@@ -245,7 +245,7 @@ class Mapper(Node):
             parts = [map_health(self._online, self._worker, now_s), *self._survey.health(self._online.state)]
         lost = f"{self._arrived.lost} messages with counts came too fast" if self._arrived.lost else ""
         counts = self.resolve_topic_name("counts") if self._several and self.count_publishers("counts") > 1 else ""
-        twice = f"several nodes publish {counts}: give each robot a namespace of its own" if counts else ""
+        twice = f"several nodes publish {counts}: give each robot its own namespace" if counts else ""
         faults = {"records": self._sources.problem, "field": self._refused, "messages": lost, "others": twice}
         parts += [Health(name, Level.ERROR, fault) for name, fault in faults.items() if fault]
         self._diagnostics.publish(diagnostics_to_message(parts, now_s, self.get_fully_qualified_name()))
