@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.planning.dwell import DWELL_RULES as DWELL_RULES, DwellRule as DwellRule, Optimal as Optimal, dwell_rule as dwell_rule, parse_dwell as parse_dwell
     from soilmoist_ros.exploration.planning.forecast import Forecast as Forecast, forecast_from_text as forecast_from_text, forecast_to_text as forecast_to_text, hundredths as hundredths
     from soilmoist_ros.exploration.planning.planning_model import Counting as Counting, spread_cells as spread_cells
-    from soilmoist_ros.exploration.planning.properties import MIN_RATE_CPS as MIN_RATE_CPS, Aim as Aim, Property as Property, correction_factor as correction_factor, property_name as property_name, property_weights as property_weights
+    from soilmoist_ros.exploration.planning.properties import Aim as Aim, Property as Property, correction_factor as correction_factor, property_name as property_name, property_weights as property_weights
     from soilmoist_ros.exploration.planning.sealed_sample import MIN_PLACES as MIN_PLACES, SealedSample as SealedSample, check_places as check_places, sample_from_text as sample_from_text
     from soilmoist_ros.exploration.strategies.registry import BUILT_IN as BUILT_IN, STRATEGIES as STRATEGIES, StrategyKind as StrategyKind, make_strategy as make_strategy, strategy_kind as strategy_kind, warm_up as warm_up
     from soilmoist_ros.exploration.strategies.strategy import Choice as Choice, Situation as Situation, Strategy as Strategy
@@ -82,7 +82,7 @@ __getattr__, __dir__, __all__ = open_door(
         "planning.dwell": "DWELL_RULES DwellRule Optimal dwell_rule parse_dwell",
         "planning.forecast": "Forecast forecast_from_text forecast_to_text hundredths",
         "planning.planning_model": "Counting spread_cells",
-        "planning.properties": "MIN_RATE_CPS Aim Property correction_factor property_name property_weights",
+        "planning.properties": "Aim Property correction_factor property_name property_weights",
         "planning.sealed_sample": "MIN_PLACES SealedSample check_places sample_from_text",
         "strategies.registry": "BUILT_IN STRATEGIES StrategyKind make_strategy strategy_kind warm_up",
         "strategies.strategy": "Choice Situation Strategy",

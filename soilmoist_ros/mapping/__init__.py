@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.mapping_settings import FIT_SETTINGS as FIT_SETTINGS, MappingSettings as MappingSettings
     from soilmoist_ros.mapping.placement import Placement as Placement, PositionSource as PositionSource, likely_cause as likely_cause, require_near as require_near
     from soilmoist_ros.mapping.records import Skip as Skip, SkippedRecords as SkippedRecords, StampLimits as StampLimits, survey_samples as survey_samples, without_verdict as without_verdict
-    from soilmoist_ros.mapping.samples import Samples as Samples, spatial_blocks as spatial_blocks
+    from soilmoist_ros.mapping.samples import Samples as Samples
     from soilmoist_ros.mapping.several_surveys import FieldChange as FieldChange, JointKriging as JointKriging, Persistence as Persistence, SurveysEstimate as SurveysEstimate, field_change as field_change, mean_places as mean_places, moisture_slope as moisture_slope
     from soilmoist_ros.mapping.soil_map import CELL as CELL, Bands as Bands, SoilMap as SoilMap, common_rate_sd as common_rate_sd, level_of as level_of, make_bands as make_bands, make_soil_map as make_soil_map, map_cells as map_cells, moisture_terms as moisture_terms, possible_moisture as possible_moisture
-    from soilmoist_ros.mapping.variogram.field_prior import Effect as Effect, FieldPrior as FieldPrior
+    from soilmoist_ros.mapping.variogram.field_prior import Effect as Effect
     from soilmoist_ros.mapping.variogram.farm_prior import FarmPrior as FarmPrior, FarmSurvey as FarmSurvey
     from soilmoist_ros.mapping.variogram.fit import FitMethod as FitMethod, NoiseModel as NoiseModel, VariogramFit as VariogramFit, estimate_variogram as estimate_variogram, fit_variogram as fit_variogram
     from soilmoist_ros.mapping.variogram.local_rate import LocalRate as LocalRate
     from soilmoist_ros.mapping.variogram.model import VARIOGRAM_MODELS as VARIOGRAM_MODELS, CorrelationModel as CorrelationModel, ModelName as ModelName, Variogram as Variogram, correlation_model as correlation_model
-    from soilmoist_ros.mapping.variogram.reml import Prior as Prior, RestrictedLikelihood as RestrictedLikelihood
+    from soilmoist_ros.mapping.variogram.reml import Prior as Prior
     from soilmoist_ros.mapping.variogram.semivariogram import default_edges as default_edges, empirical_semivariogram as empirical_semivariogram
     from soilmoist_ros.mapping.variogram.support import Supports as Supports
     # fmt: on
@@ -55,15 +55,15 @@ __getattr__, __dir__, __all__ = open_door(
         "mapping_settings": "FIT_SETTINGS MappingSettings",
         "placement": "Placement PositionSource likely_cause require_near",
         "records": "Skip SkippedRecords StampLimits survey_samples without_verdict",
-        "samples": "Samples spatial_blocks",
+        "samples": "Samples",
         "several_surveys": "FieldChange JointKriging Persistence SurveysEstimate field_change mean_places moisture_slope",
         "soil_map": "Bands CELL SoilMap common_rate_sd level_of make_bands make_soil_map map_cells moisture_terms possible_moisture",
-        "variogram.field_prior": "Effect FieldPrior",
+        "variogram.field_prior": "Effect",
         "variogram.farm_prior": "FarmPrior FarmSurvey",
         "variogram.fit": "FitMethod NoiseModel VariogramFit estimate_variogram fit_variogram",
         "variogram.local_rate": "LocalRate",
         "variogram.model": "CorrelationModel ModelName VARIOGRAM_MODELS Variogram correlation_model",
-        "variogram.reml": "Prior RestrictedLikelihood",
+        "variogram.reml": "Prior",
         "variogram.semivariogram": "default_edges empirical_semivariogram",
         "variogram.support": "Supports",
     },

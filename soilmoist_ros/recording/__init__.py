@@ -19,7 +19,7 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     # fmt: off
     from soilmoist_ros.recording.bag.info import info_table as info_table, plain_text as plain_text, print_plain as print_plain, verified_table as verified_table
-    from soilmoist_ros.recording.bag.messages import CLOUD as CLOUD, COUNT_DATUM as COUNT_DATUM, COUNT_POINT as COUNT_POINT, DATATYPES as DATATYPES, FRAME as FRAME, QUARANTINED as QUARANTINED, REASON as REASON, REASONS as REASONS, SAMPLE_AREA as SAMPLE_AREA, SAMPLE_SPREAD as SAMPLE_SPREAD, STAMP_OFFSET as STAMP_OFFSET, VISIT as VISIT, count_points as count_points, count_records as count_records, line_bytes as line_bytes, line_text as line_text, points as points, quarantined_topic as quarantined_topic, sample_points as sample_points, stamp_parts as stamp_parts, visit_of as visit_of, visit_values as visit_values
+    from soilmoist_ros.recording.bag.messages import CLOUD as CLOUD, COUNT_DATUM as COUNT_DATUM, COUNT_POINT as COUNT_POINT, DATATYPES as DATATYPES, FRAME as FRAME, QUARANTINED as QUARANTINED, REASON as REASON, SAMPLE_AREA as SAMPLE_AREA, SAMPLE_SPREAD as SAMPLE_SPREAD, VISIT as VISIT, count_points as count_points, count_records as count_records, line_bytes as line_bytes, line_text as line_text, points as points, quarantined_topic as quarantined_topic, sample_points as sample_points, stamp_parts as stamp_parts, visit_of as visit_of, visit_values as visit_values
     from soilmoist_ros.recording.bag.metadata import Qos as Qos, Request as Request, Topic as Topic, find_definition as find_definition, request_for as request_for
     from soilmoist_ros.recording.bag.plain_topics import PlainTopics as PlainTopics
     from soilmoist_ros.recording.bag.playback import INPUTS as INPUTS, Pacer as Pacer, Playback as Playback, TopicChoice as TopicChoice
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.recording.bag.verify import bag_info as bag_info, recover_bag as recover_bag
     from soilmoist_ros.recording.bag.writer import BagWriter as BagWriter
     from soilmoist_ros.recording.journal import Journal as Journal, load_journal as load_journal
-    from soilmoist_ros.recording.map_records import RECEIVED as RECEIVED, START as START, TEAM_S as TEAM_S, MapRecords as MapRecords, record_key as record_key
+    from soilmoist_ros.recording.map_records import START as START, TEAM_S as TEAM_S, MapRecords as MapRecords, record_key as record_key
     from soilmoist_ros.recording.map_sources import DRIVER as DRIVER, MapSources as MapSources, RecordLog as RecordLog
     from soilmoist_ros.recording.run_folder import CONFIGURATION as CONFIGURATION, SUMMARY as SUMMARY, RunConfiguration as RunConfiguration, bag_of as bag_of, configuration_of as configuration_of, copy_configuration as copy_configuration, is_bag as is_bag, message_files as message_files, read_parameters as read_parameters, sync_file as sync_file, sync_folder as sync_folder, write_parameters as write_parameters, write_whole as write_whole
     from soilmoist_ros.recording.stored_mission import StoredMission as StoredMission
@@ -40,7 +40,7 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "bag.info": "info_table plain_text print_plain verified_table",
-        "bag.messages": "CLOUD COUNT_DATUM COUNT_POINT DATATYPES FRAME QUARANTINED REASON REASONS SAMPLE_AREA SAMPLE_SPREAD STAMP_OFFSET VISIT count_points count_records line_bytes line_text points quarantined_topic sample_points stamp_parts visit_of visit_values",
+        "bag.messages": "CLOUD COUNT_DATUM COUNT_POINT DATATYPES FRAME QUARANTINED REASON SAMPLE_AREA SAMPLE_SPREAD VISIT count_points count_records line_bytes line_text points quarantined_topic sample_points stamp_parts visit_of visit_values",
         "bag.metadata": "Qos Request Topic find_definition request_for",
         "bag.plain_topics": "PlainTopics",
         "bag.playback": "INPUTS Pacer Playback TopicChoice",
@@ -50,7 +50,7 @@ __getattr__, __dir__, __all__ = open_door(
         "bag.verify": "bag_info recover_bag",
         "bag.writer": "BagWriter",
         "journal": "Journal load_journal",
-        "map_records": "MapRecords RECEIVED START TEAM_S record_key",
+        "map_records": "MapRecords START TEAM_S record_key",
         "map_sources": "DRIVER MapSources RecordLog",
         "run_folder": "CONFIGURATION RunConfiguration SUMMARY bag_of configuration_of copy_configuration is_bag message_files read_parameters sync_file sync_folder write_parameters write_whole",
         "stored_mission": "StoredMission",

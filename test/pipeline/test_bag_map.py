@@ -27,8 +27,9 @@ from soilmoist_ros.pipeline.bag_map import robot_survey
 from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.pipeline.properties import ReplayedProperty
 from soilmoist_ros.pipeline.run import FailedRun, NoMapError, NoteCode
-from soilmoist_ros.recording import CONFIGURATION, RECEIVED, BagReader, BagWriter, MapRecords, write_parameters
+from soilmoist_ros.recording import CONFIGURATION, BagReader, BagWriter, MapRecords, write_parameters
 from soilmoist_ros.recording.bag.scan import McapScan
+from soilmoist_ros.recording.map_records import RECEIVED
 from soilmoist_ros.reporting.outputs import write_failed
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import CountRecord

@@ -26,8 +26,9 @@ from soilmoist_ros.exploration import Command, Mission, MissionJournal, MissionR
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, FieldMap
-from soilmoist_ros.recording import RECEIVED, START, TEAM_S, MapRecords, map_sources
+from soilmoist_ros.recording import START, TEAM_S, MapRecords, map_sources
 from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
+from soilmoist_ros.recording.map_records import RECEIVED
 from soilmoist_ros.recording.map_sources import DRIVER, SESSION, MapSources, RecordLog, RecordTail, open_session
 from soilmoist_ros.sensing.position.place_doubt import Doubt, DoubtOutcome
 from soilmoist_ros.sensing.records import CountRecord

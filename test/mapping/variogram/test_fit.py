@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from soilmoist_ros.mapping import FieldPrior, Variogram, estimate_variogram, fit_variogram
+from soilmoist_ros.mapping import Variogram, estimate_variogram, fit_variogram
+from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 
 METHODS = ["reml", "soft_l1"]

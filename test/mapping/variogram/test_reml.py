@@ -10,11 +10,12 @@ from scipy.optimize import approx_fprime, minimize
 from scipy.spatial.distance import cdist
 from scipy.stats import multivariate_normal
 
-from soilmoist_ros.mapping import PoissonKriging, Prior, RestrictedLikelihood, Samples, Variogram, spatial_blocks
+from soilmoist_ros.mapping import PoissonKriging, Prior, Samples, Variogram
+from soilmoist_ros.mapping.samples import spatial_blocks
 from soilmoist_ros.mapping.variogram import reml
 from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.model import mode_of
-from soilmoist_ros.mapping.variogram.reml import maximise_reml, minimise
+from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood, maximise_reml, minimise
 
 
 def some_samples(n=40):
