@@ -15,7 +15,7 @@ from statistics import median
 from typing import Final, Self
 
 from soilmoist_ros.foundation import InputError, Mistake
-from soilmoist_ros.recording import BagReader
+from soilmoist_ros.recording import BagReader, line_bytes
 from soilmoist_ros.sensing import (
     FIX_TYPE,
     Fix,
@@ -91,8 +91,7 @@ def text_lines(reader: BagReader, topic: str) -> list[bytes]:
             text = str(getattr(decoded, "data", None) or getattr(decoded, "sentence", ""))
         except InputError:
             text = "\0"  # bytes that are not text: the parser counts them
-        text = text.replace("\N{SYMBOL FOR NULL}", "\0")
-        found += split_lines(text.encode("latin-1", "replace"))[0]
+        found += split_lines(line_bytes(text))[0]
     return found
 
 

@@ -217,8 +217,8 @@ def line_text(line: bytes) -> str:
 
 
 def line_bytes(text: str) -> bytes:
-    """Line of a text of :func:`line_text`; ``ValueError`` for other texts."""
-    return text.replace(_ZERO, "\0").encode("latin-1")
+    """Line of a text of :func:`line_text`; characters of other texts that are no byte become question marks."""
+    return text.replace(_ZERO, "\0").encode("latin-1", "replace")
 
 
 def visit_values(visit: Visit) -> dict[str, Any]:
