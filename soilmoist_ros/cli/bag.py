@@ -70,10 +70,10 @@ def bag_recover_command(bag: Path, out: Path) -> None:
         recover_bag,
     )
 
-    problems = recover_bag(bag_of(bag), out)
-    copy_configuration(bag_of(bag), out)
+    problems = recover_bag(source := bag_of(bag), out)
+    copy_configuration(source, out)
     info = bag_info(out)
-    put(source=bag_of(bag), folder=out, problems=problems, bag=asdict(info))
+    put(source=source, folder=out, problems=problems, bag=asdict(info))
     print_plain(tables(), plain_text("\n".join(problems) or f"{bag} was whole", "yellow" if problems else ""))
     print_plain(tables(), info_table(info))
 

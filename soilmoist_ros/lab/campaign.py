@@ -120,5 +120,4 @@ def _already_done(wanted: list[CampaignMission], store: MissionStore) -> tuple[d
                 runs[mission.key] = stored
         except UnusableMissionError as error:
             unusable.append(str(error))
-    remark = f"{len(unusable)} stored missions are computed again: {unusable[0]}" if unusable else ""
-    return runs, [remark] * bool(unusable)
+    return runs, [f"{len(unusable)} stored missions are computed again: {one}" for one in unusable[:1]]

@@ -144,19 +144,13 @@ class _Recording:
         self._mapper = read_parameters(configuration, "mapper")
         self._frame = str(self._mapper.get("frame", ""))  # the mapper skips counts of others
         self.survey = survey
-        self.robots: list[RunTopics] = []
-        self.several = False
-        self.counted = self._from_counts()
-
-    def _from_counts(self) -> list[tuple[str, sensing.CountRecord]]:
+        topic = chosen.counts_topic
+        team = [] if "/" in topic else RunTopics.of_team(reader, topic, self._mapper.get("others", ()))
+        self.robots = team or [RunTopics.of_counts(reader, reader.find_topic(topic, CLOUD))]
+        topics = [*(robot.counts for robot in self.robots), *self._of_others()]
+        self.several = len(topics) > 1
+        self.counted = trusted_records(reader, topics, self._frame)
         """Records as the drivers sent them, each with its topic, in the order in which the mapper added them."""
-        reader, topic = self._reader, self._chosen.counts_topic
-        if "/" not in topic:
-            self.robots = RunTopics.of_team(reader, topic, self._mapper.get("others", ()))
-        self.robots = self.robots or [RunTopics.of_counts(reader, reader.find_topic(topic, CLOUD))]
-        others = self._of_others()
-        self.several = len(self.robots) > 1 or bool(others)
-        return trusted_records(reader, [*(robot.counts for robot in self.robots), *others], self._frame)
 
     def _of_others(self) -> list[str]:
         """Topics of counts of other robots that the mapper of the only robot has mapped."""

@@ -227,9 +227,6 @@ def test_what_is_no_bag_is_reported(tmp_path, path):
 # What is written (writer.py) -------------------------------------------------------------------------------------
 
 
-HERE = str(Path(__file__).parents[1])
-
-
 def test_mcap_reads_what_was_written(bag):
     with bag.path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
