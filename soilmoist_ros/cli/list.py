@@ -104,7 +104,7 @@ KINDS: dict[str, tuple[Callable[[], Iterator[Item]], str]] = {
     "strategies": (_strategies, "--strategy of simulate and demo"),
     "dwell-rules": (_dwell_rules, "--dwell of simulate and demo"),
     "models": (_models, "--model of map, replay, simulate, demo and season"),
-    "loggers": (_loggers, "--logger of map, replay and calibrate"),
+    "loggers": (_loggers, "--logger of map, check, calibrate and guide"),
     "sites": (_sites, "--site of map and replay"),
     "exports": (_exports, "--to of export"),
     "campaigns": (_campaigns, "campaign NAME"),

@@ -33,7 +33,7 @@ _KEY: Final = struct.Struct(f"<{len(_NUMBERS)}d")
 
 
 class MapRecords:
-    """The records of a map, merged from messages, logs, journals and bags.
+    """The records of a map, merged from messages, logs, and tables and bags to start from.
 
     Two sources hold the same record if all of its values are equal. A record that one source holds twice, such as
     two points of a message without stamps, counts twice. The map adds records in order of time, so it does not

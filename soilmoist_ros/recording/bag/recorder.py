@@ -159,8 +159,8 @@ class BagRecorder:
                     problem = f"the disk of {bag.folder} is full: {unsafe + waiting} messages are lost; {_RECOVER}"
                 else:
                     state = self.state
-                    told = f"{state.dropped}{f' ({state.gone})' if state.gone else ''}"
-                    bag.close({"messages lost in writing": told} if state.dropped else {})
+                    lost = f"{state.dropped}{f' ({state.gone})' if state.gone else ''}"
+                    bag.close({"messages lost in writing": lost} if state.dropped else {})
             except OSError as error:
                 problem = f"{bag.folder} could not be closed: {error.strerror}; {_RECOVER}"
         with self._changed:

@@ -172,7 +172,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def _compared(bag: Path, files: list[str], topics: tuple[TopicInfo, ...], required: bool) -> list[str]:
-    """What the metadata say otherwise.
+    """Differences of a bag from its metadata, in words.
 
     The numbers of messages by topic decide. What recorders are known to write wrongly does not: numbers by file,
     and the duration of a split bag.
