@@ -21,6 +21,7 @@ from concurrent.futures import Future
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
+from weakref import WeakSet
 
 from soilmoist_ros.console.board import Board, changes
 from soilmoist_ros.console.map_layers import MapLayers
@@ -55,7 +56,9 @@ MAX_VIEWERS, MAX_VIEWERS_EACH = 50, 10
 KEEP_S: Final = 75.0
 """Longest time without a request on a connection [s]."""
 SILENT_S: Final = 10.0
-"""Time without an acknowledgement after which the reader of an event stream is gone [s]."""
+"""Time without an acknowledgement after which the reader of an event stream is gone, and between two looks at
+connections that have sent no request, which aiohttp before 3.14 never ends [s].
+"""
 _KINDS: Final = {
     ".html": "text/html",
     ".css": "text/css",
@@ -120,6 +123,7 @@ class ConsoleServer:
         self._viewers: set[web.WebSocketResponse] = set()
         self._ends = False
         self._onlookers: Counter[str] = Counter()
+        self._asking: WeakSet[asyncio.Transport] = WeakSet()
         self._controls = Controls()
         self.operators = 0  # open pages that may steer
         self._files, self._walks = files, walks
@@ -172,7 +176,18 @@ class ConsoleServer:
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEP_S)
         await self._runner.setup()
         await web.TCPSite(self._runner, host, port, ssl_context=tls).start()
+        self._loop.call_later(SILENT_S, self._end_silent, [])
         return int(self._runner.addresses[0][1])
+
+    def _end_silent(self, before: list[asyncio.Transport]) -> None:
+        """End connections that had sent no request at the last look, nor have since: each keeps a file open."""
+        server = self._runner.server if self._runner is not None else None
+        found = [one.transport for one in server.connections if one.transport] if server is not None else []
+        silent = [one for one in found if one not in self._asking]
+        for one in silent:
+            if one in before:
+                one.abort()
+        self._loop.call_later(SILENT_S, self._end_silent, silent)
 
     async def _shut(self) -> None:
         self._ends = True
@@ -189,6 +204,8 @@ class ConsoleServer:
         """A middleware that refuses requests of other sites, and adds the headers to all answers."""
 
         async def guard(request: Any, handler: Handler) -> Any:
+            if request.transport is not None:
+                self._asking.add(request.transport)
             if refusal := self._access.refusal(_visitor(request)):
                 return self._web.Response(status=403, text=f"refused: {refusal}\n")
             response = await handler(request)

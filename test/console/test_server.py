@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import asyncio
+import http.client
 import json
+import socket
 import urllib.error
 import urllib.request
 from concurrent.futures import Future
@@ -104,6 +106,27 @@ def served(tmp_path):
     made = Served(Access(), tmp_path)
     yield made
     made.server.close()
+
+
+@pytest.mark.slow
+def test_a_connection_that_sends_no_request_is_ended(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "SILENT_S", 0.1)
+    served = Served(Access(), tmp_path)
+    asking = http.client.HTTPConnection("127.0.0.1", served.port, timeout=20)
+    try:
+        asking.request("GET", "/page/page.css")
+        asking.getresponse().read()
+        kept = asking.sock
+        for begin in (b"", b"GET / HT"):
+            with socket.create_connection(("127.0.0.1", served.port), 20) as silent:
+                silent.sendall(begin)
+                assert silent.recv(1) == b""
+        asking.request("GET", "/page/page.css")
+        asking.getresponse().read()
+        assert asking.sock is kept is not None, "one that has asked stays"
+    finally:
+        asking.close()
+        served.server.close()
 
 
 def test_the_page_needs_nothing_from_elsewhere(served):
