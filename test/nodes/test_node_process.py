@@ -267,3 +267,19 @@ def growth_mb(returned: bool) -> float:
 @pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "gnu_get_libc_version"), reason="not the GNU C library")
 def test_what_a_thread_frees_goes_back():
     assert growth_mb(True) < 10 < growth_mb(False)
+
+
+@pytest.mark.parametrize(
+    ("name", "absent"),
+    [
+        ("recorder", "scipy pydantic soilmoist_ros.mapping.field_map"),
+        ("sensor_driver", "scipy soilmoist_ros.mapping.field_map"),
+        ("planner", "scipy pynmea2 soilmoist_ros.reporting.outputs"),
+        ("mapper", "scipy pynmea2 soilmoist_ros.reporting.outputs"),
+    ],
+)
+@pytest.mark.process
+def test_a_node_loads_no_code_that_it_may_never_need(name, absent):
+    code = f"import sys, soilmoist_ros.nodes.{name}; print(*({set(absent.split())} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
