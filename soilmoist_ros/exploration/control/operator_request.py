@@ -32,7 +32,7 @@ _LACKS = {
     "vwc": ("is no calibration", "a calibrated site file"),
     "decision": ("are no thresholds", "target decision and threshold"),
 }
-"""What there is not where a target cannot be chosen, and with what to start the planner."""
+"""Lack because of which a target cannot be chosen, and the remedy: with what to start the planner."""
 
 
 class ReplyCode(StrEnum):

@@ -29,9 +29,8 @@ from soilmoist_ros.exploration.travel.stop import Stop
 EVENT = "event"  # kind of the entries that hold events
 VISIT = "visit"
 """Kind of the entries that hold visits; they follow from the events, for those who read only the results."""
-PROPERTY = (
-    "property"  # key of records of further properties, which earlier versions wrote: no events of the mission
-)
+PROPERTY = "property"
+"""Key of records of further properties, which earlier versions wrote; they are no events of the mission."""
 
 _log = logging.getLogger(__name__)
 

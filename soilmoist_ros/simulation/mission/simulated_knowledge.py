@@ -5,8 +5,8 @@
 In a series of surveys, the rate of survey s is ``mean_s + Z_s(x)``. All Z have the variance and the correlation
 R(h) of the field's pattern. The correlation T of two surveys at one place is the persistence. With T = L L',
 ``Z_s = sum_k L[s, k] E_k``, where E_0 is the pattern of the present survey, as it is, and the other E are
-independent random fields. So the present truth does
-not depend on the series, and the surveys of a shorter series are the latest ones of a longer series.
+independent random fields. So the present truth does not depend on the series, and the surveys of a shorter
+series are the latest ones of a longer series.
 """
 
 from __future__ import annotations
